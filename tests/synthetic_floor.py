@@ -11,9 +11,10 @@ import numpy as np
 
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.log import LogLayout, state_columns
+from twin_gait.simulation.log import log_layout, state_columns
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Side
 from twin_gait.worlds.standing import stand_on_both_feet
 
 SPEED, STRIDE = 0.375, 1.6  # [m/s], [s]
@@ -30,15 +31,7 @@ def floor_walk(duration: float, *overrides: str) -> Run:
     """
     experiment = load_experiment("overground", [f"duration_s={duration}", *overrides]).experiment
     model, time = experiment.build_world().model, TICK * np.arange(round(duration / TICK))
-    layout = LogLayout(
-        legs={side: experiment.joints for side in Side},
-        passive=tuple((side, JointName.ANKLE) for side in Side),
-        feet=tuple(Side),
-        pelvis=True,
-        forward=True,
-        free=True,
-        crutches=tuple(Side),
-    )
+    layout = log_layout(build_problem(experiment))
     columns = {name: np.zeros(len(time)) for name in layout.names}
     columns["pelvis_forward_m"] = SPEED * time
     columns["trunk_pitch_rad"] = np.radians(11.5 + 3.5 * np.sin(2.0 * math.pi * time / STRIDE))

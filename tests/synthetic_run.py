@@ -20,7 +20,8 @@ from twin_gait.gait import GaitTable
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve
-from twin_gait.simulation.log import LogLayout
+from twin_gait.simulation.log import log_layout
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 from twin_gait.worlds import Treadmill
@@ -98,12 +99,7 @@ def swing_clearance(side: Side) -> np.ndarray:
 def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
     """Write the log of the walk; the switches at some ticks may be time-outs."""
     experiment = synthetic_experiment()
-    layout = LogLayout(
-        legs={side: (JointName.HIP, JointName.KNEE) for side in Side},
-        passive=tuple((side, JointName.ANKLE) for side in Side),
-        feet=tuple(Side),
-        pelvis=True,
-    )
+    layout = log_layout(build_problem(experiment))
     columns = {name: np.zeros(LENGTH) for name in layout.names}
     for side in Side:
         columns.update(_leg_columns(side, experiment))

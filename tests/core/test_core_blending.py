@@ -20,8 +20,8 @@ from twin_gait.core.blending import (
     blend_share,
 )
 from twin_gait.core.control_tick import Setpoint, copy_setpoint
+from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied
 from twin_gait.simulation.rooms import phases
@@ -95,7 +95,7 @@ SHARES = (0.0, 1.0, 0.4)  # of the gravity compensation
 @pytest.fixture(scope="module")
 def legs() -> Episode:
     """Two legs that have long been in their first phase, with the parameters above."""
-    e = new_episode(build_problem(load_experiment("treadmill").experiment), [], [], 1)
+    _, e, _ = laid_out(build_problem(load_experiment("treadmill").experiment))
     e.recording.most_switches = 0  # room for no record of them
     for joint in e.controller.joints:
         joint.setpoints[:3] = SETPOINTS

@@ -238,7 +238,7 @@ CALLED = {"sine_cosine": elementary.sine_cosine}
 @pytest.fixture(scope="module")
 def device() -> Device:
     problem = build_problem(load_experiment("treadmill", ["control.assistance.hip=0.7"]).experiment)
-    kernel, episode, constants = laid_out(problem, record=False)
+    kernel, episode, constants = laid_out(problem)
     structure = {**constants, **problem.controller.functions()}
     text = write_control_gravity(kernel[2], kernel[3])
     text = "\n\n".join([*write_side_by_side(text), text])

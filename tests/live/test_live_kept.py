@@ -31,7 +31,7 @@ from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import read_run
-from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import parse_fault
 

@@ -20,10 +20,11 @@ from twin_gait.parameters import (
     LuGreFriction,
     SensorParameters,
 )
-from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, simulate_bench, tick
-from twin_gait.simulation.bench_joint.filling import bench_episode
+from twin_gait.simulation.bench_joint import tick
+from twin_gait.simulation.bench_joint.episode import BenchVariation
+from twin_gait.simulation.bench_joint.loop import BenchRun, bench_episode, simulate_bench
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.keeping import SOURCES, source_files
+from twin_gait.simulation.keeping import source_files
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
@@ -216,7 +217,7 @@ def test_cache_key_covers_every_module_that_the_loop_is_made_of() -> None:
 
     bind(tick.run_ticks, {}, note)
     assert len(made_of) > 10
-    assert made_of <= {str(path.resolve()) for path in source_files(*SOURCES, "bench_joint")}
+    assert made_of <= {str(path.resolve()) for path in source_files()}
 
 
 def test_tests_share_one_loop_whatever_their_parts_and_lengths() -> None:

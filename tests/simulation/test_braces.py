@@ -30,9 +30,9 @@ from twin_gait.report.run_figures import draw_angles
 from twin_gait.runs.log_files import read_table
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.filling import new_episode, structure_of
-from twin_gait.simulation.log import BRACED_WORK_SOURCES
+from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
@@ -55,9 +55,9 @@ def without_motors(
 ) -> tuple[Episode, Callable[[Episode, int], None]]:
     """Device and wearer by themselves on Pinocchio, and what moves them by one step."""
     problem = build_problem(experiment)
-    e = new_episode(problem, [], [], 0, record=False)
-    e.step, e.substeps = step, 1
-    structure = {**structure_of(problem, 0), "RK4": method is IntegrationMethod.RK4}
+    _, e, structure = laid_out(problem)
+    e.step, e.substeps, e.recording.on = step, 1, False
+    structure["RK4"] = method is IntegrationMethod.RK4
     kernel = PinocchioKernel(problem.world, problem.control_model).functions
     return e, bind(integrate, {**structure, **kernel})
 
@@ -189,11 +189,11 @@ def test_energy_that_the_braces_take_is_stored_or_dissipated(bench_run):
 def test_energy_of_both_changes_by_all_the_work(run, request):
     log = request.getfixturevalue(run).log
     energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
-    balance = energy_balance(energy, log[[f"{name}_work_J" for name in BRACED_WORK_SOURCES]].to_numpy().T)
-    assert balance.relative_residual < 1e-7
-    without = energy_balance(
-        energy, log[[f"{name}_work_J" for name in BRACED_WORK_SOURCES[:-1]]].to_numpy().T
+    balance = energy_balance(
+        energy, log[[f"{name}_work_J" for name in (*WORK_SOURCES, "brace")]].to_numpy().T
     )
+    assert balance.relative_residual < 1e-7
+    without = energy_balance(energy, log[[f"{name}_work_J" for name in WORK_SOURCES]].to_numpy().T)
     assert without.relative_residual > 1e-3
 
 

@@ -29,7 +29,6 @@ from twin_gait.simulation.compiling import (
     compiled_in,
     compiled_ticks,
     jit,
-    numbers_at,
     record_at,
     rows_at,
 )
@@ -269,7 +268,7 @@ def test_records_and_rows_are_found_behind_an_address_and_can_be_kept() -> None:
     state, table, numbers = np.zeros(1, dtype), np.zeros(5, row), np.arange(10.0).reshape(5, 2)
     table["value"] = [1.0, 2.0, 3.0, 4.0, 5.0]
     state["rows"], state["numbers"] = table.ctypes.data, numbers.ctypes.data
-    rows, pairs = rows_at(row), numbers_at(2)
+    rows, pairs = rows_at(row), rows_at(np.dtype(float), 2)
 
     def row_of(state: Any, number: int) -> Any:
         return rows(state.rows, number)

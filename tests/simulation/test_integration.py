@@ -15,8 +15,8 @@ from twin_gait import load_experiment
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.plant import ImposedMotion, free_coordinate
 from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied
 from twin_gait.simulation.rooms.motion import acceleration, integrate
@@ -45,7 +45,7 @@ def exact(time: float) -> np.ndarray:
 @pytest.fixture(scope="module")
 def free() -> Episode:
     """Two coordinates on which nothing acts, but that their work is summed up."""
-    e = new_episode(build_problem(load_experiment("bench_leg").experiment), [], [], 0)
+    _, e, _ = laid_out(build_problem(load_experiment("bench_leg").experiment))
     e.plant = [free_coordinate(), free_coordinate()]
     return e
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import pytest
 
-from twin_gait import load_experiment, simulate
+from twin_gait import load_experiment, presets, simulate
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.simulation import log as log_columns
-from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.log import (
-    BRACED_WORK_SOURCES,
     WORK_SOURCES,
     Columns,
-    LogLayout,
+    log_layout,
     meaning_of,
     state_columns,
     unit_of,
@@ -24,23 +20,11 @@ from twin_gait.simulation.log import (
 from twin_gait.simulation.problem import build_problem
 from twin_gait.vocabulary import JointName, Side
 
-BOTH = (JointName.HIP, JointName.KNEE)
+HARNESS = "scenario.support.guide=harness"
+BRACED = ["patient=stroke_left", "interface=brace", HARNESS]
 LAYOUTS = [
-    LogLayout(
-        legs=dict.fromkeys(sides, joints),
-        passive=tuple((side, joint) for side in sides for joint in passive if joint not in joints),
-        feet=sides if feet else (),
-        pelvis=pelvis,
-        forward=forward,
-        braced=braced,
-    )
-    for sides, joints, passive, feet, pelvis, forward, braced in product(
-        [(Side.RIGHT,), tuple(Side)],
-        [BOTH[:1], BOTH, tuple(JointName)],
-        [(), tuple(JointName)],
-        *[[False, True]] * 4,
-    )
-    if pelvis or not forward
+    log_layout(build_problem(load_experiment(preset, given).experiment))
+    for preset, given in (*((name, []) for name in presets()), ("treadmill", BRACED))
 ]
 # How the house writes a unit at the end of a name, said a second time.
 SUFFIXES = {
@@ -99,13 +83,9 @@ def test_a_name_that_is_no_column_means_nothing() -> None:
 
 def test_braces_are_a_source_of_work_where_there_are_some() -> None:
     for layout in LAYOUTS:
-        sources = BRACED_WORK_SOURCES if layout.braced else WORK_SOURCES
+        sources = (*WORK_SOURCES, "brace") if "pelvis_brace_force_N" in layout.names else WORK_SOURCES
         assert work_sources(layout.names) == sources
         assert {f"{name}_work_J" for name in sources} <= set(layout.names)
-    assert len(BRACED_WORK_SOURCES) == len(WORK_SOURCES) + 1
-
-
-HARNESS = "scenario.support.guide=harness"
 
 
 @pytest.mark.parametrize("given", [("bench_leg",), ("treadmill",), ("treadmill", HARNESS)])
@@ -118,8 +98,7 @@ def test_a_run_has_the_columns_of_its_layout_and_the_time(given: tuple[str, ...]
 
 
 def test_state_columns_are_the_coordinates_of_the_model_in_its_order() -> None:
-    settings = ["patient=stroke_left", "interface=brace", HARNESS]
-    problem = build_problem(load_experiment("treadmill", settings).experiment)
+    problem = build_problem(load_experiment("treadmill", BRACED).experiment)
     model: LegModel = problem.world.model
     for wearer in (False, True):
         positions, velocities = state_columns(model, wearer=wearer)

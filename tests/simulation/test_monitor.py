@@ -19,9 +19,9 @@ from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied, dtype_of, stored
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motors import control
 from twin_gait.simulation.rooms.network import tell
-from twin_gait.simulation.rooms.tick import watch, watch_drives
 
 JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"

@@ -15,7 +15,7 @@ from twin_gait import load_experiment
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import ABSENT, copied, dtype_of, stored
 

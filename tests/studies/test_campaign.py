@@ -20,7 +20,7 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitErro
 from twin_gait.identification.processing import BenchSetup, ProcessingOptions, process_log
 from twin_gait.identification.reading import Quantity, read_log
 from twin_gait.parameters import KNEE_ACTUATOR
-from twin_gait.simulation.bench_joint import LOG_COLUMNS, simulate_bench
+from twin_gait.simulation import LOG_COLUMNS, simulate_bench
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.campaign import (
     Campaign,

@@ -37,7 +37,7 @@ class LinkedUnit:
 
 def linked_unit(problem: Problem) -> LinkedUnit:
     """The unit of a problem; angles come to it as counts times the angle of a count."""
-    bodies, episode, structure = laid_out(problem, record=False)
+    bodies, episode, structure = laid_out(problem)
     boards = [joint.board for joint in episode.joints]
     for board in boards:
         board.encoder.resolution = 0.0

@@ -27,7 +27,7 @@ from twin_gait.live.realtime import PERIOD
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters
-from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem
 
 if TYPE_CHECKING:

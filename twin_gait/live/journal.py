@@ -35,7 +35,8 @@ from twin_gait.live.protocol import one_line
 from twin_gait.live.session_records import KILLED, close_killed, list_sessions
 from twin_gait.runs.folders import hold, journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
-from twin_gait.simulation.engine import EngineResult, log_layout
+from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import run_of

@@ -26,7 +26,7 @@ from twin_gait.live.settings import LoopNumbers
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import RunStatus, log_table, run_events

@@ -1,7 +1,7 @@
-from .bench_joint import LOG_COLUMNS as LOG_COLUMNS
-from .bench_joint import BenchRun as BenchRun
-from .bench_joint import BenchVariation as BenchVariation
-from .bench_joint import simulate_bench as simulate_bench
+from .bench_joint.episode import LOG_COLUMNS as LOG_COLUMNS
+from .bench_joint.episode import BenchVariation as BenchVariation
+from .bench_joint.loop import BenchRun as BenchRun
+from .bench_joint.loop import simulate_bench as simulate_bench
 from .problem import Problem as Problem
 from .problem import build_problem as build_problem
 from .run import Run as Run

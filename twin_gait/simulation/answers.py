@@ -1,7 +1,9 @@
 """What became of the requests of a run: the mode that they led to, or why they were refused."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -9,6 +11,9 @@ import pandas as pd
 from twin_gait.gait.modes import ModeTable, why_refused
 from twin_gait.gait.signals import LEFT, LEGS_IN_SWING, LOAD, MODE_SIGNALS, RIGHT, TIME_IN_PHASE, signal_scale
 from twin_gait.gait.table import TICK, GaitTable
+
+if TYPE_CHECKING:
+    from twin_gait.simulation.run import Run
 
 
 class Answer(NamedTuple):
@@ -31,34 +36,28 @@ class Answer(NamedTuple):
         return f"{self.request} at {self.time:.3f} s: {self.refused or f'{self.before} to {self.after}'}"
 
 
-def answers_in(
-    log: pd.DataFrame, modes: ModeTable, table: GaitTable, initial: str | None, body_weight: float
-) -> Iterator[Answer]:
-    """Read the answers from a log; ``initial``: mode in which the run began, None for the first."""
+def answers_in(run: Run, modes: ModeTable) -> Iterator[Answer]:
+    """Read the answers from the log of a run with operating modes."""
+    log, initial = run.log, run.experiment.initial_mode
     first = 0 if initial is None else modes.phase_index(initial)
     # Before each tick, and after the last.
     codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(int)
     entries = np.flatnonzero(np.diff(codes))
     for tick in np.flatnonzero(log["request"].to_numpy()).tolist():
         ticks = tick - max((int(entry) for entry in entries if entry < tick), default=0)
-        yield answer_at(log, tick, modes.phase_names[codes[tick]], ticks, modes, table, body_weight)
+        before = modes.phase_names[codes[tick]]
+        yield answer_at(log, tick, before, ticks, modes, run.table, run.body_weight)
 
 
 def answer_at(
-    log: pd.DataFrame,
-    tick: int,
-    before: str,
-    ticks: int,
-    modes: ModeTable,
-    table: GaitTable,
-    body_weight: float,
+    log: pd.DataFrame, tick: int, before: str, ticks: int, modes: ModeTable, table: GaitTable, weight: float
 ) -> Answer:
     """What became of the request of a tick, ``ticks`` after the mode ``before`` was entered."""
     row = log.iloc[tick]
     after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]
     why = ""
     if row["refused"]:
-        measured = signals_in(log, modes.joints, table, tick, body_weight)
+        measured = signals_in(log, modes.joints, table, tick, weight)
         otherwise = f"the device went to {after} in the same tick"
         why = why_refused(modes, before, request, measured, ticks) or otherwise
     return Answer(tick, request, before, after, why)

@@ -35,14 +35,12 @@ def bind(
     def visit(function: FunctionType) -> Any:
         if function in done:
             return done[function]
-        scope = dict(function.__globals__)
-        copy = FunctionType(
-            function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
-        )
+        scope, code = dict(function.__globals__), function.__code__
+        copy = FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
         copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
         copy.__kwdefaults__ = function.__kwdefaults__
         bound = done[function] = wrap(copy)  # before what it calls, so that it may call itself
-        for name in _names_in(function.__code__):
+        for name in _names_in(code):
             value = names.get(name, scope.get(name))
             if is_ours(value):
                 value = visit(value)
@@ -88,6 +86,4 @@ def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
     """Functions of a generated kernel by name, to be bound; ``called``: what they call."""
     scope = {"__name__": f"{OURS}generated_kernel", **called}
     exec(compile(text, "generated kernel", "exec"), scope)
-    return {
-        name: item for name, item in scope.items() if isinstance(item, FunctionType) and name not in called
-    }
+    return {name: item for name, item in scope.items() if is_ours(item) and name not in called}

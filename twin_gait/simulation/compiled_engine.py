@@ -1,32 +1,27 @@
 """The engine that runs the rooms of a tick compiled, over a kernel written for the structure of the model."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from twin_gait.control.controller import TickFunction
-from twin_gait.kernels import generated
-from twin_gait.leg_model import LegModel
-from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
+from twin_gait.kernels.generated import SIDE_BY_SIDE, KernelBodies, kernel_structure, write_kernel
+from twin_gait.leg_model.bodies import BodyArrays, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
-from twin_gait.simulation.engine import EpisodeEngine
-from twin_gait.simulation.episode import Episode, Switch, noise_width
-from twin_gait.simulation.filling import Structure, new_episode, structure_of
+from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
+from twin_gait.simulation.episode import Episode, noise_width
+from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.record import dtype_of, stored
+from twin_gait.simulation.record import stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
+from twin_gait.simulation.structure import Structure, structure_of
 
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
-
-_SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
+_FLOAT = np.dtype(float)
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -50,16 +45,13 @@ class CompiledEngine(EpisodeEngine):
     Attributes:
         store: All that the loop changes, beside log and switches: the record, an array of shape ``(1,)``.
         episode: The record.
-        switches: Room for the switches of the phases.
         pattern: What its loop is compiled for.
         loop: The compiled loop; episodes of one pattern have the same.
     """
 
     chunk_ticks = 2000
 
-    def __init__(
-        self, problem: Problem, *, record: bool = True, on_compile: Callable[[], None] | None = None
-    ) -> None:
+    def __init__(self, problem: Problem, *, record: bool = True, on_compile: OnCompile = None) -> None:
         """Lay the problem out and get the compiled loop.
 
         ``record``: whether to keep the log; without it only the switches and the last state remain.
@@ -67,12 +59,13 @@ class CompiledEngine(EpisodeEngine):
         cannot compile the controller.
         """
         super().__init__(problem)
-        bodies, episode, structure = laid_out(problem, record=record)
+        bodies, episode, structure = laid_out(problem)
+        episode.recording.on = record
         self.store = stored(episode)
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.
         self._noise = np.ascontiguousarray(problem.noise)
-        self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
+        self.switches = np.zeros(episode.recording.most_switches, SWITCHES)
         self.point_at_rows()
         acting = problem.controller.name, problem.controller.functions()
         self.pattern = Pattern(self.store.dtype, self.layout, bodies, structure, *acting)
@@ -90,19 +83,13 @@ class CompiledEngine(EpisodeEngine):
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         return self.loop(self.store.ctypes.data, first, end)
 
-    def switch_rows(self, first: int) -> list[tuple[int, int, int, int, int]]:
-        """See :meth:`EpisodeEngine.switch_rows`."""
-        found: list[tuple[int, int, int, int, int]]
-        found = self.switches[first : self.episode["recording"]["n_switches"]].tolist()
-        return found
-
 
 class Pattern(NamedTuple):
     """What a loop is compiled for; it runs all episodes of the pattern."""
 
     episode: np.dtype[Any]  # Layout of the record.
     log: LogLayout  # Of a row.
-    bodies: generated.KernelBodies  # What the kernel is written for.
+    bodies: KernelBodies  # What the kernel is written for.
     structure: Structure  # Constants that are bound.
     controller: str  # Name of the controller.
     functions: Mapping[str, TickFunction]  # Of the controller, that are bound.
@@ -110,7 +97,7 @@ class Pattern(NamedTuple):
     @property
     def text(self) -> str:
         """All that the loop depends on beside its sources, and functions that are not of this package."""
-        bodies = generated.kernel_structure(self.bodies)
+        bodies = kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
         return repr((_text(self.episode), self.log.writer, bodies, self.structure, ours))
 
@@ -120,63 +107,46 @@ class Pattern(NamedTuple):
         return tuple(item for item in self.functions.values() if not is_ours(item))
 
 
-def laid_out(problem: Problem, *, record: bool = True) -> tuple[generated.KernelBodies, Episode, Structure]:
+def laid_out(problem: Problem) -> tuple[KernelBodies, Episode, Structure]:
     """Bodies of a problem, its episode at tick 0, and the constants to bind."""
-    world = problem.world
+    bodies = _bodies_of(problem)
+    return bodies, new_episode(problem, bodies), structure_of(problem, len(bodies.points))
+
+
+def _bodies_of(problem: Problem) -> KernelBodies:
+    """Bodies of models that share nothing but the ground, one after the other; the last has the feet."""
+    world, bodies = problem.world, list[BodyArrays]()
+    for chain in world.chains:
+        first = len(bodies)
+        for body in export_bodies(chain.model):
+            bodies.append(body._replace(parent=body.parent + first if body.parent >= 0 else body.parent))
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
-    bodies, points = _forest(world.chains, frames)
-    control_bodies = export_bodies(problem.control_model.model)
+    found = contact_points(world.chains[-1].model, frames)
+    points = [point._replace(body=point.body + first) for point in found]
+    control = export_bodies(problem.control_model.model)
     # The last guide of each pelvis, or on the bench the first joint of each chain.
     guides = range(world.model.pelvis_index or 0, len(bodies), world.model.nv)
-    episode = new_episode(
-        problem,
-        generated.body_values(bodies, points),
-        generated.body_values(control_bodies),
-        len(points),
-        record=record,
-    )
-    kernel = generated.KernelBodies(
-        bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0
-    )
-    return kernel, episode, structure_of(problem, len(points))
-
-
-def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[BodyArrays], list[ContactPoint]]:
-    """Bodies of models that share nothing but the ground, one after the other; the last has the feet."""
-    bodies: list[BodyArrays] = []
-    for chain in chains:
-        first = len(bodies)
-        bodies += [
-            body._replace(parent=body.parent + first if body.parent >= 0 else body.parent)
-            for body in export_bodies(chain.model)
-        ]
-    points = [point._replace(body=point.body + first) for point in contact_points(chains[-1].model, frames)]
-    return bodies, points
+    return KernelBodies(bodies, points, control, world.model.up_axis, guides, world.slope != 0.0)
 
 
 def loop_of(
-    pattern: Pattern, on_compile: Callable[[], None] | None, entry: Callable[[int, int, int], int] = run_at
+    pattern: Pattern, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_at
 ) -> NativeFunction:
     """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be.
 
     Raises UncompiledControllerError if numba cannot compile the controller.
     """
-    own = {}
-    if pattern.own:
-        from twin_gait.simulation.compiling import compiled_ticks
-
-        own = compiled_ticks(pattern.controller, pattern.functions, pattern.episode["controller"])
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop, record_at
+        from twin_gait.simulation.compiling import compile_loop, compiled_ticks, record_at
         from twin_gait.simulation.vectors import in_vectors
 
         bound = bound_to(pattern)
+        own = compiled_ticks(pattern.controller, pattern.functions, pattern.episode["controller"])
         names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
         return compile_loop(entry, names, own=pattern.controller if own else "")
 
-    key = source_key(f"{entry.__name__} {pattern.text}", "compiled_engine", "vectors", "../kernels")
-    return kept_loop(key, make, on_compile, pattern.own)
+    return kept_loop(source_key(f"{entry.__name__} {pattern.text}"), make, on_compile, pattern.own)
 
 
 def bound_to(pattern: Pattern) -> dict[str, Any]:
@@ -196,19 +166,18 @@ def _text(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def bound_kernel(bodies: generated.KernelBodies) -> dict[str, Any]:
+def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    return kernel_functions(
-        generated.write_kernel(bodies), {item.name: item.function for item in generated.SIDE_BY_SIDE}
-    )
+    called = {item.name: item.function for item in SIDE_BY_SIDE}
+    return kernel_functions(write_kernel(bodies), called)
 
 
 @lru_cache(maxsize=32)
 def compiled_rows(width: int, noises: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
-    from twin_gait.simulation.compiling import jit, numbers_at, rows_at
+    from twin_gait.simulation.compiling import jit, rows_at
 
-    logs, readings, switches = numbers_at(width), numbers_at(noises), rows_at(_SWITCHES)
+    logs, readings, switches = rows_at(_FLOAT, width), rows_at(_FLOAT, noises), rows_at(SWITCHES)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -34,7 +34,7 @@ from twin_gait.control.controller import (
     require_whole_numbers,
 )
 from twin_gait.simulation.binding import bind, is_ours
-from twin_gait.simulation.keeping import ARGUMENTS, MachineCode, NativeFunction, function_at
+from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, MachineCode, function_at
 
 _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
@@ -80,9 +80,8 @@ class Pruning(CompilerBase):  # type: ignore[misc]
         self.state.flags.no_rewrites = True  # would leave out the pruning as well
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state, "pruning")
         manager.add_pass_after(DeadBranchPrune, ReconstructSSA)
-        manager.passes = [
-            (self.lowering if item is NativeLowering else item, why) for item, why in manager.passes
-        ]
+        own = {NativeLowering: self.lowering}
+        manager.passes = [(own.get(item, item), why) for item, why in manager.passes]
         manager.finalize()
         return [manager]
 
@@ -98,9 +97,7 @@ class _Distinct(ir.values.MDValue):  # type: ignore[misc]  # llvmlite has no typ
         buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
 
     def __eq__(self, other: object) -> bool:
-        return (
-            self is other
-        )  # llvmlite takes metadata with equal operands for one, and so one group for another
+        return self is other  # llvmlite would take metadata with equal operands for one
 
     __hash__ = ir.values.MDValue.__hash__
 
@@ -150,21 +147,10 @@ def record_at(dtype: np.dtype[Any]) -> Any:
     return jit(lambda address: numba.carray(_pointer(address), 1, dtype)[0])
 
 
-def rows_at(dtype: np.dtype[Any]) -> Any:
-    """Compiled function from an address and a number to the record with that number."""
-    return jit(lambda address, number: numba.carray(_pointer(address), _ENDLESS, dtype)[number])
-
-
-def numbers_at(width: int) -> Any:
-    """Compiled function from an address and a number to the row of that number in a table of floats."""
-    return jit(lambda address, number: numba.carray(_pointer(address), (_ENDLESS, width), np.float64)[number])
-
-
-class CompiledLoop(NamedTuple):
-    """A loop compiled in this process."""
-
-    function: NativeFunction  # Takes whole numbers and returns one.
-    code: MachineCode | None  # What can be kept of it, or None if it needs more than the C library.
+def rows_at(dtype: np.dtype[Any], *shape: int) -> Any:
+    """Compiled function from an address and a number to that record, or to that row of some shape."""
+    rows = (_ENDLESS, *shape)
+    return jit(lambda address, number: numba.carray(_pointer(address), rows, dtype)[number])
 
 
 def compile_loop(

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -12,11 +12,13 @@ from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT
 from twin_gait.parameters import NODES
-from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED
-from twin_gait.simulation.log import LogLayout
+from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED, Switch
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import RunStatus
 
+SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
 _BUS_UNIT = 1e-12  # what a bus counts in, in [s]
 
 
@@ -52,23 +54,6 @@ class EngineResult(NamedTuple):
     traffic: BusTraffic | None = None  # Of the bus, or None without one.
 
 
-def log_layout(problem: Problem) -> LogLayout:
-    """Columns that a problem's log has."""
-    legs = problem.world.model.legs
-    return LogLayout(
-        legs=dict.fromkeys(legs, problem.experiment.joints),
-        passive=problem.passive,
-        feet=tuple(side for side in legs if problem.world.contact_frames.get(side)),
-        pelvis=problem.world.model.pelvis_index is not None,
-        forward=problem.world.model.forward_index is not None,
-        free=problem.world.model.pitch_index is not None,
-        crutches=problem.sides[: len(problem.world.arms)],
-        seat=problem.world.seat is not None,
-        braced=problem.world.braces is not None,
-        supervised=problem.experiment.modes is not None,
-    )
-
-
 class EpisodeEngine(ABC):
     """Runs one problem from start to end.
 
@@ -77,10 +62,12 @@ class EpisodeEngine(ABC):
         problem: The experiment as an engine needs it.
         state: The record of the episode, its fields as attributes, to be read.
         layout: Names and positions of the log's columns.
+        switches: Room for the switches of the phases.
     """
 
     chunk_ticks: ClassVar[int]
     state: Any
+    switches: np.ndarray
 
     def __init__(self, problem: Problem) -> None:
         """Find the columns of the log."""
@@ -94,10 +81,6 @@ class EpisodeEngine(ABC):
         ``rows``: log, shape ``(n, n_columns)``, whose first row is that of tick ``first_row``; changed in
         place. Returns the ticks run since the start.
         """
-
-    @abstractmethod
-    def switch_rows(self, first: int) -> Iterable[tuple[int, int, int, int, int]]:
-        """Tick, leg, source, target and transition of the switches of the phases, from one of them on."""
 
     def run(
         self,
@@ -155,10 +138,11 @@ class EpisodeEngine(ABC):
     def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far, from one of them on."""
         names, sides = self.problem.table.phase_names, self.problem.sides
+        happened = int(self.state.recording.n_switches)
         causes = [*(item.cause for item in self.problem.table.transitions), POSTURE]  # that of transition -1
         return tuple(
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
-            for tick, leg, source, target, chosen in self.switch_rows(first)
+            for tick, leg, source, target, chosen in self.switches[first:happened].tolist()
         )
 
     def trip(self) -> Trip | None:

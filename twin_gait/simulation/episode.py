@@ -44,7 +44,6 @@ class Joint:
     motor: Motor  # Motor and gear.
     line: DelayLine  # Commands on their way to the drive in [N m].
     reading: float  # What the encoder reads before it quantises, in [rad].
-    last_reading: float = 0.0  # Likewise in the tick before.
     current: float = 0.0  # Of the motor in [A].
     current_deviation: float = 0.0  # From what the drive should give in [A].
     voltage: float = 0.0  # On the winding in [V].
@@ -70,7 +69,6 @@ class Sole:
     """A foot on the ground: its load sensor, and what the log has of it."""
 
     load: float = 0.0  # Of the sensor, over body weight.
-    last_load: float = 0.0  # Of the tick before.
     normal: float = 0.0  # Force of the ground in [N], at right angles to it.
     friction: float = 0.0  # Along it, forwards positive.
     clearance: float = 0.0  # Height of the lowest point over the ground in [m].
@@ -155,9 +153,9 @@ class Switch:
 class Recording:
     """Log, switches and noise; their rows are behind an address."""
 
-    on: bool  # Whether the log is written.
     most_switches: int  # That there is room for.
     n_noise: int  # Rows of it, taken in turn.
+    on: bool = True  # Whether the log is written.
     log: int = 0  # Address of its first row.
     first_row: int = 0  # Tick of that row.
     switches: int = 0  # Address of the first switch.

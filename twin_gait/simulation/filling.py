@@ -1,9 +1,9 @@
-"""The episode of a problem: its record at tick 0, and what of it is structure."""
+"""The episode of a problem: its record at tick 0."""
 
 import math
 import reprlib
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any
 
 from twin_gait.control import gait_controller as ccu
 from twin_gait.control.controller import Controller, Plan, require_whole_numbers
@@ -14,29 +14,21 @@ from twin_gait.core.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
+from twin_gait.core.safety import Bounds
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
+from twin_gait.kernels.generated import KernelBodies, body_values
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
-from twin_gait.parameters import ImpedancePlace, NetworkParameters
+from twin_gait.parameters import NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
-from twin_gait.simulation.problem import (
-    NEVER,
-    Problem,
-    fault_records,
-    has_inertial_unit,
-    phase_time_out_ticks,
-    ticks,
-    watch_bounds,
-)
+from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks, ticks
 from twin_gait.simulation.record import ABSENT, Record, copied, float_in, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 
@@ -47,48 +39,12 @@ _CAPACITY = 16
 FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, STRAIGHTEN: RISES, REACH_BACK: REACHES, LOWER: LOWERS}
 _LATELY = 32  # [ticks]; likewise delays of the bus
 
-Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 
-
-def structure_of(problem: Problem, n_points: int) -> Structure:
-    """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`."""
-    experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
-    legs = len(problem.sides)
-    return {
-        "LEGS": legs,
-        "JOINTS_PER_LEG": problem.joints_per_leg,
-        "POINTS_PER_FOOT": n_points // legs,
-        "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
-        "FORWARD": -1 if model.forward_index is None else model.forward_index,
-        "PITCH": -1 if model.pitch_index is None else model.pitch_index,
-        "CRUTCHES": len(problem.world.arms),
-        "SEATED": problem.world.seat is not None,
-        "SHIFT": problem.world.wearer_shift,
-        "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
-        "WITH_FRICTION": tuple(
-            place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL
-        ),
-        "RK4": experiment.stepping.method is IntegrationMethod.RK4,
-        "FAULTY": bool(experiment.faults),
-        "SUPERVISED": experiment.modes is not None,
-        "INERTIA_WANTED": control.inertia_compensation > 0.0,
-        "WEARER": bool(problem.limbs[0].moments),
-        **problem.controller.constants(),
-        "DELAYED": control.delay_ticks > 0,
-        "SLOPED": problem.world.slope != 0.0,
-        "NETWORKED": experiment.network is not None,
-        "INERTIAL": has_inertial_unit(experiment),
-        "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
-    }
-
-
-def new_episode(
-    problem: Problem, bodies: list[float], control_bodies: list[float], n_points: int, *, record: bool = True
-) -> episode.Episode:
-    """The episode of a problem at tick 0, with run-time values of the kernels of plant and controller."""
+def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
+    """The episode of a problem at tick 0; ``bodies``: what the kernels of plant and controller are of."""
     experiment, world = problem.experiment, problem.world
     n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
+    most_switches = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
     faults = fault_records(problem)
     pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
     legs = world.model.legs.items()
@@ -110,7 +66,7 @@ def new_episode(
         external=[0.0] * n,
         torque=[0.0] * n,
         stages=episode.Stages(*([0.0] * n for _ in range(4))),
-        bodies=bodies,
+        bodies=body_values(bodies.bodies, bodies.points),
         rates=Rates(
             period=TICK,
             fast_gain=problem.fast_gain,
@@ -119,7 +75,7 @@ def new_episode(
         ),
         supply=_supply(problem),
         limits=limits_of(problem, problem.experiment.network),
-        controller=_controller(problem, control_bodies),
+        controller=_controller(problem, body_values(bodies.control_bodies)),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[episode.Sole() for _ in problem.sides],
         network=ABSENT if experiment.network is None else _network(problem, experiment.network),
@@ -127,18 +83,16 @@ def new_episode(
         ankles=ankles,
         passive=passive,
         ground=world.ground(),
-        points=[Point() for _ in range(max(n_points, 1))],
+        points=[Point() for _ in range(max(len(bodies.points), 1))],
         imposed_motion=world.imposed_motion or ImposedMotion(),
         braces=[] if world.braces is None else world.braces.braces,
         braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         requests=_requests(problem),
-        trunk_unit=_trunk_unit(problem) if has_inertial_unit(experiment) else ABSENT,
+        trunk_unit=_trunk_unit(problem) if problem.inertial else ABSENT,
         swing_phases=[float(problem.table.is_swing(name)) for name in phases if world.arms],
         chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
-        recording=episode.Recording(
-            record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
-        ),
+        recording=episode.Recording(most_switches, len(problem.noise)),
     )
     return copied(filled)  # nothing in it belongs to the world, or stands in it twice
 
@@ -179,7 +133,7 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
             encoder=new_encoder(resolution, angle, experiment.sensors.window),
             motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
-            bounds=watch_bounds(problem, joint),
+            bounds=_bounds(problem, number),
             # What is on its way at the start may take so long.
             silent_ticks=-_delay_ticks(experiment.network),
         ),
@@ -187,6 +141,35 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
         # What is put in at the end of a tick is taken out for the next one.
         line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         reading=angle,
+    )
+
+
+def _bounds(problem: Problem, number: int) -> Bounds:
+    """Bounds of the monitor for a joint."""
+    joint, control, model = problem.joints[number], problem.experiment.control, problem.control_model
+    settings, motor = control.safety, problem.actuator(joint)
+    lower, upper = model.position_limits(joint.side, joint.joint)
+    continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
+    cooling = min(1.0, TICK / settings.thermal_time_constant)
+    resistance = motor.resistance + problem.experiment.plant.electronics.inverter_resistance
+    fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 in a URDF that leaves it open
+    return taken_from(
+        Bounds,
+        settings,
+        lower=lower,
+        upper=upper,
+        highest_speed=settings.speed_share * (fastest if fastest > 0.0 else math.inf),
+        stop_distance_factor=0.5 / settings.stopping_deceleration,
+        frozen_ticks=ticks(settings.frozen_time),
+        model_gain=min(1.0, TICK / settings.model_time_constant),
+        highest_torque=control.limits.torque,
+        torque_ticks=ticks(settings.torque_time),
+        highest_current=settings.current_share * control.limits.current,
+        heating=cooling / (continuous * continuous),
+        cooling=cooling,
+        drive_ticks=ticks(settings.drive_time),
+        emf_constant=motor.torque_constant * motor.gear_ratio,
+        model_resistance=settings.model_resistance_ratio * resistance,
     )
 
 
@@ -217,8 +200,10 @@ def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
 
 
 def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
-    supply = problem.experiment.plant.battery.voltage
-    settings, modes = problem.experiment.control.safety, problem.experiment.modes
+    experiment, control = problem.experiment, problem.experiment.control
+    supply, settings, modes = experiment.plant.battery.voltage, control.safety, experiment.modes
+    gain = control.inertia_compensation
+    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
     legs = [_leg(problem, number) for number in range(len(problem.sides))]
     return ccu.ControllerState(
         joints=[
@@ -231,7 +216,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
         supply=ccu.WatchedSupply(
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),
-        model=_control_model(problem, bodies),
+        model=ccu.ControlModel(bodies, experiment.plant.gravity, q, a, gravity, inertia, gain),
         memory=memory_of(problem.controller, problem.plan),
         supervisor=ABSENT if modes is None else _supervisor(problem, modes),
     )
@@ -318,10 +303,8 @@ def _with_room(entries: list[Record], blank: Record) -> list[Record]:
 def _supply(problem: Problem) -> episode.Supply:
     battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
     power = electronics.constant_power + len(problem.joints) * electronics.inverter_power
-    voltage = battery.voltage
-    return episode.Supply(
-        voltage, battery.internal_resistance, power, electronics.regeneration, bus_voltage=voltage
-    )
+    voltage, resistance = battery.voltage, battery.internal_resistance
+    return episode.Supply(voltage, resistance, power, electronics.regeneration, bus_voltage=voltage)
 
 
 def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
@@ -339,12 +322,6 @@ def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
         lowering_ticks=ticks(safety.lowering_time),
         hold_damping=safety.hold_damping,
     )
-
-
-def _control_model(problem: Problem, bodies: list[float]) -> ccu.ControlModel:
-    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
-    gain = problem.experiment.control.inertia_compensation
-    return ccu.ControlModel(bodies, problem.experiment.plant.gravity, q, a, gravity, inertia, gain)
 
 
 def _trunk_unit(problem: Problem) -> TrunkUnit:

@@ -1,24 +1,12 @@
-"""What a loop is bound to: the structure of an episode, a rigid-body kernel, and rows behind addresses.
+"""What a loop is bound to beside the structure of an episode: a rigid-body kernel, and rows behind addresses.
 
-The rooms import these names; :mod:`twin_gait.simulation.binding` puts the real ones in their place, so that
-what a structure rules out is never compiled.
+The rooms import these names; :mod:`twin_gait.simulation.binding` puts the real ones in their place.
 """
 
 from collections.abc import Callable, Sequence
 
 from twin_gait.core.contact import Ground, Point
 from twin_gait.simulation.episode import Episode, Switch
-
-# Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
-# place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
-# coordinate of the device that of the wearer stands, 0 if they are one; crutches; whether there is a seat.
-POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES, SEATED = 0, -1, -1, -1, 0, 0, False
-# Coordinates with friction by equation (3.1).
-WITH_FRICTION: tuple[int, ...] = ()
-# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, commands come
-# late, the ground rises, boards and gait controller talk over a bus, the springs are in the gait controller,
-# and an inertial unit finds the pitch of the trunk.
-ANKLES = RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
 
 
 def dynamics(

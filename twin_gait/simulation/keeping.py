@@ -6,13 +6,10 @@ is used by the next run. Code is loaded only from the user's own files, and only
 secret says that this program wrote them. Nothing here needs the compiler.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import hashlib
 import hmac
-import json
 import os
 import platform
 import secrets
@@ -22,37 +19,20 @@ from collections.abc import Callable
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from llvmlite import binding
 
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
-
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
 NativeFunction = Callable[..., int]
+OnCompile: TypeAlias = Callable[[], None] | None  # what is called if a loop has to be compiled first
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
 # What a compiled loop is made of or made by, in this package; folders stand for all their modules.
-SOURCES = (
-    "../core",
-    "../control/controllers",
-    "../control/gait_controller",
-    "../control/joint_board",
-    "../control/supervisor",
-    "../gait/signals",
-    "../network/messages",
-    "rooms",
-    "binding",
-    "compiling",
-    "episode",
-    "interface",
-    "log",
-    "record",
-)
+SOURCES = "../core", "../control", "../kernels", "../gait/signals", "../network/messages", "."
 
 
 def cache_folder() -> Path | None:
@@ -135,27 +115,27 @@ def _home(variable: str, folder: str) -> Path:
 
 
 @lru_cache(maxsize=8)
-def source_key(what: str, *more: str) -> str:
-    """Hash over what is compiled and every source, package and processor that it depends on."""
-    digest = hashlib.sha256(what.encode() + _content(*SOURCES, *more))
+def source_key(what: str) -> str:
+    """Hash over what is compiled and every source, package and processor that it may depend on."""
+    digest = hashlib.sha256(what.encode() + _content())
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
     digest.update(f"{platform.python_version()} {platform.machine()} {' '.join(target())}".encode())
     return digest.hexdigest()[:24]
 
 
-@lru_cache(maxsize=4)
-def _content(*names: str) -> bytes:
-    """Hash over modules, read once in a process: an edit during a long batch changes nothing in it."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files(*names))).digest()
+@lru_cache(maxsize=1)
+def _content() -> bytes:
+    """Hash over all sources, read once in a process: an edit during a long batch changes nothing in it."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files())).digest()
 
 
-def source_files(*names: str) -> list[Path]:
-    """Modules of this package by name, of a folder all of them."""
+def source_files() -> list[Path]:
+    """Modules that :data:`SOURCES` stands for."""
     home, found = Path(__file__).parent, []
-    for name in names:
+    for name in SOURCES:
         path = home / f"{name}.py"  # before a folder: an older version may have left one of this name
-        found += [path] if path.is_file() else sorted((home / name).glob("*.py"))
+        found += [path] if path.is_file() else sorted((home / name).rglob("*.py"))
     return found
 
 
@@ -178,9 +158,16 @@ class MachineCode(NamedTuple):
     symbol: str  # Name of the function in it.
 
 
+class CompiledLoop(NamedTuple):
+    """A loop compiled in this process."""
+
+    function: NativeFunction  # Takes whole numbers and returns one.
+    code: MachineCode | None  # What can be kept of it, or None if it needs more than the C library.
+
+
 def write_code(path: Path, code: MachineCode) -> None:
     """Keep compiled code, sealed; where that is not possible it is not kept."""
-    content = json.dumps({"symbol": code.symbol}).encode() + b"\n" + code.object_code
+    content = code.symbol.encode() + b"\n" + code.object_code
     proof = seal(path.name, content)
     if proof is not None:
         # A full or read-only disk: the code is in memory and need not be kept.
@@ -194,8 +181,8 @@ def read_code(path: Path) -> MachineCode | None:
     expected = seal(path.name, content)
     if expected is None or not hmac.compare_digest(proof, expected.encode()):
         return None
-    header, _, object_code = content.partition(b"\n")
-    return MachineCode(object_code, json.loads(header)["symbol"])
+    symbol, _, object_code = content.partition(b"\n")
+    return MachineCode(object_code, symbol.decode())
 
 
 def load_function(code: MachineCode) -> NativeFunction:
@@ -238,10 +225,7 @@ _loops: dict[tuple[str, tuple[Any, ...]], NativeFunction] = {}
 
 
 def kept_loop(
-    key: str,
-    make: Callable[[], CompiledLoop],
-    on_compile: Callable[[], None] | None,
-    own: tuple[Any, ...] = (),
+    key: str, make: Callable[[], CompiledLoop], on_compile: OnCompile, own: tuple[Any, ...] = ()
 ) -> NativeFunction:
     """The loop of a key.
 

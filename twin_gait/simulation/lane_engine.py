@@ -5,21 +5,23 @@ the block, takes all of them through a tick. An episode that has ended leaves th
 as a copy of another one's, which changes nothing. With few left the rest run alone.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
 from twin_gait.simulation.engine import EngineResult, EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import NativeFunction, is_kept, kept_loop, source_key
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
+from twin_gait.simulation.keeping import (
+    CompiledLoop,
+    NativeFunction,
+    OnCompile,
+    is_kept,
+    kept_loop,
+    source_key,
+)
 
 # With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
 WIDTH = 32
@@ -74,10 +76,8 @@ class LaneEngine:
             running = self._take_out(running, done)
         for lane in running.tolist():
             self._finish(lane, done, logs[lane], kept)
-        return [
-            engine.result(int(end), log[:, :end].T)
-            for engine, end, log in zip(self.engines, self._ends, logs, strict=True)
-        ]
+        ended = zip(self.engines, self._ends.tolist(), logs, strict=True)
+        return [engine.result(end, log[:, :end].T) for engine, end, log in ended]
 
     def _run_ticks(self, first: int, end: int) -> int:
         """Run some ticks, fewer if an episode ends on the way; their rows go to the begin of the chunk."""
@@ -124,7 +124,7 @@ def kind_of(engine: EpisodeEngine) -> Hashable | None:
     return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
 
 
-def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None = None) -> NativeFunction:
+def lane_loop(pattern: Pattern, on_compile: OnCompile = None) -> NativeFunction:
     """The loop for blocks of episodes of one pattern, compiled if need be."""
 
     def make() -> CompiledLoop:
@@ -143,9 +143,7 @@ def has_lane_loop(engine: EpisodeEngine) -> bool:
 
 
 def _key_of(pattern: Pattern) -> str:
-    return source_key(
-        f"in lanes {pattern.text}", "compiled_engine", "lane_engine", "lanes", "views", "../kernels"
-    )
+    return source_key(f"in lanes {pattern.text}")
 
 
 def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:

@@ -27,7 +27,7 @@ from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
-from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, numbers_at
+from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, rows_at
 from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
@@ -103,9 +103,8 @@ def block_at(dtype: np.dtype[Any]) -> Any:
     @intrinsic
     def block_at(typing: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            return make_view(
-                context, builder, block, builder.inttoptr(args[0], cgutils.voidptr_t), INTEGER(0)
-            )
+            base = builder.inttoptr(args[0], cgutils.voidptr_t)
+            return make_view(context, builder, block, base, INTEGER(0))
 
         return block(types.int64), generate
 
@@ -151,7 +150,7 @@ def rows_beside(width: int) -> Any:
 @lru_cache(maxsize=32)
 def bound_in_lanes(episode: np.dtype[Any], width: int) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is."""
-    row_of, readings = rows_beside(width), numbers_at(noise_width(episode))
+    row_of, readings = rows_beside(width), rows_at(np.dtype(float), noise_width(episode))
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)

@@ -3,32 +3,24 @@
 From them is written the function that fills a row in every tick (:attr:`LogLayout.writer`).
 """
 
+from __future__ import annotations
+
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
+from typing import TYPE_CHECKING
 
 from twin_gait.leg_model import LegModel
 from twin_gait.vocabulary import JointName, Side
 
+if TYPE_CHECKING:
+    from twin_gait.simulation.problem import Problem
+
 LOG_SCHEMA_VERSION = 2
+UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
 # How a unit is written at the end of a name.
-SUFFIXES = {
-    "rad": "rad",
-    "rad/s": "rad_per_s",
-    "rad/s²": "rad_per_s2",
-    "N m": "Nm",
-    "A": "A",
-    "N m/rad": "Nm_per_rad",
-    "N m s/rad": "Nms_per_rad",
-    "N": "N",
-    "m": "m",
-    "m/s": "m_per_s",
-    "s": "s",
-    "V": "V",
-    "W": "W",
-    "J": "J",
-}
+SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
 CODES = ("safety_state", "trip_cause", "mode", "request", "refused")  # columns without a unit
 
 
@@ -176,12 +168,11 @@ SUPERVISOR = Columns(
 )
 
 WORK_SOURCES = tuple(name.removesuffix("_work_J") for name in WORK.columns)
-BRACED_WORK_SOURCES = (*WORK_SOURCES, "brace")
 
 
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
     """Sources of work that a log has columns for; the braces are one of them if there are any."""
-    return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
+    return (*WORK_SOURCES, "brace") if "brace_work_J" in columns else WORK_SOURCES
 
 
 def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
@@ -226,43 +217,8 @@ class LogLayout:
     """
 
     legs: Mapping[Side, Sequence[JointName]]  # Controlled joints per leg, in order.
-    passive: tuple[tuple[Side, JointName], ...]  # Side and joint of those that are not.
-    feet: tuple[Side, ...]  # Legs with foot contact.
-    pelvis: bool  # Whether the pelvis moves.
-    forward: bool = False  # Whether it moves fore-aft too.
-    free: bool = False  # Whether it pitches too.
-    crutches: tuple[Side, ...] = ()  # Sides with one.
-    seat: bool = False  # Whether there is one.
-    braced: bool = False  # Whether braces bind the wearer to the device.
-    supervised: bool = False  # Whether it has operating modes.
-
-    @cached_property
-    def things(self) -> tuple[tuple[str, int, Columns], ...]:
-        """What there are columns of, in order: its name in front of theirs, its number among its kind."""
-        joints = [f"{side}_{joint}_" for side, names in self.legs.items() for joint in names]
-        passive, one = [f"{side}_{joint}_" for side, joint in self.passive], [""]
-        kinds = (
-            ([f"{side}_" for side in self.legs], PHASE),
-            (joints, JOINT),
-            (passive, PASSIVE),
-            ([name for name in joints if name.endswith(f"{JointName.ANKLE}_")], ANKLE),
-            ([f"{side}_foot_" for side in self.feet], FOOT),
-            (one * bool(self.feet), GROUND),
-            (one * self.pelvis, PELVIS),
-            (one * self.forward, FORWARD),
-            (one * self.free, TRUNK),
-            ([f"{side}_" for side in self.crutches], CRUTCH),
-            (one * self.seat, SEAT),
-            (one, ENERGY),
-            (one, WORK),
-            (one * self.braced, BRACE_WORK),
-            (one, MONITOR),
-            ((joints + passive) * self.braced, BRACE),
-            (one * (self.braced and self.pelvis), PELVIS_BRACE),
-            (one * (self.braced and self.forward), FORWARD_BRACE),
-            (one * self.supervised, SUPERVISOR),
-        )
-        return tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))
+    # In order: name of a thing in front of those of its columns, its number among its kind, and its columns.
+    things: tuple[tuple[str, int, Columns], ...]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -278,6 +234,40 @@ class LogLayout:
     def writer(self) -> str:
         """Source of ``write_row``; see :mod:`twin_gait.simulation.interface`."""
         return writer_of((number, kind) for _, number, kind in self.things)
+
+
+def log_layout(problem: Problem) -> LogLayout:
+    """Columns that a problem's log has."""
+    world, model = problem.world, problem.world.model
+    joints = [f"{item.side}_{item.joint}_" for item in problem.joints]
+    passive = [f"{side}_{joint}_" for side, joint in problem.passive]
+    feet = [f"{side}_foot_" for side in model.legs if world.contact_frames.get(side)]
+    places = model.pelvis_index, model.forward_index, model.pitch_index
+    pelvis, forward, pitch = (place is not None for place in places)
+    braced, one = world.braces is not None, [""]
+    kinds = (
+        ([f"{side}_" for side in model.legs], PHASE),
+        (joints, JOINT),
+        (passive, PASSIVE),
+        ([name for name in joints if name.endswith(f"{JointName.ANKLE}_")], ANKLE),
+        (feet, FOOT),
+        (one * bool(feet), GROUND),
+        (one * pelvis, PELVIS),
+        (one * forward, FORWARD),
+        (one * pitch, TRUNK),
+        ([f"{side}_" for side in problem.sides[: len(world.arms)]], CRUTCH),
+        (one * (world.seat is not None), SEAT),
+        (one, ENERGY),
+        (one, WORK),
+        (one * braced, BRACE_WORK),
+        (one, MONITOR),
+        ((joints + passive) * braced, BRACE),
+        (one * (braced and pelvis), PELVIS_BRACE),
+        (one * (braced and forward), FORWARD_BRACE),
+        (one * (problem.experiment.modes is not None), SUPERVISOR),
+    )
+    things = tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))
+    return LogLayout(dict.fromkeys(model.legs, problem.experiment.joints), things)
 
 
 def writer_of(things: Iterable[tuple[int, Columns]]) -> str:

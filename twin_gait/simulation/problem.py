@@ -11,7 +11,6 @@ from twin_gait.control.controller import Controller, Plan, checked_setpoints, re
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
-from twin_gait.core.safety import Bounds
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
@@ -19,7 +18,6 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST
 from twin_gait.parameters import ActuatorParameters, Patient, require
-from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.episode import UNIT_READINGS, Limb
 from twin_gait.simulation.wearer import limbs_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
@@ -62,7 +60,29 @@ class Problem:
         What encoders read in excess of the angle in [rad], noise and offset; shares of the wearer's efforts;
         with an inertial unit its noise. Drawn when an engine asks: that of an hour takes 0.3 GB and seconds.
         """
-        return _noise(self.experiment, self.offset, len(self.limbs))
+        experiment, sensors, patient = self.experiment, self.experiment.sensors, self.experiment.patient
+
+        def drawn(scale: Any, width: int, *stream: int) -> np.ndarray:  # each has a stream of its own
+            generator = np.random.default_rng((experiment.seed, *stream) if stream else experiment.seed)
+            return np.asarray(scale * generator.standard_normal((experiment.n_ticks, width)))
+
+        encoders, efforts, readings = self.offset[None, :], np.zeros((1, len(self.limbs))), np.zeros((1, 0))
+        if not sensors.ideal and sensors.angle_noise > 0.0:
+            encoders = drawn(sensors.angle_noise, len(self.offset)) + self.offset
+        if patient is not None and patient.effort_noise > 0.0:
+            efforts = drawn(patient.effort_noise, len(self.limbs), 1)
+        if self.inertial:
+            unit = sensors.trunk
+            scale = unit.gyroscope_noise, unit.accelerometer_noise, unit.accelerometer_noise
+            readings = drawn(scale, UNIT_READINGS, 2)
+        parts = [encoders, efforts, readings]
+        rows = max(len(part) for part in parts)
+        return np.hstack([np.broadcast_to(part, (rows, part.shape[1])) for part in parts])
+
+    @property
+    def inertial(self) -> bool:
+        """Whether the pitch of the trunk is found by an inertial unit, not known exactly."""
+        return self.experiment.scenario.pelvis is PelvisGuide.FREE and not self.experiment.sensors.ideal
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -104,15 +124,13 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     for side, phase in world.initial_phases.items():
         known = f"a phase of gait table {table.name!r}, {', '.join(table.phases)}"
         require(phase in (None, *table.phases), f"scenario: phase of the {side} leg", known, phase)
+    sides = world.model.sides
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
-        for side in world.model.sides
+        for side in sides
         for joint in experiment.joints
     )
-    rows = [
-        checked_setpoints(controller, plan, side, resolve_phases(table, side, inertia))
-        for side in world.model.sides
-    ]
+    rows = [checked_setpoints(controller, plan, side, resolve_phases(table, side, inertia)) for side in sides]
     sensors, limbs = experiment.sensors, limbs_of(experiment, table, world.model)
     offset = np.array([sensors.offset.get(item.side, {}).get(item.joint, 0.0) for item in joints])
     return Problem(
@@ -152,13 +170,8 @@ def scaled_table(experiment: Experiment, world: World) -> GaitTable:
     if walking is None:
         return experiment.table
     carried = world.model.total_mass * walking.carried_share
-    known = experiment.known_patient
-    return scale_table(
-        experiment.table,
-        carried_mass=carried,
-        speed=walking.speed,
-        height=None if known is None else known.height,
-    )
+    height = None if experiment.known_patient is None else experiment.known_patient.height
+    return scale_table(experiment.table, carried_mass=carried, speed=walking.speed, height=height)
 
 
 def _inertia_of(model: LegModel) -> InertiaAt:
@@ -169,33 +182,6 @@ def _inertia_of(model: LegModel) -> InertiaAt:
         return model.effective_inertia(q, model.index(side, JointName(joint)))
 
     return inertia
-
-
-def has_inertial_unit(experiment: Experiment) -> bool:
-    """Whether the pitch of the trunk is found by an inertial unit, not known exactly."""
-    return experiment.scenario.pelvis is PelvisGuide.FREE and not experiment.sensors.ideal
-
-
-def _noise(experiment: Experiment, offset: np.ndarray, limbs: int) -> np.ndarray:
-    """Noise of encoders, efforts and inertial unit; each has a stream of its own."""
-    sensors, patient = experiment.sensors, experiment.patient
-
-    def drawn(scale: Any, width: int, *stream: int) -> np.ndarray:
-        generator = np.random.default_rng((experiment.seed, *stream) if stream else experiment.seed)
-        return np.asarray(scale * generator.standard_normal((experiment.n_ticks, width)))
-
-    encoders, efforts, readings = offset[None, :], np.zeros((1, limbs)), np.zeros((1, 0))
-    if not sensors.ideal and sensors.angle_noise > 0.0:
-        encoders = drawn(sensors.angle_noise, len(offset)) + offset
-    if patient is not None and patient.effort_noise > 0.0:
-        efforts = drawn(patient.effort_noise, limbs, 1)
-    if has_inertial_unit(experiment):
-        unit = sensors.trunk
-        scale = unit.gyroscope_noise, unit.accelerometer_noise, unit.accelerometer_noise
-        readings = drawn(scale, UNIT_READINGS, 2)
-    parts = [encoders, efforts, readings]
-    rows = max(len(part) for part in parts)
-    return np.hstack([np.broadcast_to(part, (rows, part.shape[1])) for part in parts])
 
 
 def fault_records(problem: Problem) -> list[Fault]:
@@ -220,32 +206,3 @@ def phase_time_out_ticks(problem: Problem) -> int:
     if not problem.controller.by_phases or not problem.table.transitions:
         return NEVER
     return ticks(control.safety.phase_time_out)
-
-
-def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
-    """Bounds of the monitor for a joint."""
-    control, model = problem.experiment.control, problem.control_model
-    settings, motor = control.safety, problem.actuator(joint)
-    lower, upper = model.position_limits(joint.side, joint.joint)
-    continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
-    cooling = min(1.0, TICK / settings.thermal_time_constant)
-    resistance = motor.resistance + problem.experiment.plant.electronics.inverter_resistance
-    fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 in a URDF that leaves it open
-    return taken_from(
-        Bounds,
-        settings,
-        lower=lower,
-        upper=upper,
-        highest_speed=settings.speed_share * (fastest if fastest > 0.0 else np.inf),
-        stop_distance_factor=0.5 / settings.stopping_deceleration,
-        frozen_ticks=ticks(settings.frozen_time),
-        model_gain=min(1.0, TICK / settings.model_time_constant),
-        highest_torque=control.limits.torque,
-        torque_ticks=ticks(settings.torque_time),
-        highest_current=settings.current_share * control.limits.current,
-        heating=cooling / (continuous * continuous),
-        cooling=cooling,
-        drive_ticks=ticks(settings.drive_time),
-        emf_constant=motor.torque_constant * motor.gear_ratio,
-        model_resistance=settings.model_resistance_ratio * resistance,
-    )

@@ -22,8 +22,7 @@ _CODES = {float: "f8", int: "i8", bool: "i8"}
 def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
     """Name and type of each field of a record that holds numbers or records; of a list, of its entries."""
     if kind not in _known:
-        hints = get_type_hints(kind)
-        result = []
+        hints, result = get_type_hints(kind), []
         for item in fields(kind):
             hint = hints[item.name]
             while get_args(hint):

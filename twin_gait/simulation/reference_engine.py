@@ -4,8 +4,7 @@ The rooms and laws are those of the compiled engine; the dynamics are Pinocchio'
 are carried by machines of `transitions`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import astuple
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,8 @@ from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.binding import bind, is_ours, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.engine import EpisodeEngine
-from twin_gait.simulation.episode import COMPLETED, Episode, Switch
+from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
+from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import float_in
 from twin_gait.simulation.rooms.tick import run_ticks
@@ -29,7 +28,6 @@ class ReferenceEngine(EpisodeEngine):
     Attributes:
         episode: The record as a plain tree, which changes as the loop runs.
         machines: State machine of each leg.
-        switches: Changes of phase so far.
     """
 
     chunk_ticks = 100
@@ -48,8 +46,7 @@ class ReferenceEngine(EpisodeEngine):
             )
             for side in problem.sides
         ]
-        self.switches: list[Switch] = []
-        self._row = [0.0] * len(self.layout.names)
+        self.switches = np.zeros(self.episode.recording.most_switches, SWITCHES).view(np.recarray)
         self._noise = problem.noise.tolist()
         kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
         rows = (self.log_row, self.switch_row, self.noise_row)
@@ -59,19 +56,11 @@ class ReferenceEngine(EpisodeEngine):
             names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick, float_in)
         self._run_ticks = bind(run_ticks, names)
 
-    def switch_rows(self, first: int) -> Iterator[tuple[int, int, int, int, int]]:
-        """See :meth:`EpisodeEngine.switch_rows`."""
-        return map(astuple, self.switches[first:])
-
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
         """See :meth:`EpisodeEngine.run_ticks`."""
-        for tick in range(first, end):
-            self._run_ticks(self.episode, tick, tick + 1)
-            if self.episode.recording.on:
-                rows[tick - first_row] = self._row
-            if self.episode.status != COMPLETED:
-                return tick + 1
-        return end
+        self._rows, self._first_row = rows, first_row
+        ticks: int = self._run_ticks(self.episode, first, end)
+        return ticks
 
     # ------------------------------------------------------------------ what the rooms are bound to
 
@@ -84,14 +73,14 @@ class ReferenceEngine(EpisodeEngine):
         switch = machine.advance(tick, e.controller.signals, other)
         legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
-    def log_row(self, e: Episode, tick: int) -> list[float]:
-        """The row of this tick."""
-        return self._row
+    def log_row(self, e: Episode, tick: int) -> np.ndarray:
+        """Row of the log for a tick."""
+        row: np.ndarray = self._rows[tick - self._first_row]
+        return row
 
-    def switch_row(self, e: Episode, number: int) -> Switch:
-        """Room for one more switch."""
-        self.switches.append(Switch(0, 0, 0, 0, 0))
-        return self.switches[-1]
+    def switch_row(self, e: Episode, number: int) -> Any:
+        """Room for a switch."""
+        return self.switches[number]
 
     def noise_row(self, e: Episode, tick: int) -> list[float]:
         """What strays in a tick."""

@@ -63,11 +63,8 @@ def run_events(
     def words(name: str) -> str:
         return name.replace("_", " ")
 
-    found = [
-        RunEvent(EventKind.FAULT, item.time, words(item.kind), words(item.place))
-        for item in faults
-        if item.time <= end
-    ]
+    occurred = (item for item in faults if item.time <= end)
+    found = [RunEvent(EventKind.FAULT, item.time, words(item.kind), words(item.place)) for item in occurred]
     if trip is not None:
         found.append(RunEvent(EventKind.TRIP, trip.time, words(trip.cause), trip.place))
     if status in _ENDINGS:
@@ -247,10 +244,7 @@ class Run:
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
         """What became of the requests; see :mod:`twin_gait.simulation.answers`. Nothing without modes."""
-        modes, initial = self.experiment.modes, self.experiment.initial_mode
-        if modes is None:
-            return ()
-        return tuple(answers_in(self.log, modes, self.table, initial, self.body_weight))
+        return () if self.experiment.modes is None else tuple(answers_in(self, self.experiment.modes))
 
     @property
     def refused(self) -> list[str]:

@@ -12,8 +12,9 @@ from twin_gait.control.controller import Controller, UncompiledControllerError
 from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import EngineResult, EpisodeEngine, log_layout
+from twin_gait.simulation.engine import EngineResult, EpisodeEngine
 from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine, has_lane_loop, kind_of, lane_loop
+from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, log_table
@@ -204,9 +205,8 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
     except TwinGaitError as error:
         raise JobFailed(first, str(error)) from error
     share = (time.perf_counter() - began) / len(engines)
-    return [
-        run_of(engine.problem, result, share, kept) for engine, result in zip(engines, results, strict=True)
-    ]
+    done = zip(engines, results, strict=True)
+    return [run_of(engine.problem, result, share, kept) for engine, result in done]
 
 
 def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:

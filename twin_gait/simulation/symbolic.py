@@ -36,7 +36,7 @@ def equations_of_motion(
     speed and with the harness unlocked. Of the accelerations the losses of the gears take what turns the
     rotors (:func:`twin_gait.core.plant.gear_load`): the motion is the plant's where it has the same ones.
     """
-    kernel, episode, structure = laid_out(problem, record=False)
+    kernel, episode, structure = laid_out(problem)
     called = {item.name: laws.get(item.name, item.function) for item in SIDE_BY_SIDE}
     names = {**structure, **laws, **kernel_functions(write_kernel(kernel), called)}
     room = bind(acceleration, names)

@@ -38,7 +38,7 @@ class View(types.Type):
 
     Attributes:
         item: numba's type of the record, or of an entry of the list.
-        field: Name of the field that it stands in, as far as that matters.
+        field: Name of the field that it stands in, as far as that matters; see :func:`_field`.
         whole: Whether it is that of all lanes.
         count: Entries of a list.
     """
@@ -47,11 +47,6 @@ class View(types.Type):
         """Name the type by all that it depends on."""
         self.item, self.field, self.whole, self.count = item, field, whole, count
         super().__init__(f"{type(self).__name__}({_short(item)}, {field}, {whole}, {count})")
-
-    @property
-    def shared(self) -> bool:
-        """Whether it is a list of numbers that are alike in all lanes."""
-        return self.field in SHARED
 
 
 class RecordView(View):
@@ -64,9 +59,10 @@ class ListView(View, types.IterableType):
     @property
     def iterator_type(self) -> Any:
         """Of its entries."""
-        if not _readable(self, _entry(self)):
+        entry = _found(self, self.item, self.field)
+        if entry is None:
             raise TypingError(f"{self.field}: unlike in the lanes")
-        return ViewIterator(self, _entry(self))
+        return ViewIterator(self, entry)
 
 
 class LanesView(View, types.IterableType):
@@ -101,26 +97,20 @@ class _IteratorModel(extending.models.StructModel):
         super().__init__(manager, kind, [("over", kind.over), ("index", types.EphemeralPointer(types.int64))])
 
 
-def _seen(item: Any, owner: str, name: str, whole: bool) -> Any:
-    """Type of what is found in a field: a number as it is, a view of what is larger."""
+def _field(owner: str, name: str) -> str:
+    """Name of a field, after that of its record if the lanes have it in common."""
+    return f"{owner}.{name}" if f"{owner}.{name}" in SHARED else name
+
+
+def _found(view: Any, item: Any, field: str) -> Any:
+    """Type of what stands in a view: a number, None if it may not be read, or a view of what is larger."""
     if isinstance(item, types.Record):
-        return RecordView(item, name if name in _OWNERS else "", whole)
+        return RecordView(item, field if field in _OWNERS else "", view.whole)
     if isinstance(item, types.NestedArray):
         rest = item.shape[1:]
         entry = types.NestedArray(item.dtype, rest) if rest else item.dtype
-        return ListView(
-            entry, f"{owner}.{name}" if f"{owner}.{name}" in SHARED else name, whole, item.shape[0]
-        )
-    return item
-
-
-def _entry(view: Any) -> Any:
-    return _seen(view.item, "", view.field, view.whole)
-
-
-def _readable(view: Any, entry: Any) -> bool:
-    """Whether an entry of a list may be read: a number of a lane, or one that is alike in all."""
-    return isinstance(entry, View) or not view.whole or view.shared
+        return ListView(entry, field, view.whole, item.shape[0])
+    return item if field in SHARED or not view.whole else None
 
 
 def _bytes_of(item: Any) -> int:
@@ -139,17 +129,15 @@ class _Fields(templates.AttributeTemplate):
     def generic_resolve(self, kind: Any, name: str) -> Any:
         if name not in kind.item.fields:
             return None
-        found = _seen(kind.item.typeof(name), kind.field, name, kind.whole)
-        readable = isinstance(found, View) or not kind.whole or f"{kind.field}.{name}" in SHARED
-        return found if readable else None
+        return _found(kind, kind.item.typeof(name), _field(kind.field, name))
 
 
 @templates.infer_global(operator.getitem)
 class _Entries(templates.AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if type(args[0]) is ListView and isinstance(args[1], types.Integer):
-            found = _entry(args[0])
-            if _readable(args[0], found):
+            found = _found(args[0], args[0].item, args[0].field)
+            if found is not None:
                 return templates.signature(found, args[0], types.int64)
         return None
 
@@ -186,29 +174,30 @@ def _address(context: Any, builder: Any, kind: Any, view: Any, offset: Any) -> t
     return builder.gep(view.base, [offset], inbounds=True), view.lane
 
 
-def _load(
-    context: Any, builder: Any, kind: Any, view: Any, found: Any, offset: Any, name: str, shared: bool
-) -> Any:
+def _load(context: Any, builder: Any, kind: Any, view: Any, item: Any, field: str, offset: Any) -> Any:
     """A number, or the view of what is larger."""
     base, lane = _address(context, builder, kind, view, offset)
+    found, shared = _found(kind, item, field), field in SHARED
     if isinstance(found, View):
         return make_view(context, builder, found, base, lane)
     address = builder.bitcast(base, context.get_data_type(found).as_pointer())
     if not shared:
         address = builder.gep(address, [lane], inbounds=True)
     number = builder.load(address, align=WORD)
-    _label(builder, number, name)
+    _label(builder, number, field)
     if shared:  # read in the first lane, once
         number.set_metadata("invariant.load", builder.module.add_metadata([]))
     return number
 
 
 def _store(
-    context: Any, builder: Any, kind: Any, view: Any, value: Any, item: Any, offset: Any, name: str
+    context: Any, builder: Any, kind: Any, view: Any, item: Any, field: str, offset: Any, value: Any
 ) -> None:
+    assert not kind.whole and field not in SHARED, f"{field}: alike in all lanes"
+    assert not isinstance(item, (types.Record, types.NestedArray)), f"{field}: copy it number by number"
     base, lane = _address(context, builder, kind, view, offset)
     address = builder.bitcast(base, context.get_data_type(item).as_pointer())
-    _label(builder, builder.store(value, builder.gep(address, [lane], inbounds=True), align=WORD), name)
+    _label(builder, builder.store(value, builder.gep(address, [lane], inbounds=True), align=WORD), field)
 
 
 def _label(builder: Any, access: Any, name: str) -> None:
@@ -218,41 +207,35 @@ def _label(builder: Any, access: Any, name: str) -> None:
     access.set_metadata("tbaa", note([label, label, INTEGER(0)]))
 
 
-def _in_block(kind: Any, name: str) -> Any:
-    return INTEGER(kind.item.offset(name) * WIDTH)
+def _part(kind: Any, name: str) -> tuple[Any, str, Any]:
+    """Type, name and place of a field of a record."""
+    return kind.item.typeof(name), _field(kind.field, name), INTEGER(kind.item.offset(name) * WIDTH)
 
 
-def _stride(builder: Any, kind: Any, index: Any) -> Any:
-    return builder.mul(index, INTEGER(_bytes_of(kind.item) * WIDTH), flags=("nsw",))
+def _entry(builder: Any, kind: Any, index: Any) -> tuple[Any, str, Any]:
+    """Likewise of an entry of a list."""
+    offset = builder.mul(index, INTEGER(_bytes_of(kind.item) * WIDTH), flags=("nsw",))
+    return kind.item, kind.field, offset
 
 
 @extending.lower_getattr_generic(RecordView)
 def _get_field(context: Any, builder: Any, kind: Any, view: Any, name: str) -> Any:
-    found = _seen(kind.item.typeof(name), kind.field, name, kind.whole)
-    shared = f"{kind.field}.{name}" in SHARED
-    return _load(context, builder, kind, view, found, _in_block(kind, name), name, shared)
+    return _load(context, builder, kind, view, *_part(kind, name))
 
 
 @extending.lower_setattr_generic(RecordView)
 def _set_field(context: Any, builder: Any, sig: Any, args: Any, name: str) -> None:
-    kind, item = sig.args[0], sig.args[0].item.typeof(name)
-    assert not kind.whole and f"{kind.field}.{name}" not in SHARED, f"{name}: alike in all lanes"
-    assert not isinstance(item, (types.Record, types.NestedArray)), f"{name}: copy it number by number"
-    _store(context, builder, kind, args[0], args[1], item, _in_block(kind, name), name)
+    _store(context, builder, sig.args[0], args[0], *_part(sig.args[0], name), args[1])
 
 
 @extending.lower_builtin(operator.getitem, ListView, types.Integer)
 def _get_entry(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    kind = sig.args[0]
-    offset = _stride(builder, kind, args[1])
-    return _load(context, builder, kind, args[0], _entry(kind), offset, kind.field, kind.shared)
+    return _load(context, builder, sig.args[0], args[0], *_entry(builder, sig.args[0], args[1]))
 
 
 @extending.lower_builtin(operator.setitem, ListView, types.Integer, types.Any)
 def _set_entry(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    kind = sig.args[0]
-    assert not kind.whole and not kind.shared, f"{kind.field}: alike in all lanes"
-    _store(context, builder, kind, args[0], args[2], kind.item, _stride(builder, kind, args[1]), kind.field)
+    _store(context, builder, sig.args[0], args[0], *_entry(builder, sig.args[0], args[1]), args[2])
     return context.get_dummy_value()
 
 
@@ -276,14 +259,10 @@ def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
     result.set_valid(more)
     loops = builder.function.__dict__.setdefault("view_loops", [])
     loops.append((header, state.index, over))
-    if isinstance(
-        over, LanesView
-    ):  # without a branch: a lane kept from before would tie one pass to the next
+    if isinstance(over, LanesView):
+        # Without a branch: a lane kept from before would tie one pass to the next.
         block = cgutils.create_struct_proxy(over)(context, builder, state.over)
         result.yield_(make_view(context, builder, kind.yield_type, block.base, index))
         return
     with builder.if_then(more):
-        offset = _stride(builder, over, index)
-        result.yield_(
-            _load(context, builder, over, state.over, _entry(over), offset, over.field, over.shared)
-        )
+        result.yield_(_load(context, builder, over, state.over, *_entry(builder, over, index)))

@@ -13,7 +13,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
-from twin_gait.parameters import JointCondition, Patient
+from twin_gait.parameters import JointCondition
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Limb
@@ -43,7 +43,7 @@ def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[
         Limb(
             model.index(*place),
             taken_from(Condition, item, passive_share=item.passive, effort=item.effort * item.strength),
-            _moments(experiment, patient, table, spans, place[1]).tolist(),
+            _moments(experiment, table, spans, place[1]).tolist(),
             new_delay_line(round(patient.effort_delay / TICK)),
         )
         for place, item in zip(places, own, strict=True)
@@ -88,18 +88,15 @@ def _cuts(events: Sequence[float], phases: int) -> list[float]:
 
 
 def _moments(
-    experiment: Experiment,
-    patient: Patient,
-    table: GaitTable,
-    spans: Mapping[str, tuple[float, float]],
-    joint: JointName,
+    experiment: Experiment, table: GaitTable, spans: Mapping[str, tuple[float, float]], joint: JointName
 ) -> np.ndarray:
     """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
 
     On the ground the legs carry what the support leaves, and stance moments shrink with it; a leg in the
     air carries nothing. A wearer who stands still leaves that to the device.
     """
-    walking, speed, carried = experiment.scenario.walking, SLOWEST, 0.0
+    patient, walking, speed, carried = experiment.patient, experiment.scenario.walking, SLOWEST, 0.0
+    assert patient is not None  # else there are no moments
     if walking is not None:
         speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
     rows = np.zeros((len(table.phases), POSTURES))

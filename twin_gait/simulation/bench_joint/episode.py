@@ -5,6 +5,8 @@ What is said of motor and rotor is what the joint sees of them, behind the gear.
 
 from dataclasses import dataclass, field
 
+from twin_gait import worlds
+from twin_gait.control.joint_board import Command
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
@@ -13,19 +15,10 @@ from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.simulation.episode import COMPLETED, Recording
 from twin_gait.simulation.log import Columns
-from twin_gait.worlds.bench_joint import (
-    BenchJoint,
-    CatalogueEfficiency,
-    CosinePath,
-    InertialUnit,
-    OldFrictionModel,
-    TorqueControl,
-    Torsion,
-)
 
 # What drives the winding.
 OPEN, IDEAL, PI, DUTY = range(4)
-# What the inertia compensation takes its acceleration from.
+# What the inertia compensation takes its acceleration from: the encoder, or what an inertial unit measures.
 ENCODER, GYROSCOPE, ACCELEROMETER = range(3)
 
 
@@ -34,7 +27,7 @@ BENCH = Columns(
     "encoder, winding, torques, asked = e.encoder, e.winding, e.torques, e.asked",
     time_s=("e.time", "since the start"),
     position_rad=("encoder.angle", "encoder angle"),
-    target_position_rad=("asked.position", "of the path, or the equilibrium of the impedance"),
+    target_position_rad=("asked.equilibrium", "of the path, or the equilibrium of the impedance"),
     measured_current_A=("winding.sample", "sample of the shunts that the current loop works with"),
     target_current_A=("winding.target_current", "that the drive is asked for, or what a duty should drive"),
     bus_voltage_V=("e.bus_voltage", "of the drive"),
@@ -118,18 +111,6 @@ class Body:
 
 
 @dataclass(slots=True)
-class Asked:
-    """What the controller of torques wants."""
-
-    position: float = 0.0  # Equilibrium angle in [rad].
-    impedance: float = 0.0  # Torques in [N m]: of the impedance,
-    friction: float = 0.0  # of the compensations of friction
-    inertia: float = 0.0  # and inertia,
-    target: float = 0.0  # the target,
-    torque: float = 0.0  # and the sum of the four, before limits.
-
-
-@dataclass(slots=True)
 class Torques:
     """What acts beside torsion and imposed motion, as it was last, in [N m]."""
 
@@ -147,7 +128,7 @@ class BenchEpisode:
     Parts that a test may lack stand here all the same, so that all tests share one compiled loop.
     """
 
-    test: BenchJoint  # Parameters of the parts that every test has.
+    test: worlds.BenchJoint  # Parameters of the parts that every test has.
     variation: BenchVariation  # What chance adds to them.
     fast_gain: float  # Of the fast velocity filter.
     encoder: Encoder  # On the motor.
@@ -158,19 +139,18 @@ class BenchEpisode:
     link: Body
     horizontal_angle: float  # At which the link is level, in [rad].
     moment: float  # Of weight and link in [kg m].
-    torsion: Torsion  # Of the gear.
+    torsion: worlds.Torsion  # Of the gear.
     compliant: bool  # Whether there is torsion.
-    efficiency: CatalogueEfficiency  # Of the gear, from its catalogue.
-    catalogued: bool  # Whether it is that, not the constant one of the motor and gear.
+    efficiency: worlds.CatalogueEfficiency  # Of the gear, from its catalogue or constant.
     friction: PlantFriction  # Of motor and gear.
     ripple_cosine: float  # Part in [N m] of the friction that repeats with the angle.
     ripple_sine: float  # Likewise.
     imposed_motion: ImposedMotion  # Of the link; its place is 0, or -1 for none.
-    unit: InertialUnit  # Inertial unit on the link.
+    unit: worlds.InertialUnit  # Inertial unit on the link.
     acceleration: Acceleration  # For the inertia compensation.
-    torque_control: TorqueControl  # What the torque control asks for.
-    path: CosinePath  # Of its equilibrium angle.
-    old_model: OldFrictionModel  # TWIN's old friction model.
+    torque_control: worlds.TorqueControl  # What the torque control asks for.
+    path: worlds.CosinePath  # Of its equilibrium angle.
+    old_model: worlds.OldFrictionModel  # TWIN's old friction model.
     old: bool  # Whether it takes the place of the compensator's friction model.
     follows_path: bool  # Whether friction is compensated at the velocity of the path.
     transparency: Transparency  # What the control of duties asks for.
@@ -178,8 +158,8 @@ class BenchEpisode:
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].
     deflection: float = 0.0
-    asked: Asked = field(default_factory=Asked)
+    asked: Command = field(default_factory=Command)  # What the controller of torques wants.
     torques: Torques = field(default_factory=Torques)
     time: float = 0.0  # Of the tick in [s].
     # Of the noise each number is a row, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.
-    recording: Recording = field(default_factory=lambda: Recording(on=True, most_switches=0, n_noise=1))
+    recording: Recording = field(default_factory=lambda: Recording(most_switches=0, n_noise=1))

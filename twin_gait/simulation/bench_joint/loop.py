@@ -1,39 +1,43 @@
-"""Run a test on the joint bench: its loop compiled and kept, or the same rooms as plain Python."""
+"""A test on the joint bench: its record at tick 0, and its run, compiled and kept or as plain Python."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from twin_gait import worlds
+from twin_gait.core.actuator import Motor
+from twin_gait.core.control_tick import new_encoder
+from twin_gait.core.elementary import sine_cosine
+from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.friction import ROTATIONAL
+from twin_gait.core.motor_drive import current_loop_gains
+from twin_gait.core.plant import ImposedMotion
+from twin_gait.core.transparency import Transparency
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.bench_joint.episode import BENCH, COLUMNS, LOG_COLUMNS, BenchVariation
-from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
-from twin_gait.simulation.bench_joint.tick import bench_at, run_ticks
+from twin_gait.parameters import KNEE_FRICTION, require
+from twin_gait.parameters.quantities import taken_from
+from twin_gait.simulation.bench_joint import episode as record
+from twin_gait.simulation.bench_joint.episode import COLUMNS
+from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
 from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.compiled_engine import compiled_rows
+from twin_gait.simulation.compiled_engine import compiled_rows, run_at
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import NativeFunction, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
 from twin_gait.simulation.log import writer_of
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
-from twin_gait.worlds.bench_joint import BenchJoint
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.compiling import CompiledLoop
 
 
 @dataclass(frozen=True, eq=False)
 class BenchRun:
     """What a test left behind."""
 
-    test: BenchJoint  # The test.
+    test: worlds.BenchJoint  # The test.
     rows: np.ndarray  # Log, shape ``(n_ticks, n_columns)``.
     status: RunStatus  # Completed or diverged.
 
@@ -51,17 +55,17 @@ class BenchRun:
 
         ``truth``: also what no bench can see: friction, true motion, true current. Returns one row per tick.
         """
-        columns = COLUMNS if truth else LOG_COLUMNS
+        columns = COLUMNS if truth else record.LOG_COLUMNS
         return pd.DataFrame(self.rows[:, : len(columns)], columns=list(columns))
 
 
 def simulate_bench(
-    test: BenchJoint,
+    test: worlds.BenchJoint,
     *,
     seed: int = 0,
-    variation: BenchVariation | None = None,
+    variation: record.BenchVariation | None = None,
     compiled: bool = True,
-    on_compile: Callable[[], None] | None = None,
+    on_compile: OnCompile = None,
 ) -> BenchRun:
     """Simulate a test.
 
@@ -79,9 +83,9 @@ def simulate_bench(
         ParameterError: If parts of the test do not go together.
     """
     ticks = max(1, round(test.duration / TICK))
-    episode, noise = bench_episode(test, variation or BenchVariation()), bench_noise(test, ticks, seed)
+    episode, noise = bench_episode(test, variation or record.BenchVariation()), bench_noise(test, ticks, seed)
     rows = np.zeros((ticks, len(COLUMNS)))
-    writer = kernel_functions(writer_of([(0, BENCH)]), {"TICK": TICK})
+    writer = kernel_functions(writer_of([(0, record.BENCH)]), {"TICK": TICK})
     # The laws beside (3.1) slow the others down.
     names = {"OTHER_LAWS": episode.friction.law > ROTATIONAL, **writer}
     if compiled:
@@ -97,21 +101,15 @@ def simulate_bench(
     return BenchRun(test, rows[:done], RunStatus.DIVERGED if status == DIVERGED else RunStatus.COMPLETED)
 
 
-def run_at(address: int, first: int, end: int) -> int:
-    """:func:`~twin_gait.simulation.bench_joint.tick.run_ticks` of the test at an address."""
-    return run_ticks(bench_at(address), first, end)
-
-
-def _compiled(
-    episode: np.dtype[Any], names: dict[str, Any], on_compile: Callable[[], None] | None
-) -> NativeFunction:
+def _compiled(episode: np.dtype[Any], names: dict[str, Any], on_compile: OnCompile) -> NativeFunction:
     """The compiled loop of tests of one layout."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
 
         rows = compiled_rows(len(COLUMNS), 1)
-        return compile_loop(run_at, {**names, **rows, "bench_at": record_at(episode)})
+        found = {"run_ticks": run_ticks, "episode_at": record_at(episode)}
+        return compile_loop(run_at, {**names, **rows, **found})
 
     return kept_loop(_key(episode, names["OTHER_LAWS"]), make, on_compile)
 
@@ -119,4 +117,115 @@ def _compiled(
 @lru_cache(maxsize=8)
 def _key(episode: np.dtype[Any], other_laws: bool) -> str:
     """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
-    return source_key(repr((episode, other_laws, TICK)), "compiled_engine", "bench_joint")
+    return source_key(repr((episode, other_laws, TICK)))
+
+
+def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
+    """Draw the noise of a test; what is not noisy draws nothing.
+
+    Returns shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial
+    unit and of the sample of the current in each period of its loop.
+    """
+    rng, sensors, periods = np.random.default_rng(seed), test.sensors, _periods(test)
+    noise = np.zeros((ticks, CURRENT_NOISE + periods))
+    if not sensors.ideal and sensors.angle_noise > 0.0:
+        noise[:, ANGLE_NOISE] = sensors.angle_noise * rng.standard_normal(ticks)
+    if test.drive.noise > 0.0:
+        noise[:, CURRENT_NOISE:] = rng.standard_normal((ticks, periods))
+    if test.inertial_unit is not None:
+        noise[:, UNIT_NOISE] = rng.standard_normal(ticks)
+    return noise
+
+
+def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
+    """The record of a test at tick 0.
+
+    Raises ParameterError if parts of the test do not go together.
+    """
+    link, friction, sensors = test.link, test.friction, test.sensors
+    resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
+    torque = _torque_control(test)
+    path = worlds.CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
+    constant = (test.actuator.gear_efficiency, 0.0, 0.0, 0.0, 0.0, 0.0)
+    sine, cosine = sine_cosine(variation.ripple_phase)
+    unit = test.inertial_unit or worlds.InertialUnit(sensor=worlds.InertialSensor.GYROSCOPE)
+    return record.BenchEpisode(
+        test=replace(
+            test, control=None, efficiency=None, torsion=None, inertial_unit=None, imposed_motion=None
+        ),
+        fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
+        encoder=new_encoder(0.0 if sensors.ideal else resolution, test.start_angle, sensors.window),
+        motor=taken_from(Motor, test.actuator),
+        variation=variation,
+        winding=_winding(test),
+        bus_voltage=test.battery.voltage,
+        rotor=record.Body(test.actuator.armature, test.start_angle, test.start_velocity),
+        link=record.Body(link.total_inertia, test.start_angle, test.start_velocity),
+        horizontal_angle=worlds.HORIZONTAL if link.load_angle is worlds.LoadAngle.CORRECTED else 0.0,
+        moment=link.total_moment,
+        torsion=test.torsion or worlds.Torsion(),
+        compliant=test.torsion is not None,
+        efficiency=test.efficiency or worlds.CatalogueEfficiency(coefficients=constant),
+        friction=friction.law.scaled(variation.friction_ratio).in_plant(),
+        ripple_cosine=friction.ripple * cosine,
+        ripple_sine=friction.ripple * sine,
+        imposed_motion=_imposed_motion(test),
+        unit=unit,
+        acceleration=_acceleration(test, unit),
+        torque_control=replace(torque, old_model=None, path=None),
+        path=torque.path or path,
+        old_model=torque.old_model or worlds.OldFrictionModel(),
+        old=torque.old_model is not None,
+        follows_path=torque.compensation_velocity is worlds.CompensationVelocity.REFERENCE,
+        transparency=_transparency(test),
+    )
+
+
+def _periods(test: worlds.BenchJoint) -> int:
+    return round(test.drive.rate * TICK)
+
+
+def _winding(test: worlds.BenchJoint) -> record.Winding:
+    drive, periods = test.drive, _periods(test)
+    kind = record.PI if drive.loop is worlds.CurrentLoop.PI else record.IDEAL
+    if not isinstance(test.control, worlds.TorqueControl):
+        kind = record.OPEN if test.control is None else record.DUTY
+    gains = current_loop_gains(test.actuator.resistance, drive.inductance, drive.bandwidth)
+    return record.Winding(kind, periods, TICK / periods, *gains, new_delay_line(drive.delay))
+
+
+def _acceleration(test: worlds.BenchJoint, unit: worlds.InertialUnit) -> record.Acceleration:
+    used = test.inertial_unit is not None and isinstance(test.control, worlds.TorqueControl)
+    source = 1 + list(worlds.InertialSensor).index(unit.sensor) if used else record.ENCODER
+    time_constant = unit.time_constant if used else test.sensors.fast_time_constant
+    return record.Acceleration(source, first_order_gain(TICK, time_constant), new_delay_line(unit.delay))
+
+
+def _imposed_motion(test: worlds.BenchJoint) -> ImposedMotion:
+    motion = test.imposed_motion
+    if motion is None or (motion.stiffness == 0.0 and motion.damping == 0.0):
+        return ImposedMotion()
+    return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle)
+
+
+def _torque_control(test: worlds.BenchJoint) -> worlds.TorqueControl:
+    if not isinstance(test.control, worlds.TorqueControl):
+        return worlds.TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
+    return replace(test.control, friction_model=test.control.friction_model.normalised())
+
+
+def _transparency(test: worlds.BenchJoint) -> Transparency:
+    control, counts = test.control, test.drive.counts
+    if not isinstance(control, worlds.DutyControl):
+        return Transparency()
+    require(counts > 0, "pwm counts", "1 or more for a controller of duties", counts)
+    static, linear, quadratic = control.voltages(test.actuator)
+    return taken_from(
+        Transparency,
+        control,
+        ticks_per_second=worlds.TRANSPARENCY_STEPS,
+        static_voltage=static,
+        voltage_per_velocity=linear,
+        voltage_per_velocity_squared=quadratic,
+        duty_limit=control.duty_limit * counts,
+    )

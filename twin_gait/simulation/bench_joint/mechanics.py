@@ -30,13 +30,9 @@ def drive_winding(e: BenchEpisode, velocity: float) -> None:
         winding.duty = winding.voltage / e.bus_voltage
         return
     if winding.drive == PI:
+        error, limit = winding.target_current - winding.sample, e.bus_voltage
         wanted, winding.integral = current_loop_step(
-            winding.target_current - winding.sample,
-            winding.integral,
-            winding.proportional_gain,
-            winding.integral_gain,
-            winding.period,
-            e.bus_voltage,
+            error, winding.integral, winding.proportional_gain, winding.integral_gain, winding.period, limit
         )
         full = counts if counts > 0 else 1
         winding.voltage = inverter_voltage(wanted / e.bus_voltage * full, counts, e.bus_voltage)
@@ -54,6 +50,7 @@ def motor_torque(e: BenchEpisode, current: float) -> float:
 def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
     """Accelerations of rotor and link at the present state and current."""
     torque = motor_torque(e, e.winding.current)
+    e.torques.motor = torque
     return accelerations(e, time, torque, e.rotor.angle, e.rotor.velocity, e.link.angle, e.link.velocity)
 
 
@@ -97,17 +94,11 @@ def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> fl
     if OTHER_LAWS:
         deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection)
     friction = -friction_torque(law, velocity, deflection, load)
-    if more.coulomb_per_load != 0.0 or more.coulomb_per_kelvin != 0.0 or more.viscous_per_kelvin != 0.0:
+    per_load, coulomb, viscous = more.coulomb_per_load, more.coulomb_per_kelvin, more.viscous_per_kelvin
+    if per_load != 0.0 or coulomb != 0.0 or viscous != 0.0:
+        turnover = 0.1 * law.stribeck_velocity
         friction -= conditioned_torque(
-            velocity,
-            load,
-            more.temperature,
-            0.0,
-            more.coulomb_per_load,
-            more.coulomb_per_kelvin,
-            0.0,
-            more.viscous_per_kelvin,
-            0.1 * law.stribeck_velocity,
+            velocity, load, more.temperature, 0.0, per_load, coulomb, 0.0, viscous, turnover
         )
     if e.ripple_cosine != 0.0 or e.ripple_sine != 0.0:
         friction -= ripple_torque(angle, e.ripple_cosine, e.ripple_sine, 2.0 * e.motor.gear_ratio)
@@ -123,10 +114,8 @@ def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> f
     ``load``: :math:`\tau_0`, what the gear would pass on without losses, in [N m]. ``velocity``: of the rotor
     at the joint in [rad] / [s]. ``share``: :math:`c` of the rotor in the inertia that turns with it.
     """
-    gear, efficiency = e.efficiency, e.test.actuator.gear_efficiency
-    if e.catalogued:
-        speed, fit = e.motor.gear_ratio * velocity, gear.coefficients
-        efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
+    gear, fit, speed = e.efficiency, e.efficiency.coefficients, e.motor.gear_ratio * velocity
+    efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
     if efficiency == 1.0 or load == 0.0:
         return 0.0
     loss = gear_loss_torque(velocity, load, efficiency, gear.transition_velocity)

@@ -15,30 +15,13 @@ from twin_gait.core.inertial import angular_acceleration, tangential_specific_fo
 from twin_gait.core.motor_drive import cosine_path, inverter_voltage, six_step_current
 from twin_gait.core.transparency import transparency_duty
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.bench_joint.episode import (
-    ACCELEROMETER,
-    DUTY,
-    ENCODER,
-    GYROSCOPE,
-    OPEN,
-    BenchEpisode,
-)
-from twin_gait.simulation.bench_joint.mechanics import (
-    drive_winding,
-    mechanical_step,
-    motor_torque,
-    present_accelerations,
-)
+from twin_gait.simulation.bench_joint.episode import ACCELEROMETER, DUTY, ENCODER, OPEN, BenchEpisode
+from twin_gait.simulation.bench_joint.mechanics import drive_winding, mechanical_step, present_accelerations
 from twin_gait.simulation.episode import DIVERGED, DIVERGED_VELOCITY
 from twin_gait.simulation.interface import log_row, noise_row, write_row
 
 # Places in the noise of a tick; the samples of the current follow, one for each period of the loop.
 ANGLE_NOISE, UNIT_NOISE, CURRENT_NOISE = range(3)
-
-
-def bench_at(address: int) -> BenchEpisode:
-    """The test at an address."""
-    raise NotImplementedError
 
 
 def noise(e: BenchEpisode, tick: int, place: int) -> float:
@@ -56,7 +39,6 @@ def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
         measure(e, tick)
         control(e, tick)
         e.rotor.acceleration, _ = present_accelerations(e, e.time)
-        e.torques.motor = motor_torque(e, e.winding.current)
         write_row(e, log_row(e, tick))
         e.winding.energy = 0.0
         for number in range(e.winding.periods):
@@ -106,7 +88,7 @@ def _sense(e: BenchEpisode, tick: int) -> None:
 
 def _unit_reading(e: BenchEpisode) -> float:
     """What the unit would report without noise: velocity, or specific force along its path."""
-    if e.acceleration.source == GYROSCOPE:
+    if e.acceleration.source != ACCELEROMETER:
         return e.link.velocity
     _, acceleration = present_accelerations(e, e.time)
     return tangential_specific_force(
@@ -135,20 +117,15 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
 
 def _control_torque(e: BenchEpisode) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
-    law, limits, encoder, asked = e.torque_control, e.test.limits, e.encoder, e.asked
-    inertia = e.rotor.inertia + e.link.inertia
-    asked.position, path_velocity, path_acceleration = cosine_path(
-        e.time, e.path.start_angle, e.path.amplitude, e.path.frequency
+    law, limits, encoder, asked, path = e.torque_control, e.test.limits, e.encoder, e.asked, e.path
+    inertia, gain = e.rotor.inertia + e.link.inertia, law.friction_compensation_gain
+    place, path_velocity, path_acceleration = cosine_path(
+        e.time, path.start_angle, path.amplitude, path.frequency
     )
+    fast, model = encoder.velocity_fast - path_velocity, _model_friction(e, path_velocity)
+    asked.equilibrium = place
     asked.impedance, asked.friction = controller_torques(
-        encoder.angle,
-        encoder.velocity_fast - path_velocity,
-        encoder.velocity_slow,
-        law.stiffness,
-        law.damping,
-        asked.position,
-        law.friction_compensation_gain,
-        _model_friction(e, path_velocity),
+        encoder.angle, fast, encoder.velocity_slow, law.stiffness, law.damping, place, gain, model
     )
     asked.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
     asked.target = law.target_torque + inertia * path_acceleration
@@ -158,17 +135,13 @@ def _control_torque(e: BenchEpisode) -> None:
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     """Friction torque of the compensator's model; the old one knew no slow velocity."""
-    model, old = e.torque_control.friction_model, e.old_model
+    law, old = e.torque_control.friction_model, e.old_model
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if e.follows_path else measured, e.torque_control.dead_zone)
     if e.old:
         return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
-        velocity,
-        model.breakaway_torque,
-        model.coulomb_friction,
-        model.breakaway_velocity,
-        model.viscous_friction,
+        velocity, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
     )
 
 

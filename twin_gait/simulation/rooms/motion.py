@@ -4,30 +4,16 @@ from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode, Sole
-from twin_gait.simulation.interface import (
-    CRUTCHES,
-    PITCH,
-    POINTS_PER_FOOT,
-    RK4,
-    SEATED,
-    SHIFT,
-    WITH_FRICTION,
-    dynamics,
-    lanes,
-    log_row,
-    observe,
-    side_by_side,
-    write_row,
-)
+from twin_gait.simulation.interface import dynamics, lanes, log_row, observe, side_by_side, write_row
 from twin_gait.simulation.rooms.sensors import normal_force, point_force
 from twin_gait.simulation.rooms.surroundings import (
     drag_tips,
     energy_of_tips,
+    hold_trunk,
     move_tips,
-    press_seat,
-    pull_harness,
     push_crutches,
 )
+from twin_gait.simulation.structure import CRUTCHES, POINTS_PER_FOOT, RK4, SEATED, SHIFT, WITH_FRICTION
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -64,11 +50,12 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
             plant, load = one.plant[i], gear_load(one.plant[i], one.motor[i], one.a[i])
             passive = passive_torque(plant, one.torque[i], q[i], v[i], load, q[i] - one.q[i])
             one.torque[i] = one.motor[i] + one.external[i] + passive
-    motion = e.imposed_motion
-    if motion.place >= 0:
+    if e.imposed_motion.place >= 0:
         for one in lanes(e):
             q, v = _state(one, staged)
-            _impose(one, time, q, v)
+            motion = one.imposed_motion
+            motion.torque = imposed_motion_torque(motion, time, q[motion.place], v[motion.place])
+            one.torque[motion.place] += motion.torque
     if SHIFT > 0:
         for i in range(SHIFT):
             for one in lanes(e):
@@ -79,10 +66,7 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
                 one.torque[i + SHIFT] += brace.torque
     for one in lanes(e):
         q, v = _state(one, staged)
-        if PITCH >= 0:
-            pull_harness(one, q, v)
-        if SEATED:
-            press_seat(one, q, v)
+        hold_trunk(one, q, v)
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
         if SEATED:
             one.contact_power += one.seat.power
@@ -166,13 +150,6 @@ def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
     if staged:
         return one.stages.q, one.stages.v
     return one.q, one.v
-
-
-def _impose(one: Episode, time: float, q: list[float], v: list[float]) -> None:
-    """Add the torque of the imposed motion."""
-    motion = one.imposed_motion
-    motion.torque = imposed_motion_torque(motion, time, q[motion.place], v[motion.place])
-    one.torque[motion.place] += motion.torque
 
 
 def _euler_step(e: Episode, time: float, known: bool) -> None:

@@ -9,16 +9,7 @@ from twin_gait.control.gait_controller import (
     trip,
     wants_gravity,
 )
-from twin_gait.control.joint_board import (
-    ask,
-    check,
-    copy_demand,
-    hear,
-    note_drive,
-    refuse,
-    set_current,
-    sum_up,
-)
+from twin_gait.control.joint_board import ask, check, copy_demand, note_drive, refuse, set_current, sum_up
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
 from twin_gait.core.control_tick import driven_motor, target_current
 from twin_gait.core.estimation import delayed_sample
@@ -32,16 +23,9 @@ from twin_gait.core.faults import (
 )
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import (
-    DELAYED,
-    FAULTY,
-    NETWORKED,
-    control_gravity,
-    control_inertia,
-    each,
-    lanes,
-)
+from twin_gait.simulation.interface import control_gravity, control_inertia, each, lanes
 from twin_gait.simulation.rooms.network import hear_setpoint
+from twin_gait.simulation.structure import DELAYED, FAULTY, NETWORKED
 
 
 def feed_forward(e: Episode) -> None:
@@ -71,35 +55,23 @@ def control(e: Episode, tick: int) -> None:
     for number in range(len(e.joints)):
         implausible = False
         for one in lanes(e):
+            board = one.joints[number].board
             demand(one.controller, one.limits, number, tick)
-            _hear(one, number, tick)
-            ask(one.joints[number].board)
-            if not FAULTY:
-                check(one.joints[number].board, one.watching)
-        if FAULTY:
-            for one in each(e):
-                _run_away(one, number, tick)
-                check(one.joints[number].board, one.watching)
+            if NETWORKED:
+                hear_setpoint(one, number, tick)
+            else:
+                copy_demand(one.controller.joints[number].demand, board.demand)
+            ask(board)
+            if FAULTY and tick >= one.first_fault and not board.demand.held:
+                board.command.impedance += runaway_torque(number, tick, one.rates.period, one.faults)
+            check(board, one.watching)
         for one in lanes(e):
             implausible |= one.joints[number].board.command.cause != NO_TRIP
         if implausible:
             for one in each(e):
                 _refuse(one, number, tick)
         for one in lanes(e):
-            _command(one, number)
-        if DELAYED:
-            for one in each(e):
-                joint = one.joints[number]
-                joint.due = delayed_sample(joint.line, tick, joint.board.command.torque)
-
-
-def _hear(e: Episode, number: int, tick: int) -> None:
-    """Let a board hear what is demanded."""
-    board = e.joints[number].board
-    if NETWORKED:
-        hear(board, e.limits, e.joints[number].heard, hear_setpoint(e, number, tick))
-    else:
-        copy_demand(e.controller.joints[number].demand, board.demand)
+            _command(one, number, tick)
 
 
 def _refuse(e: Episode, number: int, tick: int) -> None:
@@ -111,14 +83,7 @@ def _refuse(e: Episode, number: int, tick: int) -> None:
         refuse(board, e.limits)
 
 
-def _run_away(e: Episode, number: int, tick: int) -> None:
-    """Add what a controller gone wrong asks for."""
-    board = e.joints[number].board
-    if tick >= e.first_fault and not board.demand.held:
-        board.command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
-
-
-def _command(e: Episode, number: int) -> None:
+def _command(e: Episode, number: int, tick: int) -> None:
     """Current set point of a drive, of the command or in the hold."""
     joint = e.joints[number]
     board = joint.board
@@ -129,6 +94,8 @@ def _command(e: Episode, number: int) -> None:
         ask(board)
         sum_up(board)
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
+    if DELAYED:
+        joint.due = delayed_sample(joint.line, tick, board.command.torque)
     if NETWORKED and joint.off:
         board.command.target_current = 0.0
 
@@ -140,12 +107,9 @@ def drive(e: Episode, tick: int) -> None:
     for number in range(len(e.joints)):
         for one in lanes(e):
             _drive(one, number)
-            if not FAULTY:
-                _note_drive(one, number)
-        if FAULTY:
-            for one in each(e):
+            if FAULTY and tick >= one.first_fault and not one.joints[number].board.command.drive_off:
                 _drive_faulty(one, number, tick)
-                _note_drive(one, number)
+            _note_drive(one, number)
     for one in lanes(e):
         battery = one.supply
         battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
@@ -153,31 +117,24 @@ def drive(e: Episode, tick: int) -> None:
 
 def _drive(e: Episode, number: int) -> None:
     joint = e.joints[number]
-    board, place = joint.board, joint.place
-    current, torque = driven_motor(
-        joint.motor, board.command.target_current, e.v[place], e.supply.bus_voltage
-    )
-    off = board.command.drive_off or joint.off
+    asked, place = joint.board.command, joint.place
+    current, torque = driven_motor(joint.motor, asked.target_current, e.v[place], e.supply.bus_voltage)
+    off = asked.drive_off or joint.off
     joint.current = 0.0 if off else current
     joint.current_deviation = 0.0
     e.motor[place] = 0.0 if off else torque
 
 
 def _drive_faulty(e: Episode, number: int, tick: int) -> None:
-    joint = e.joints[number]
-    motor, board = joint.motor, joint.board
-    if tick >= e.first_fault and not board.command.drive_off:
-        row = drive_fault(number, tick, e.faults)
-        if row != NO_FAULT:
-            fault, expected = e.faults[row], joint.current
-            wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
-            joint.current, e.motor[joint.place] = driven_motor(
-                motor,
-                target_current(motor, wrong, e.limits.torque, e.limits.current),
-                e.v[joint.place],
-                e.supply.bus_voltage,
-            )
-            joint.current_deviation = joint.current - expected
+    joint, row = e.joints[number], drive_fault(number, tick, e.faults)
+    if row != NO_FAULT:
+        motor, fault, expected = joint.motor, e.faults[row], joint.current
+        wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
+        asked = target_current(motor, wrong, e.limits.torque, e.limits.current)
+        joint.current, e.motor[joint.place] = driven_motor(
+            motor, asked, e.v[joint.place], e.supply.bus_voltage
+        )
+        joint.current_deviation = joint.current - expected
 
 
 def _note_drive(e: Episode, number: int) -> None:
@@ -196,10 +153,8 @@ def supply(e: Episode, tick: int) -> None:
         battery.bus_voltage = sagged_bus_voltage(
             battery.voltage, battery.resistance, battery.power, battery.bus_voltage
         )
-    if FAULTY:
-        for one in each(e):
-            if tick >= one.first_fault:
-                _dip(one, tick)
+        if FAULTY and tick >= one.first_fault:
+            _dip(one, tick)
 
 
 def _dip(e: Episode, tick: int) -> None:

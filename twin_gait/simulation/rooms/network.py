@@ -7,17 +7,16 @@ nothing yet asks for no torque.
 """
 
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, hear_board, hear_load, trip
-from twin_gait.control.joint_board import report
+from twin_gait.control.joint_board import hear, report
 from twin_gait.core.can_bus import REBOOT, Frame, is_due
-from twin_gait.core.can_bus import (
-    advance as carry,
-)  # advance is that of the state machine where rooms are bound
+from twin_gait.core.can_bus import advance as carry  # rooms are bound to that of the state machine
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import BUS_TRIP, DRIVE_TRIP, NO_TRIP
 from twin_gait.network.messages import CODES, COUNTS, MEASUREMENT, SETPOINT
 from twin_gait.simulation.episode import Episode, Wire
-from twin_gait.simulation.interface import CENTRAL, NETWORKED, POINTS_PER_FOOT, each, lanes
+from twin_gait.simulation.interface import each, lanes
+from twin_gait.simulation.structure import CENTRAL, NETWORKED, POINTS_PER_FOOT
 
 # Places of the numbers of a measurement and of a set point, and states of the latter.
 ANGLE, VELOCITY, CURRENT, FOOT_LOAD, CAUSE, COUNTER = map(
@@ -80,8 +79,8 @@ def _hear_measurement(e: Episode, number: int, tick: int) -> None:
     hear_board(controller, e.limits, number, heard)
 
 
-def hear_setpoint(e: Episode, number: int, tick: int) -> bool:
-    """Whether a board hears a set point; it stands in ``heard`` of the joint then."""
+def hear_setpoint(e: Episode, number: int, tick: int) -> None:
+    """Let a board hear a set point, if one comes, and do what it demands."""
     numbers, heard = e.network.numbers, e.joints[number].heard
     came = _receive(e, e.network.setpoints[number], tick)
     if came:
@@ -92,7 +91,7 @@ def hear_setpoint(e: Episode, number: int, tick: int) -> bool:
         given = CENTRAL and not heard.held
         heard.gravity = 0.0 if given else numbers[TORQUE]
         heard.target = numbers[TORQUE] if given else 0.0
-    return came
+    hear(e.joints[number].board, e.limits, heard, came)
 
 
 def exchange(e: Episode, tick: int) -> None:

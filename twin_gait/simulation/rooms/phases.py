@@ -38,8 +38,10 @@ def decide(e: Episode, tick: int) -> None:
             switching |= one.controller.legs[number].chosen != NO_TRANSITION
         if switching:
             for one in each(e):
-                if one.controller.legs[number].chosen != NO_TRANSITION:
-                    _switch(one, number, tick)
+                chosen = one.controller.legs[number].chosen
+                if chosen != NO_TRANSITION:
+                    _note(one, number, tick, one.controller.program.transitions[chosen].target, chosen)
+                    enter_phase(one.controller, number, tick)
     for number in range(LEGS):
         _blend(e, number, tick)
 
@@ -118,12 +120,6 @@ def _blend(e: Episode, number: int, tick: int) -> None:
     if fading:
         for one in lanes(e):
             fade(one.controller, one.rates, number, tick)
-
-
-def _switch(e: Episode, number: int, tick: int) -> None:
-    chosen = e.controller.legs[number].chosen
-    _note(e, number, tick, e.controller.program.transitions[chosen].target, chosen)
-    enter_phase(e.controller, number, tick)
 
 
 def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> None:

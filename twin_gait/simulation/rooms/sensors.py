@@ -6,31 +6,16 @@ from twin_gait.core.contact import along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
 from twin_gait.core.inertial import follow_pitch, trunk_specific_force
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import (
-    FAULTY,
-    FORWARD,
-    INERTIAL,
-    PELVIS,
-    PITCH,
-    POINTS_PER_FOOT,
-    SLOPED,
-    contact_forces,
-    each,
-    lanes,
-    noise_row,
-)
+from twin_gait.simulation.interface import contact_forces, each, lanes, noise_row
+from twin_gait.simulation.structure import FAULTY, FORWARD, INERTIAL, PELVIS, PITCH, POINTS_PER_FOOT, SLOPED
 
 
 def measure(e: Episode, tick: int) -> None:
     """Encoders, velocity estimates, foot loads, and the trunk, whose sensor is the gait controller's own."""
     for number in range(len(e.joints)):
         for one in lanes(e):
-            one.joints[number].reading = _reading(one, number, tick)
-        if FAULTY:
-            for one in each(e):
-                _read_faulty(one, number, tick)
-        for one in lanes(e):
             rates, joint = one.rates, one.joints[number]
+            joint.reading = _reading(one, number, tick)
             read_encoder(joint.board, rates, tick == 0, joint.reading)
     if tick % e.rates.decimation == 0:
         _measure_slowly(e, tick)
@@ -63,20 +48,12 @@ def _measure_pitch(one: Episode, tick: int) -> None:
 
 
 def _reading(one: Episode, number: int, tick: int) -> float:
-    """What a healthy encoder reads in [rad]."""
+    """What an encoder reads in [rad]."""
     joint = one.joints[number]
-    if FAULTY:
-        joint.last_reading = joint.reading
-    return one.q[joint.place] + noise_row(one, tick)[number]
-
-
-def _read_faulty(one: Episode, number: int, tick: int) -> None:
-    """What an encoder reads under its faults."""
-    joint = one.joints[number]
-    if tick >= one.first_fault:
-        joint.reading = faulty_angle(
-            number, tick, one.rates.period, one.faults, joint.reading, joint.last_reading
-        )
+    reading = one.q[joint.place] + noise_row(one, tick)[number]
+    if FAULTY and tick >= one.first_fault:
+        return faulty_angle(number, tick, one.rates.period, one.faults, reading, joint.reading)
+    return reading
 
 
 def _measure_slowly(e: Episode, tick: int) -> None:
@@ -95,13 +72,10 @@ def _measure_loads(e: Episode, tick: int) -> None:
     for number in range(len(e.soles)):
         for one in lanes(e):
             sole = one.soles[number]
-            sole.last_load = sole.load
-            sole.load = normal_force(one, number) / one.body_weight
-        if FAULTY:
-            for one in each(e):
-                sole = one.soles[number]
-                if tick >= one.first_fault:
-                    sole.load = faulty_load(number, tick, one.faults, sole.load, sole.last_load)
+            load = normal_force(one, number) / one.body_weight
+            if FAULTY and tick >= one.first_fault:
+                load = faulty_load(number, tick, one.faults, load, sole.load)
+            sole.load = load
 
 
 def normal_force(e: Episode, leg: int) -> float:

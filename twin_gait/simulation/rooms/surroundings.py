@@ -15,17 +15,8 @@ from twin_gait.core.seat import seat_the_hips, seat_the_thigh
 from twin_gait.core.trunk import harness_pull, pitching_moment
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
-from twin_gait.simulation.interface import (
-    ANKLES,
-    CRUTCHES,
-    FORWARD,
-    PELVIS,
-    PITCH,
-    SHIFT,
-    WEARER,
-    lanes,
-    noise_row,
-)
+from twin_gait.simulation.interface import lanes, noise_row
+from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SEATED, SHIFT, WEARER
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
 
@@ -103,6 +94,14 @@ def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> Non
     effort *= 1.0 + noise_row(e, tick)[len(e.joints) + number]
     reflex = spastic_torque(e.v[place], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
     e.external[place] += condition.passive_share * passive + reflex + effort
+
+
+def hold_trunk(e: Episode, q: list[float], v: list[float]) -> None:
+    """Add what harness and seat do to the torques."""
+    if PITCH >= 0:
+        pull_harness(e, q, v)
+    if SEATED:
+        press_seat(e, q, v)
 
 
 def pull_harness(e: Episode, q: list[float], v: list[float]) -> None:

@@ -2,35 +2,17 @@
 
 import math
 
-from twin_gait.control.gait_controller import (
-    CONTROLLED,
-    SUPERVISED,
-    change_demands,
-    has_cause,
-    trip_on_causes,
-    watch_foot,
-    watch_phase,
-    watch_supply,
-)
-from twin_gait.control.joint_board import watch_drive
+from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
-from twin_gait.simulation.interface import (
-    CRUTCHES,
-    NETWORKED,
-    PELVIS,
-    PITCH,
-    POINTS_PER_FOOT,
-    SEATED,
-    SHIFT,
-    each,
-    lanes,
-)
+from twin_gait.simulation.interface import each, lanes
+from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate, record
 from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
 from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.sensors import measure
 from twin_gait.simulation.rooms.surroundings import catch, command, place_chair, push, use_crutches
+from twin_gait.simulation.structure import CRUTCHES, NETWORKED, PELVIS, PITCH, SEATED, SHIFT
 
 
 def run_ticks(e: Episode, first: int, end: int) -> int:
@@ -105,12 +87,10 @@ def act(e: Episode, tick: int) -> bool:
 def status_of(e: Episode) -> int:
     """Whether the run goes on."""
     status = COMPLETED
-    if PELVIS >= 0:
-        if e.q[PELVIS + SHIFT] < e.fall_height:
-            status = FELL
-    if PITCH >= 0:
-        if abs(e.q[PITCH]) > e.fall_pitch:
-            status = TIPPED
+    if PELVIS >= 0 and e.q[PELVIS + SHIFT] < e.fall_height:
+        status = FELL
+    if PITCH >= 0 and abs(e.q[PITCH]) > e.fall_pitch:
+        status = TIPPED
     if CRUTCHES > 0:
         for number in range(CRUTCHES):
             if e.arms[number].length > e.longest_reach:
@@ -119,27 +99,3 @@ def status_of(e: Episode) -> int:
         if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.diverged_velocity):
             status = DIVERGED
     return status
-
-
-def watch_drives(e: Episode) -> None:
-    """Let the monitor of each board look at its joint and at the drive's last tick."""
-    for number in range(len(e.joints)):
-        for one in lanes(e):
-            watch_drive(one.joints[number].board, one.rates)
-
-
-def watch(e: Episode, tick: int) -> None:
-    """Let the gait controller look at what it has heard, and at its phases."""
-    for one in lanes(e):
-        watch_supply(one.controller)
-    for number in range(len(e.controller.legs)):
-        for one in lanes(e):
-            watch_phase(one.controller, one.limits, number, tick)
-            if POINTS_PER_FOOT > 0:
-                watch_foot(one.controller, one.limits, number)
-    found = False
-    for one in lanes(e):
-        found |= has_cause(one.controller)
-    if found:
-        for one in each(e):
-            trip_on_causes(one.controller, tick)

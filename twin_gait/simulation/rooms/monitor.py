@@ -1,0 +1,31 @@
+"""The safety monitor: what boards and gait controller look at in a tick, and the trip on what they find."""
+
+from twin_gait.control.gait_controller import has_cause, trip_on_causes, watch_foot, watch_phase, watch_supply
+from twin_gait.control.joint_board import watch_drive
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.interface import each, lanes
+from twin_gait.simulation.structure import POINTS_PER_FOOT
+
+
+def watch_drives(e: Episode) -> None:
+    """Let the monitor of each board look at its joint and at the drive's last tick."""
+    for number in range(len(e.joints)):
+        for one in lanes(e):
+            watch_drive(one.joints[number].board, one.rates)
+
+
+def watch(e: Episode, tick: int) -> None:
+    """Let the gait controller look at what it has heard, and at its phases."""
+    for one in lanes(e):
+        watch_supply(one.controller)
+    for number in range(len(e.controller.legs)):
+        for one in lanes(e):
+            watch_phase(one.controller, one.limits, number, tick)
+            if POINTS_PER_FOOT > 0:
+                watch_foot(one.controller, one.limits, number)
+    found = False
+    for one in lanes(e):
+        found |= has_cause(one.controller)
+    if found:
+        for one in each(e):
+            trip_on_causes(one.controller, tick)

@@ -1,0 +1,57 @@
+"""What an episode's structure is: constants that a loop is bound to; what they rule out is not compiled.
+
+The rooms import these names; :mod:`twin_gait.simulation.binding` puts those of a problem in their place.
+"""
+
+from typing import TypeAlias
+
+from twin_gait.core.friction import ROTATIONAL
+from twin_gait.experiment import IntegrationMethod
+from twin_gait.parameters import ImpedancePlace
+from twin_gait.simulation.problem import Problem
+
+# Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
+# place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
+# coordinate of the device that of the wearer stands, 0 if they are one; crutches; whether there is a seat.
+POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES, SEATED = 0, -1, -1, -1, 0, 0, False
+# Coordinates with friction by equation (3.1).
+WITH_FRICTION: tuple[int, ...] = ()
+# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, commands come
+# late, the ground rises, boards and gait controller talk over a bus, the springs are in the gait controller,
+# and an inertial unit finds the pitch of the trunk.
+ANKLES = RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
+
+Structure: TypeAlias = dict[str, int | tuple[int, ...]]
+
+
+def structure_of(problem: Problem, n_points: int) -> Structure:
+    """Constants that a loop is bound to."""
+    experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
+    legs = len(problem.sides)
+    return {
+        "LEGS": legs,
+        "JOINTS_PER_LEG": problem.joints_per_leg,
+        "POINTS_PER_FOOT": n_points // legs,
+        "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
+        "FORWARD": -1 if model.forward_index is None else model.forward_index,
+        "PITCH": -1 if model.pitch_index is None else model.pitch_index,
+        "CRUTCHES": len(problem.world.arms),
+        "SEATED": problem.world.seat is not None,
+        "SHIFT": problem.world.wearer_shift,
+        "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
+        "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
+        "WITH_FRICTION": tuple(
+            place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL
+        ),
+        "RK4": experiment.stepping.method is IntegrationMethod.RK4,
+        "FAULTY": bool(experiment.faults),
+        "SUPERVISED": experiment.modes is not None,
+        "INERTIA_WANTED": control.inertia_compensation > 0.0,
+        "WEARER": bool(problem.limbs[0].moments),
+        **problem.controller.constants(),
+        "DELAYED": control.delay_ticks > 0,
+        "SLOPED": problem.world.slope != 0.0,
+        "NETWORKED": experiment.network is not None,
+        "INERTIAL": problem.inertial,
+        "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
+    }
