@@ -72,7 +72,7 @@ def test_variables_have_their_initial_values(tmp_path):
     table = "static volatile float table[4] = {3.0f, 4.0f, 5.0f}; static volatile float zero;"
     unit = unit_of(tmp_path / "unit", f"{table} out->y = table[(int32_t)in->x] + zero; zero += 1.0f;")
     with Emulator(build_image(unit, tmp_path / "image.elf")) as target:
-        found = target.exchange_many(np.array([0, 1, 2, 3], "f4")).view("f4")
+        found = target.exchange(np.array([0, 1, 2, 3], "f4")).view("f4")
     np.testing.assert_array_equal(found.ravel(), [3.0, 5.0, 7.0, 3.0])
 
 

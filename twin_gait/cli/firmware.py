@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait import configuration, firmware, runs, simulation
+from twin_gait import configuration, firmware, runs
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Print the project into a folder; its manifest."""
     from twin_gait.configuration.experiments import resolved_document
-    from twin_gait.firmware.linked import record_vectors
+    from twin_gait.firmware.exchange import record_vectors
     from twin_gait.firmware.project import print_project
 
     experiment = loaded.experiment
@@ -72,7 +72,7 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress, terminal.note_compilation)
-    project.write(folder, vectors, document)
+    project.write(folder, vectors.csv(project.joints), document)
     return project.manifest(document)
 
 
@@ -90,18 +90,7 @@ def _verify(loaded: configuration.LoadedExperiment, folder: Path | None) -> dict
 
 def _document(found: firmware.Verification) -> dict[str, Any]:
     named = [item._asdict() for item in found.checks]
-    walks = {"simulation": found.walk, "processor_in_the_loop": found.loop_walk}
-    gaits = {name: _gait(run) for name, run in walks.items() if run is not None}
-    return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named, "walks": gaits}
-
-
-def _gait(run: simulation.Run) -> dict[str, Any]:
-    """Strides of each leg, and how far they are off the reference."""
-    from twin_gait.runs.leg_summary import side_in_brief
-
-    briefs = {str(side): side_in_brief(run, side) for side in run.sides}
-    kept = ("strides_by_phase", *(f"rmse_{joint}_by_contact_deg" for joint in run.table.joints))
-    return {side: {name: brief.get(name) for name in kept} for side, brief in briefs.items()}
+    return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named}
 
 
 def report(manifest: Mapping[str, Any], out: Path) -> Iterator[str]:
@@ -116,13 +105,6 @@ def report(manifest: Mapping[str, Any], out: Path) -> Iterator[str]:
 
 def checks(document: Mapping[str, Any]) -> Iterator[str]:
     """What was compared, in a line each."""
-    from twin_gait.report.walk_words import off_the_reference
-
     words = {True: "passed", False: "FAILED", None: "skipped"}
     for item in document["checks"]:
         yield f"{words[item['passed']]}: {item['name']}: {item['text']}"
-    for name, sides in document["walks"].items():
-        for side, gait in sides.items():
-            off = off_the_reference(gait, 4)
-            of = f", off the reference by {off} RMS" if off else ""
-            yield f"  {name.replace('_', ' ')}, {side}: {gait['strides_by_phase']} strides{of}"

@@ -66,14 +66,10 @@ class UnitProcess:
         return None if self._process is None else self._process.pid
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick: a record of inputs, of any type; outputs as 4-byte words.
+        """Run a tick for each row of inputs, records of any type; rows of outputs as 4-byte words.
 
         Raises FirmwareError: inputs of another size, a process that has ended or does not answer.
         """
-        return np.asarray(self.exchange_many(inputs[np.newaxis])[0])
-
-    def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs, none of which depends on an answer."""
         rows = np.ascontiguousarray(inputs)
         if rows.nbytes != len(rows) * self._input_bytes:
             size = rows.nbytes // max(len(rows), 1)
@@ -95,11 +91,9 @@ class UnitProcess:
 
     def _read(self, process: Popen[bytes], size: int) -> bytes:
         assert process.stdout is not None  # __enter__ asked for it
-        poll = select.poll()
-        poll.register(process.stdout, select.POLLIN)
         content = b""
         while len(content) < size:
-            if not poll.poll(self._timeout * 1000.0):
+            if not select.select([process.stdout], [], [], self._timeout)[0]:
                 self._end()
                 raise FirmwareError(f"{self._name} has not answered within {self._timeout:g} s")
             part = os.read(process.stdout.fileno(), size - len(content))

@@ -2,13 +2,12 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
@@ -20,7 +19,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
+from twin_gait.firmware.linked import LinkedUnit, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
@@ -59,14 +58,14 @@ class Project:
         """Joints in the order of the units, such as ``left_hip``."""
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
-    def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
-        """Write C, vectors of a short walk and the resolved document of the experiment into a folder."""
+    def write(self, folder: Path, vectors: str, document: Mapping[str, Any]) -> None:
+        """Write C, the vectors of a short walk as CSV and the resolved document of the experiment."""
         self.write_linked(folder)
         content = self._content()
         texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
         texts["experiment.yaml"] = dump_yaml(dict(document))
         texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
-        texts[VECTORS] = _table(self.joints, vectors)
+        texts[VECTORS] = vectors
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
 
@@ -199,24 +198,6 @@ def _messages(experiment: Experiment) -> dict[str, Message]:
         return load_messages(PACKAGED_DBC if experiment.network is None else experiment.network.dbc)
     except MissingOptionalDependency:
         return {}
-
-
-def _table(joints: Sequence[str], vectors: Vectors) -> str:
-    """Vectors as runner.c reads them: a tick in a line, its inputs, then what is expected."""
-    boards, around = vectors.inputs["boards"], vectors.inputs["surroundings"]
-    commands, decision = vectors.outputs["commands"], vectors.outputs["decision"]
-    read, set_points = ("angle", "voltage", "current", "current_deviation"), ("torque", "target_current")
-    columns = {f"{joint}_{name}": boards[name][:, k] for k, joint in enumerate(joints) for name in read}
-    columns |= {f"foot_{side}_load": load for side, load in enumerate(around["loads"].T)}
-    columns["bus_voltage"] = around["bus_voltage"]
-    columns |= {name: around["common"][name] for name in around["common"].dtype.names or ()}
-    if vectors.run.experiment.modes is not None:
-        columns["request"] = around["request"]
-    for k, joint in enumerate(joints):
-        columns |= {f"{joint}_{name}": commands[name][:, k] for name in set_points}
-    columns |= {f"foot_{side}_phase": phase for side, phase in enumerate(decision["phases"].T)}
-    table = pd.DataFrame(columns | {"trip_cause": decision["trip_cause"]})
-    return table.to_csv(index=False, lineterminator="\n", na_rep="nan")
 
 
 def _numbered(names: Iterable[object]) -> str:

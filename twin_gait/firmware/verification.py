@@ -2,20 +2,21 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.lib.recfunctions import structured_to_unstructured
+from numpy.lib.recfunctions import require_fields, structured_to_unstructured
 
 from twin_gait.exceptions import MissingToolError
 from twin_gait.experiment import Experiment
-from twin_gait.firmware.builds import Bench
-from twin_gait.firmware.linked import Progress, record_vectors
-from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, print_project
-from twin_gait.simulation.run import Run
+from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
+from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
+from twin_gait.firmware.exchange import Progress, Vectors, record_vectors, walk_with
+from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, Project, print_project
 from twin_gait.worlds.faults import Fault, FaultKind
 
 MOST_SHIFT = 1  # ticks between a switch in float and in double numbers
@@ -71,13 +72,58 @@ class Verification:
 
     source_hash: str  # of the C
     checks: tuple[Check, ...]  # parts of the proof
-    walk: Run  # of the compiled engine
-    loop_walk: Run | None  # of the same plant with the emulated processor; None if a tool is missing
 
     @property
     def passed(self) -> bool:
         """Whether no check has failed."""
         return all(check.passed is not False for check in self.checks)
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The C of a project, and its outputs for vectors; nothing is built before it is asked for.
+
+    Whatever needs a compiler or an emulator raises
+    :class:`~twin_gait.exceptions.MissingToolError` without it.
+    """
+
+    project: Project
+    vectors: Sequence[Vectors]  # of some runs
+    folder: Path  # into which C and builds are written
+
+    @cached_property
+    def unit(self) -> Unit:
+        """The C of the linked unit, written with that of all others."""
+        return self.project.write_linked(self.folder)
+
+    def host(self, *, double: bool) -> HostUnit:
+        """The unit on this machine."""
+        path = self.folder / ("double" if double else "single")
+        return HostUnit(build_host(self.unit, path, flags=["-DREAL_DOUBLE"] if double else []))
+
+    @cached_property
+    def target(self) -> Emulator:
+        """The unit on a Cortex-M4F."""
+        return Emulator(build_image(self.unit, self.folder / "image.elf"))
+
+    def outputs(self, unit: UnitProcess, *, double: bool = False) -> list[np.ndarray]:
+        """What a build gives for all vectors."""
+        (given, taken), found = self.project.dtypes(double=double), []
+        for item in self.vectors:
+            with unit:
+                found.append(unit.exchange(require_fields(item.inputs, given)).view(taken)[:, 0])
+        return found
+
+    @cached_property
+    def expected(self) -> list[np.ndarray]:
+        """Outputs of the simulation, as the C in double numbers has them."""
+        _, taken = self.project.dtypes(double=True)
+        return [require_fields(item.outputs, taken) for item in self.vectors]
+
+    @cached_property
+    def single(self) -> list[np.ndarray]:
+        """Outputs on this machine in float."""
+        return self.outputs(self.host(double=False))
 
 
 def verify(
@@ -88,25 +134,16 @@ def verify(
     Its walk is run, and a shorter one with a fault of each kind. A controller that runs away is a fault of
     the controller itself, which no C has.
 
-    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
-    ``on_compile``: called if an engine has to be compiled first. Raises FirmwareError: it uses something that
-    the firmware does not have, or a compiler refuses the C.
+    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all of
+    each of the runs. ``on_compile``: called if an engine has to be compiled first. Raises FirmwareError: it
+    uses something that the firmware does not have, or a compiler refuses the C.
     """
     project = print_project(experiment)
-    runs = [*cases_of(experiment), experiment]  # the last one with the processor in the loop
-    ticks = [run.n_ticks for run in runs]
-
-    def part(number: int) -> Progress | None:
-        """Progress in one of the runs as that in all."""
-        before = sum(ticks[:number])
-        return None if progress is None else lambda done, _: progress(before + done, sum(ticks))
-
-    vectors = [record_vectors(case, part(number), on_compile) for number, case in enumerate(runs[:-1])]
+    vectors = [record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     with TemporaryDirectory() as folder:
-        bench = Bench(project, vectors, Path(folder), part(len(vectors)), on_compile)
+        bench = Bench(project, vectors, Path(folder))
         checks = tuple(_tried(name, check, bench) for name, check in CHECKS.items())
-        loop_walk = None if checks[-1].passed is None else bench.walk
-    return Verification(project.program.source_hash, checks, vectors[0].run, loop_walk)
+    return Verification(project.program.source_hash, checks)
 
 
 def cases_of(experiment: Experiment) -> Iterator[Experiment]:
@@ -144,7 +181,7 @@ def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Fou
 
 def host_in_double(bench: Bench) -> Found:
     """The C in double numbers gives the bits of the simulation."""
-    return _same_bits(bench.expected, bench.double)
+    return _same_bits(bench.expected, bench.outputs(bench.host(double=True), double=True))
 
 
 def host_in_float(bench: Bench) -> Found:
@@ -162,16 +199,18 @@ def host_in_float(bench: Bench) -> Found:
 
 def target_in_float(bench: Bench) -> Found:
     """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
-    answers = [bench.on_target(item) for item in bench.vectors]
-    passed, same, figures = _same_bits(bench.single, [outputs for outputs, _ in answers])
-    counts = np.concatenate([target.instructions for _, target in answers])
+    passed, same, figures = _same_bits(bench.single, bench.outputs(bench.target))
+    counts, sizes_of = bench.target.instructions, {}
+    for name in (JOINT_BOARD, GAIT_CONTROLLER):
+        flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.folder))
+        sizes_of[name] = {"flash": flash, "ram": variables + bench.project.record_bytes[name]}
     figures |= {
         "instructions_mean": float(counts.mean()),
         "instructions_worst": int(counts.max()),
-        "stack_bytes": max(target.stack_bytes for _, target in answers),
-        "bytes": {name: bench.bytes_of(name) for name in (JOINT_BOARD, GAIT_CONTROLLER)},
+        "stack_bytes": bench.target.stack_bytes,
+        "bytes": sizes_of,
     }
-    units = (f"{name} {item['flash']} and {item['ram']}" for name, item in figures["bytes"].items())
+    units = (f"{name} {item['flash']} and {item['ram']}" for name, item in sizes_of.items())
     text = (
         f"{same}; {counts.mean():.0f} instructions a tick for all joints, {counts.max()} in the worst; "
         f"bytes of flash and RAM: {', '.join(units)}; {figures['stack_bytes']} bytes of stack"
@@ -181,8 +220,10 @@ def target_in_float(bench: Bench) -> Found:
 
 def in_the_loop(bench: Bench) -> Found:
     """With the emulated processor as the controller of the same plant the walk has the same outcome."""
-    walk = bench.walk
-    runs = bench.vectors[0].run, walk
+    before = bench.vectors[0].run
+    with bench.target as target:
+        walk = walk_with(target, bench.project, before.experiment)
+    runs = before, walk
     switches = [[(item.tick, (item.side, item.source, item.target)) for item in run.switches] for run in runs]
     shift = largest_shift(*switches)
     words = [str(run.verdict.outcome or run.status) for run in runs]
