@@ -18,7 +18,7 @@ from twin_gait.leg_model.assembly import Assembly
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
-from twin_gait.parameters.quantities import FINITE, NOT_NEGATIVE, of_kind, require
+from twin_gait.parameters.quantities import FINITE, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
@@ -68,25 +68,18 @@ class LegModel:
         FINITE.require("gravity", gravity)
         require(up_axis in ("y", "z"), "up_axis", "'y' or 'z'", up_axis)
         require(bool(legs), "legs", "at least one leg", legs)
-        legs = of_kind(Mapping[Side, joints.LegJoints], "legs", legs)
-        pelvis = of_kind(PelvisGuide, "pelvis", pelvis)
-        bodies = of_kind(joints.Bodies, "bodies", bodies)
-        patient = None if patient is None else of_kind(Patient, "patient", patient)
-        armature = of_kind(Mapping[JointName, float], "armature", armature or {})
-        for joint, inertia in armature.items():
-            NOT_NEGATIVE.require(f"armature of the {joint}", inertia)
         self.urdf_path = find_urdf(urdf)
-        self.pelvis, self.patient = pelvis, patient
+        self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        assembly = Assembly(self.urdf_path, legs, pelvis, up_axis)
+        assembly = Assembly(self.urdf_path, legs, self.pelvis, up_axis)
         self.legs = assembly.legs
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
             assembly.fit(self.sizes)
-        alone = bodies is joints.Bodies.WEARER
-        if patient is not None and bodies is not joints.Bodies.DEVICE:
+        alone = joints.Bodies(bodies) is joints.Bodies.WEARER
+        if patient is not None and bodies != joints.Bodies.DEVICE:
             assembly.put_on(patient, alone=alone)
-        assembly.load(gravity, {} if alone else armature)
+        assembly.load(gravity, {} if alone else armature or {})
         self.model = assembly.model
         self.data = self.model.createData()
 
