@@ -10,9 +10,9 @@ refused.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from itertools import accumulate, chain, islice
+from itertools import chain, count
 from typing import Any, NamedTuple
 
 from twin_gait.core.contact import Point, ground_contact_force, sloped_contact_force
@@ -50,15 +50,28 @@ SIDE_BY_SIDE = Called(sine_cosine, 0, 1, 2), Called(ground_contact_force, 1, 3, 
 WRENCH = (0, 1), (1, 0)
 
 
+def _at_run_time(body: BodyArrays, number: Callable[[float], Any]) -> BodyArrays:
+    """A body with what a function makes of the numbers that a kernel reads, asked in the kernel's order."""
+    inertia = {(i, j): number(body.inertia[i][j]) for i in range(3) for j in range(i, 3)}
+    return BodyArrays(
+        parent=body.parent,
+        prismatic=body.prismatic,
+        axis=vector(body.axis),
+        rotation=vector(body.rotation),
+        inertia=vector([[inertia[min(i, j), max(i, j)] for j in range(3)] for i in range(3)]),
+        position=vector([*map(number, body.position)]),
+        mass=number(body.mass),
+        first_moment=vector([*map(number, body.first_moment)]),
+        armature=number(body.armature),
+    )
+
+
 def _values_of(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> list[float]:
     """All that a kernel may read at run time, in its order; what is zero is folded into the text."""
     values: list[float] = []
     for body in bodies:
-        values += [body.inertia[i][j] for i in range(3) for j in range(i, 3)]
-        values += [*body.position, body.mass, *body.first_moment, body.armature]
-    for point in points:
-        values += point.position
-    return values
+        _at_run_time(body, values.append)
+    return values + [value for point in points for value in point.position]
 
 
 def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
@@ -72,34 +85,15 @@ class _Function:
     def __init__(
         self, bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = (), up_axis: str = "z"
     ) -> None:
-        self.trace = Trace()
-        values = _values_of(bodies, points)
-        places = accumulate((value != 0.0 for value in values), initial=0)  # of those before each
-        symbols = iter(
-            [
-                self.trace.input(f"bodies[{place}]") if value != 0.0 else 0.0
-                for value, place in zip(values, places, strict=False)
-            ]
-        )
-        self.bodies = [self._body(body, symbols) for body in bodies]
-        self.points = [point._replace(position=vector([*islice(symbols, 3)])) for point in points]
+        self.trace, places = Trace(), count()
+
+        def symbol(value: float) -> Scalar:
+            return self.trace.input(f"bodies[{next(places)}]") if value != 0.0 else 0.0
+
+        self.bodies = [_at_run_time(body, symbol) for body in bodies]
+        self.points = [point._replace(position=vector([*map(symbol, point.position)])) for point in points]
         self.zeros: list[Scalar] = [0.0] * len(bodies)
         self._up_axis = up_axis
-
-    @staticmethod
-    def _body(body: BodyArrays, symbols: Iterator[Scalar]) -> BodyArrays:
-        xx, xy, xz, yy, yz, zz = islice(symbols, 6)
-        return BodyArrays(
-            parent=body.parent,
-            prismatic=body.prismatic,
-            axis=vector(body.axis),
-            rotation=vector(body.rotation),
-            inertia=vector([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
-            position=vector([*islice(symbols, 3)]),
-            mass=next(symbols),
-            first_moment=vector([*islice(symbols, 3)]),
-            armature=next(symbols),
-        )
 
     def inputs(self, name: str) -> Vector:
         """Symbols of an array with an entry for each coordinate."""
@@ -251,11 +245,11 @@ def write_side_by_side(text: str) -> list[str]:
     """Source of what the text of a kernel calls for several things at once: one thing after the other."""
     found = []
     for item in SIDE_BY_SIDE:
-        for count in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
+        for calls in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
             common = [f"c{k}" for k in range(item.shared)]
-            own = [[f"a{number}_{k}" for k in range(item.arguments)] for number in range(count)]
-            results = [[f"r{number}_{k}" for k in range(item.results)] for number in range(count)]
-            lines = [f"def {item.name}_{count}({', '.join([*common, *chain(*own)])}):"]
+            own = [[f"a{number}_{k}" for k in range(item.arguments)] for number in range(calls)]
+            results = [[f"r{number}_{k}" for k in range(item.results)] for number in range(calls)]
+            lines = [f"def {item.name}_{calls}({', '.join([*common, *chain(*own)])}):"]
             for left, right in zip(results, own, strict=True):
                 lines.append(f"    {', '.join(left)} = {item.name}({', '.join(common + right)})")
             lines.append(f"    return {', '.join(chain(*results))}")

@@ -44,23 +44,18 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
     """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
-    s, c = sine_and_cosine(angle)
-    nonzero = [i for i in range(3) if axis[i] != 0.0]
-    if len(nonzero) == 1 and abs(axis[nonzero[0]]) == 1.0:
-        i = nonzero[0]
-        j, k = (i + 1) % 3, (i + 2) % 3
-        matrix = np.full((3, 3), 0.0, dtype=object)
-        matrix[i, i], matrix[j, j], matrix[k, k] = 1.0, c, c
-        matrix[j, k], matrix[k, j] = -(axis[i] * s), axis[i] * s
-        return matrix
-    x, y, z = axis
-    one = 1.0 - c
-    rows = [
-        [c + x * x * one, x * y * one - z * s, x * z * one + y * s],
-        [x * y * one + z * s, c + y * y * one, y * z * one - x * s],
-        [x * z * one - y * s, y * z * one + x * s, c + z * z * one],
-    ]
-    return np.array(rows, dtype=object)
+    (s, c), (x, y, z) = sine_and_cosine(angle), axis
+    one = (
+        0.0 if 1.0 in np.abs(axis) else 1.0 - c
+    )  # all products of a coordinate axis are 0 but the one along it
+    xx, yy, zz = (1.0 if abs(part) == 1.0 else c + part * part * one for part in axis)
+    return vector(
+        [
+            [xx, x * y * one - z * s, x * z * one + y * s],
+            [x * y * one + z * s, yy, y * z * one - x * s],
+            [x * z * one - y * s, y * z * one + x * s, zz],
+        ]
+    )
 
 
 class _Pose(NamedTuple):
@@ -78,10 +73,6 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
         return _Pose(body.rotation, position, ZERO, body.axis)
     rotation = body.rotation @ joint_rotation(body.axis, q)
     return _Pose(rotation, body.position, body.axis, ZERO)
-
-
-def _poses(bodies: Sequence[BodyArrays], q: Vector) -> list[_Pose]:
-    return [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
 
 
 ContactLaw = Callable[[int, Vector, Vector], list[Scalar]]
@@ -113,7 +104,7 @@ def inverse_dynamics(
     ``gravity``: acceleration of gravity in the world frame. ``contact_law``: from number, position and
     velocity of a point in the world to its force along world x and z (first two results) and anything else.
     """
-    poses = _poses(bodies, q)
+    poses = list(map(_pose, bodies, q))
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
     acceleration: list[tuple[Vector, Vector]] = []
@@ -122,11 +113,8 @@ def inverse_dynamics(
     twice_kinetic: Scalar = 0.0
     for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
         back = pose.rotation.T
-        if body.parent >= 0:
-            w0, l0 = velocity[body.parent]
-            aw0, al0 = acceleration[body.parent]
-        else:
-            w0, l0, aw0, al0 = ZERO, ZERO, ZERO, gravity * -1.0
+        w0, l0 = velocity[body.parent] if body.parent >= 0 else (ZERO, ZERO)
+        aw0, al0 = acceleration[body.parent] if body.parent >= 0 else (ZERO, gravity * -1.0)
         joint_w, joint_l = pose.angular * v[index], pose.linear * v[index]
         w = back @ w0 + joint_w
         linear = back @ (l0 + cross(w0, pose.position)) + joint_l
@@ -175,7 +163,7 @@ def inverse_dynamics(
 
 def mass_matrix(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
     """Joint-space inertia (lower triangle along the tree), armature included."""
-    poses = _poses(bodies, q)
+    poses = list(map(_pose, bodies, q))
     n = len(bodies)
     composite = [(body.mass, body.first_moment, body.inertia) for body in bodies]
     matrix: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -271,6 +259,8 @@ def joint_space_inertia(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Sc
 def potential_energy(bodies: Sequence[BodyArrays], q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     energy: Scalar = 0.0
-    for body, (rotation, origin) in zip(bodies, _world_poses(bodies, _poses(bodies, q)), strict=True):
+    for body, (rotation, origin) in zip(
+        bodies, _world_poses(bodies, list(map(_pose, bodies, q))), strict=True
+    ):
         energy = energy - gravity @ (rotation @ body.first_moment + origin * body.mass)
     return energy

@@ -168,7 +168,8 @@ def quiet_stderr() -> Iterator[list[str]]:
             saved = os.dup(_STDERR)
             restored.callback(os.close, saved)
             kept = restored.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
-            restored.callback(lambda: (kept.seek(0), said.extend(kept.read().splitlines())))
+            restored.callback(lambda: said.extend(kept.read().splitlines()))
+            restored.callback(kept.seek, 0)  # before that
             os.dup2(kept.fileno(), _STDERR)
             restored.callback(os.dup2, saved, _STDERR)
         yield said
