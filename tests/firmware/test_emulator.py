@@ -156,10 +156,10 @@ def test_stack_is_the_deepest(tmp_path):
 
 def test_a_unit_that_hangs_is_stopped(image):
     with Emulator(image, timeout=2.0) as target:  # time enough to start on a machine that is busy
-        pid = target.pid
+        pid = pid_of(target)
         with pytest.raises(FirmwareError, match=r"has not answered within 2 s"):
             target.exchange(inputs_of(HANG))
-        assert pid is not None and not exists(pid)
+        assert not exists(pid)
         with pytest.raises(FirmwareError, match="use it in a with statement"):
             target.exchange(inputs_of(0))
 
@@ -201,7 +201,7 @@ def test_a_stack_that_is_full_is_told(tmp_path):
 def test_nothing_is_left_when_the_block_is_left(image, error):
     with pytest.raises(error), Emulator(image) as target:
         target.exchange(inputs_of(0))
-        pid = target.pid
+        pid = pid_of(target)
         raise error
     assert not exists(pid)
 
@@ -210,7 +210,7 @@ def test_nothing_is_left_when_the_block_is_left(image, error):
 def test_the_emulator_ends_when_its_owner_is_killed(image):
     code = (
         "import sys, time; from pathlib import Path; from twin_gait.firmware import Emulator\n"
-        "with Emulator(Path(sys.argv[1])) as target: print(target.pid, flush=True); time.sleep(60)"
+        "with Emulator(Path(sys.argv[1])) as target: print(target.process.pid, flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", code, image], stdout=subprocess.PIPE, text=True) as owner:
         assert owner.stdout is not None
@@ -234,6 +234,11 @@ def test_undefined_behaviour_stops_the_unit(probe, tmp_path, compiler):
         host.exchange(rows[:1])
         with pytest.raises(FirmwareError, match="outside the range of representable values"):
             host.exchange(rows[1:])
+
+
+def pid_of(unit: HostUnit | Emulator) -> int:
+    assert unit.process is not None
+    return unit.process.pid
 
 
 def exists(pid: int) -> bool:

@@ -33,12 +33,16 @@ _STATUS = {
 
 
 class UnitProcess:
-    """A unit that waits for inputs, as a context manager: its process starts and ends with the block."""
+    """A unit that waits for inputs, as a context manager: its process starts and ends with the block.
+
+    Attributes:
+        process: Where it runs, or None.
+    """
 
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
         """Keep name for messages, program and arguments, and the longest time in [s] without an answer."""
         self._name, self._command, self._timeout = name, [str(word) for word in command], timeout
-        self._process: Popen[bytes] | None = None
+        self.process: Popen[bytes] | None = None
         self._input_bytes = self._answer_words = 0
         self._calibration = np.zeros(len(_CALIBRATION))  # clock counts of steps of known length
         self._costs = [np.empty((0, _COST), np.uint32)]
@@ -46,9 +50,9 @@ class UnitProcess:
     def __enter__(self) -> Self:
         """Start the process; the unit is as its ``init`` leaves it."""
         # Ctrl-C is for us, who then end the process: a session of its own. Without us its input ends.
-        self._process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
+        self.process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
         try:
-            words = np.frombuffer(self._read(self._process, 4 * _GREETING), np.uint32)
+            words = np.frombuffer(self._read(self.process, 4 * _GREETING), np.uint32)
         except BaseException:
             self._end()
             raise
@@ -59,11 +63,6 @@ class UnitProcess:
     def __exit__(self, *reason: object) -> None:
         """End the process."""
         self._end()
-
-    @property
-    def pid(self) -> int | None:
-        """Number of the process, or None where none runs."""
-        return None if self._process is None else self._process.pid
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
         """Run a tick for each row of inputs, records of any type; rows of outputs as 4-byte words.
@@ -82,12 +81,12 @@ class UnitProcess:
         return words[:, :-_COST].copy()
 
     def _send(self, rows: np.ndarray) -> bytes:
-        if self._process is None or self._process.stdin is None:
+        if self.process is None or self.process.stdin is None:
             raise FirmwareError(f"{self._name} does not run: use it in a with statement")
         with contextlib.suppress(BrokenPipeError):  # reading says why
-            self._process.stdin.write(rows.tobytes())
-            self._process.stdin.flush()
-        return self._read(self._process, 4 * len(rows) * self._answer_words)
+            self.process.stdin.write(rows.tobytes())
+            self.process.stdin.flush()
+        return self._read(self.process, 4 * len(rows) * self._answer_words)
 
     def _read(self, process: Popen[bytes], size: int) -> bytes:
         assert process.stdout is not None  # __enter__ asked for it
@@ -112,7 +111,7 @@ class UnitProcess:
         return [*(line for line in said if "error" in line.lower()), *said[-1:], f"exit status {status}"][0]
 
     def _end(self) -> None:
-        process, self._process = self._process, None
+        process, self.process = self.process, None
         if process is not None:
             with contextlib.suppress(BrokenPipeError), process:
                 process.kill()
