@@ -49,41 +49,34 @@ class Sources:
     def found(self, name: str, scope: Mapping[str, Any]) -> Any:
         """What a global name stands for: a :class:`Source`, a number, a module; None of nothing."""
         if name in self._texts:
-            return self._generated(name, scope.get(name))
+            return self._source(name, scope.get(name))
         value = self.names.get(name, scope.get(name))
         return self.of(value) if isinstance(value, FunctionType) else value
 
     def of(self, function: Callable[..., Any]) -> Source:
         """A function, or what takes its place."""
-        assert isinstance(function, FunctionType)
-        name = function.__name__
-        return self._generated(name, function) if name in self._texts else self._written(function)
+        return self._source(function.__name__, function)
 
-    def _generated(self, name: str, stub: Any) -> Source:
-        """A function of the text; one whose place it takes may say what its arguments are."""
-        if name not in self._read:
-            tree, hints = self._texts[name], get_type_hints(stub) if stub is not None else {}
-            text = ast.get_source_segment(self._text, tree) or ""
-            self._read[name] = self._folded(Source(name, "generated", text, 1, tree, {}, hints))
-        return self._read[name]
-
-    def _written(self, function: FunctionType) -> Source:
-        if function not in self._read:
-            lines, first = inspect.getsourcelines(function)
-            text = textwrap.dedent("".join(lines))
-            tree = ast.parse(text).body[0]
-            assert isinstance(tree, ast.FunctionDef)
-            named = function.__name__, function.__module__, text, first, tree
-            source = Source(*named, function.__globals__, get_type_hints(function))
-            self._read[function] = self._folded(source)
-        return self._read[function]
-
-    def _folded(self, source: Source) -> Source:
-        names = (node for node in ast.walk(source.tree) if isinstance(node, ast.Name))
-        own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
-        own |= {item.arg for item in source.tree.args.args}
-        _Folding(self, source, own).generic_visit(source.tree)
-        return source
+    def _source(self, name: str, function: Any) -> Source:
+        """A function, of the text where it stands there; the other one then says what its arguments are."""
+        key = name if name in self._texts else function
+        if key not in self._read:
+            hints = {} if function is None else get_type_hints(function)
+            if name in self._texts:
+                tree = self._texts[name]
+                text = ast.get_source_segment(self._text, tree) or ""
+                source = Source(name, "generated", text, 1, tree, {}, hints)
+            else:
+                lines, first = inspect.getsourcelines(function)
+                text = textwrap.dedent("".join(lines))
+                (tree,) = (item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef))
+                source = Source(name, function.__module__, text, first, tree, function.__globals__, hints)
+            names = (node for node in ast.walk(tree) if isinstance(node, ast.Name))
+            own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
+            own |= {item.arg for item in tree.args.args}
+            _Folding(self, source, own).generic_visit(tree)
+            self._read[key] = source
+        return self._read[key]
 
 
 class _Folding(ast.NodeTransformer):

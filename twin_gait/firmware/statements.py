@@ -31,12 +31,8 @@ class Statements(Expressions):
 
     def signature(self) -> str:
         """Head of the function without its end."""
-        function, returns = self.function, self.function.returns
-        params = [self._declaration(name) for name in function.params]
-        result = returns.name if isinstance(returns, Scalar) else "void"
-        if isinstance(returns, TupleKind):
-            result = function.result
-        return f"{result} {function.name}({', '.join(params) or 'void'})"
+        params = [self._declaration(name) for name in self.function.params]
+        return f"{self.function.result} {self.function.name}({', '.join(params) or 'void'})"
 
     def definition(self, *, exported: bool) -> list[str]:
         """The function with the first line of its docstring."""

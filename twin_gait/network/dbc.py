@@ -50,12 +50,11 @@ def find_dbc(path_or_name: str | Path) -> Path:
     Raises ParameterFileError if there is no such file.
     """
     path = Path(path_or_name).expanduser()
-    if path.is_file():
-        return path
-    shipped = shipped_file(PACKAGED_DBC) if str(path_or_name) == PACKAGED_DBC else None
-    if shipped is None:
+    ships = str(path_or_name) == PACKAGED_DBC
+    found = path if path.is_file() else shipped_file(PACKAGED_DBC) if ships else None
+    if found is None:
         raise ParameterFileError(path, "", f"no such DBC file; give a path, or {PACKAGED_DBC}, which ships")
-    return shipped
+    return found
 
 
 def load_messages(path_or_name: str | Path = PACKAGED_DBC) -> dict[str, Message]:
