@@ -23,7 +23,7 @@ from twin_gait.core.guards import OP_ALL
 from twin_gait.core.safety import BUS_TRIP, COMMAND_TRIP, JUMP_TRIP, MISSING_TRIP, NO_TRIP
 from twin_gait.exceptions import GaitTableError
 from twin_gait.firmware import Unit, build_object, sizes, units
-from twin_gait.firmware.exchange import record_vectors
+from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import (
     EXOSKELETON,
     GAIT_CONTROLLER,

@@ -15,9 +15,9 @@ from twin_gait.cli.program import main
 from twin_gait.experiment import Experiment
 from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.cross import INSTALL
-from twin_gait.firmware.exchange import record_vectors, walk_with
+from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import Project, print_project
-from twin_gait.firmware.verification import Bench, Check, Verification, cases_of, verify
+from twin_gait.firmware.verification import Bench, Check, Verification, cases_of, verify, walk_with
 from twin_gait.simulation import Run, simulate
 from twin_gait.worlds.faults import FaultKind
 

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Print the project into a folder; its manifest."""
     from twin_gait.configuration.experiments import resolved_document
-    from twin_gait.firmware.exchange import record_vectors
+    from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project
 
     experiment = loaded.experiment

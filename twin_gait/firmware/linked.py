@@ -1,18 +1,58 @@
-"""The controller of an experiment as one unit without a bus."""
+"""The controller of an experiment as one unit without a bus, and what it reads and gives in a run."""
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import reduce
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import pandas as pd
 
 from twin_gait.control.joint_board import Command
 from twin_gait.core.guards import GuardProgram
+from twin_gait.exceptions import FirmwareError
+from twin_gait.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
-from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
+from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.record import dtype_of
+from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import run_of
+from twin_gait.worlds.faults import FaultKind
+
+Progress: TypeAlias = Callable[[int, int], None]  # takes ticks done and ticks in all
+Tick: TypeAlias = Callable[[int, int, np.ndarray, int], int]  # runs one as an engine runs several
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
+
+# Fields of the unit's inputs, and where an engine has them: from the end of a tick to that of the next,
+DRIVES = {
+    "boards.voltage": "joints.voltage",
+    "boards.current": "joints.current",
+    "boards.current_deviation": "joints.current_deviation",
+    "surroundings.bus_voltage": "supply.bus_voltage",
+}
+# and once the sensors have been read;
+SENSORS = {
+    "boards.angle": "joints.board.encoder.angle",
+    "surroundings.loads": "soles.load",
+    "surroundings.common": "controller.common",
+    "surroundings.request": "controller.supervisor.request",
+}
+# of its outputs, at the end of a tick.
+ANSWERS = {
+    "commands": "joints.board.command",
+    "decision.phases": "controller.legs.phase",
+    "decision.transitions": "controller.legs.chosen",
+    "decision.trip_cause": "controller.trip.cause",
+    "decision.trip_part": "controller.trip.part",
+    "decision.mode": "controller.supervisor.mode",
+    "decision.refused": "controller.supervisor.refused",
+}
 
 
 @dataclass(frozen=True)
@@ -75,3 +115,88 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
             ticks = round(comparison.threshold / TICK)
             ticks -= ticks * TICK > comparison.threshold
             comparison.threshold = (ticks + 0.5) * TICK
+
+
+class Vectors(NamedTuple):
+    """A run as the unit sees it."""
+
+    run: Run  # of the compiled engine
+    unit: LinkedUnit  # that is to run on the inputs
+    inputs: np.ndarray  # of each tick, shape ``(n_ticks,)``, laid out as ExoskeletonInputs
+    outputs: np.ndarray  # expected, likewise as ExoskeletonOutputs
+
+    def csv(self, joints: Sequence[str]) -> str:
+        """A tick in a line as runner.c reads it: its inputs, then what is expected."""
+        boards, around = self.inputs["boards"], self.inputs["surroundings"]
+        commands, decision = self.outputs["commands"], self.outputs["decision"]
+        read = ("angle", "voltage", "current", "current_deviation")
+        columns = {f"{joint}_{name}": boards[name][:, k] for k, joint in enumerate(joints) for name in read}
+        columns |= {f"foot_{side}_load": load for side, load in enumerate(around["loads"].T)}
+        columns["bus_voltage"] = around["bus_voltage"]
+        columns |= {name: around["common"][name] for name in around["common"].dtype.fields or ()}
+        if self.run.experiment.modes is not None:
+            columns["request"] = around["request"]
+        for k, joint in enumerate(joints):
+            columns |= {f"{joint}_{name}": commands[name][:, k] for name in ("torque", "target_current")}
+        columns |= {f"foot_{side}_phase": phase for side, phase in enumerate(decision["phases"].T)}
+        table = pd.DataFrame(columns | {"trip_cause": decision["trip_cause"]})
+        return table.to_csv(index=False, lineterminator="\n", na_rep="nan")
+
+
+def record_vectors(
+    experiment: Experiment, progress: Progress | None = None, on_compile: Callable[[], None] | None = None
+) -> Vectors:
+    """Run an experiment on the compiled engine, and keep what the unit reads and gives in each tick.
+
+    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
+    ``on_compile``: called if the engine has to be compiled first. Raises FirmwareError: a fault of the
+    controller itself.
+    """
+    engine = engine_without_bus(experiment, on_compile)
+    unit, ticks, record = linked_unit(engine.problem), experiment.n_ticks, engine.store
+    inputs, outputs = (np.zeros(ticks, dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
+    earlier = pairs_of(DRIVES, inputs, record)
+    now = pairs_of(SENSORS, inputs, record) + pairs_of(ANSWERS, outputs, record)
+
+    def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
+        keep(earlier, tick)
+        engine.run_ticks(tick, end, rows, first_row)
+        keep(now, tick)
+        return end
+
+    run = run_by_ticks(engine, run_tick, progress)
+    return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
+
+
+def engine_without_bus(
+    experiment: Experiment, on_compile: Callable[[], None] | None = None
+) -> CompiledEngine:
+    """The engine of an experiment without its bus; a controller that goes wrong by itself is refused."""
+    for fault in experiment.faults:
+        if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
+            raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
+    return CompiledEngine(build_problem(replace(experiment, network=None)), on_compile=on_compile)
+
+
+def run_by_ticks(engine: CompiledEngine, run_tick: Tick, progress: Progress | None = None) -> Run:
+    """The run of an engine that is taken through every tick by a function."""
+    began = time.perf_counter()
+    result = engine.run(progress, run_tick=run_tick)
+    return run_of(engine.problem, result, time.perf_counter() - began)
+
+
+def pairs_of(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray) -> Pairs:
+    """Fields of rows with those of an engine's record, shape ``(1,)``; a supervisor's where there is one."""
+    modes = "supervisor" in (record["controller"].dtype.fields or ())
+    named = [pair for pair in fields.items() if modes or "supervisor" not in pair[1]]
+    return [(_field(rows, ours), _field(record, theirs)) for ours, theirs in named]
+
+
+def _field(records: np.ndarray, name: str) -> np.ndarray:
+    return reduce(lambda found, part: found[part], name.split("."), records)
+
+
+def keep(pairs: Pairs, tick: int) -> None:
+    """Take what stands in the engine into the row of a tick."""
+    for rows, record in pairs:
+        rows[tick] = record[0]

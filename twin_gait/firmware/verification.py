@@ -9,14 +9,19 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.lib.recfunctions import require_fields, structured_to_unstructured
+from numpy.lib.recfunctions import assign_fields_by_name, require_fields, structured_to_unstructured
 
+from twin_gait.core.safety import NO_TRIP
 from twin_gait.exceptions import MissingToolError
 from twin_gait.experiment import Experiment
+from twin_gait.firmware import linked
 from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
-from twin_gait.firmware.exchange import Progress, Vectors, record_vectors, walk_with
+from twin_gait.firmware.linked import Progress
 from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, Project, print_project
+from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
+from twin_gait.simulation.record import dtype_of
+from twin_gait.simulation.run import Run
 from twin_gait.worlds.faults import Fault, FaultKind
 
 MOST_SHIFT = 1  # ticks between a switch in float and in double numbers
@@ -88,7 +93,7 @@ class Bench:
     """
 
     project: Project
-    vectors: Sequence[Vectors]  # of some runs
+    vectors: Sequence[linked.Vectors]  # of some runs
     folder: Path  # into which C and builds are written
 
     @cached_property
@@ -139,7 +144,7 @@ def verify(
     uses something that the firmware does not have, or a compiler refuses the C.
     """
     project = print_project(experiment)
-    vectors = [record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
+    vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     with TemporaryDirectory() as folder:
         bench = Bench(project, vectors, Path(folder))
         checks = tuple(_tried(name, check, bench) for name, check in CHECKS.items())
@@ -232,6 +237,54 @@ def in_the_loop(bench: Bench) -> Found:
     figures: dict[str, Any] = {"outcome": words[1], "outcome_before": words[0], "strides": strides[1]}
     figures |= {"largest_shift_ticks": shift, "wall_s": walk.wall_s}
     return words[0] == words[1] and strides[0] == strides[1], text, figures
+
+
+def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False) -> Run:
+    """Run an experiment with a unit as its controller.
+
+    The log has the plant and the unit's commands; velocities are as the boards of the simulation estimate
+    them from the same encoders.
+
+    ``unit``: at tick 0. ``project``: that it was built from. ``experiment``: run without its bus. ``double``:
+    whether the unit was built with double numbers, as no Cortex-M4F is. Raises FirmwareError: the unit does
+    not answer, or a fault is one of the controller itself.
+    """
+    engine = linked.engine_without_bus(experiment)
+    plant = loop_of(engine.pattern, None, run_part)
+    recording, address = engine.episode["recording"], engine.store.ctypes.data
+    inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
+    read = linked.pairs_of({**linked.DRIVES, **linked.SENSORS}, inputs, engine.store)
+
+    def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
+        recording["log"], recording["first_row"] = rows.ctypes.data, first_row
+        plant(address, 0, tick)
+        linked.keep(read, 0)
+        _obey(engine, unit.exchange(require_fields(inputs, given)).view(taken)[0, 0], tick)
+        plant(address, 1, tick)
+        return end
+
+    return linked.run_by_ticks(engine, run_tick)
+
+
+def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
+    """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
+    e, decision = engine.episode, answer["decision"]
+    commands, trip, recording = e["joints"]["board"]["command"], e["controller"]["trip"], e["recording"]
+    assign_fields_by_name(commands, answer["commands"], zero_unassigned=False)
+    if "mode" in (decision.dtype.fields or ()):
+        supervisor = e["controller"]["supervisor"]
+        supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
+    if trip["tick"] >= 0:
+        return
+    for number, (leg, phase) in enumerate(zip(e["controller"]["legs"], decision["phases"], strict=True)):
+        if phase != leg["phase"]:
+            if recording["n_switches"] < recording["most_switches"]:
+                row = (tick, number, leg["phase"], phase, decision["transitions"][number])
+                engine.switches[recording["n_switches"]] = row
+                recording["n_switches"] += 1
+            leg["phase"], leg["entry_tick"] = phase, tick
+    if decision["trip_cause"] != NO_TRIP:
+        trip["tick"], trip["cause"], trip["part"] = tick, decision["trip_cause"], decision["trip_part"]
 
 
 def _moved(shift: int | None) -> str:

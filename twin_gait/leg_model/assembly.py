@@ -44,7 +44,7 @@ class Assembly:
         self.model = self._lock_other_joints(model)
         for leg in self.legs.values():
             for _, name in leg.items():
-                self._check_joint(name)
+                self._check_joint(name, first=name == leg.hip)
         turned = reversed_joints(path, self.model, legs, self._up)
         if turned:
             self.model = self._lock_other_joints(self._read(turned))
@@ -55,8 +55,6 @@ class Assembly:
         The mass of a link stays; its centre of mass along the tube moves with the length and its
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
         from the ankle in the same proportion.
-
-        Raises ModelError if two joints coincide, so that there is no tube between them.
         """
         (lateral,) = np.flatnonzero(np.cross(self._up, FORWARD))
         for leg in self.legs.values():
@@ -78,8 +76,7 @@ class Assembly:
     def put_on(self, patient: Patient, *, alone: bool = False) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
-        ``alone``: leave the joints where they are and the links of the device without mass. Raises ModelError
-        if hip and knee coincide, so that there is no thigh between them.
+        ``alone``: leave the joints where they are and the links of the device without mass.
         """
         for joint in range(self.model.njoints) if alone else ():
             self.model.inertias[joint] = pin.Inertia.Zero()
@@ -87,10 +84,6 @@ class Assembly:
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
-            if not thigh.any():
-                raise ModelError(
-                    f"{self._path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
-                )
             if leg.ankle is None:
                 shank = SHANK_LENGTH * patient.height * (thigh / np.linalg.norm(thigh))
             else:
@@ -153,8 +146,8 @@ class Assembly:
         locked = [model.getJointId(name) for name in model.names if name not in wanted]
         return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 
-    def _check_joint(self, name: str) -> None:
-        """One angle about an axis, with limits in radians."""
+    def _check_joint(self, name: str, *, first: bool) -> None:
+        """One angle about an axis, away from the joint above it if it is not the first, limits in radians."""
         joint = self.model.joints[self._id(name)]
         kind = joint.shortname().removeprefix("JointModel")
         limits = self.model.lowerPositionLimit, self.model.upperPositionLimit
@@ -163,6 +156,8 @@ class Assembly:
             problem = f"is {kind} with {joint.nv} degrees of freedom; expected a revolute one"
         elif not np.any(joint.createData().S):
             problem = "has an axis of zeros; expected a direction"
+        elif not first and not self.model.jointPlacements[self._id(name)].translation.any():
+            problem = "and the one above it coincide; expected a segment between them"
         elif not low < high:
             problem = f"can turn from {low:g} to {high:g} rad; expected lower below upper in its <limit>"
         elif LARGEST_LIMIT < max(-low, high) <= math.degrees(LARGEST_LIMIT):
@@ -176,13 +171,7 @@ class Assembly:
 
     def _stretch(self, proximal: int, distal: int, length: float) -> None:
         placement = self.model.jointPlacements[distal]
-        old = float(np.linalg.norm(placement.translation))
-        if old == 0.0:
-            names = f"{self.model.names[proximal]!r} and {self.model.names[distal]!r}"
-            raise ModelError(
-                f"{self._path}: joints {names} coincide, so nothing can be fitted; use fit_device: false"
-            )
-        ratio = length / old
+        ratio = length / float(np.linalg.norm(placement.translation))
         placement.translation = placement.translation * ratio
         self._grow(proximal, ratio)
 
