@@ -16,6 +16,11 @@ from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 # Arrays of numbers and symbols, for which numpy has no type.
 Vector: TypeAlias = Any
 Matrix: TypeAlias = Any
+Bodies: TypeAlias = Sequence[BodyArrays]
+Points: TypeAlias = Sequence[ContactPoint]
+# From number, position and velocity of a point in the world to its force along world x and z (first two
+# results) and anything else.
+Law: TypeAlias = Callable[[int, Vector, Vector], list[Scalar]] | None
 
 
 def vector(values: Sequence[Any]) -> Vector:
@@ -75,10 +80,7 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
-ContactLaw = Callable[[int, Vector, Vector], list[Scalar]]
-
-
-def _world_poses(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[tuple[Matrix, Vector]]:
+def _world_poses(bodies: Bodies, poses: Sequence[_Pose]) -> list[tuple[Matrix, Vector]]:
     """Orientation and origin of every body in the world."""
     found: list[tuple[Matrix, Vector]] = []
     for body, pose in zip(bodies, poses, strict=True):
@@ -91,18 +93,11 @@ def _world_poses(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[t
 
 
 def inverse_dynamics(
-    bodies: Sequence[BodyArrays],
-    q: Vector,
-    v: Vector,
-    a: Vector,
-    gravity: Vector,
-    contacts: Sequence[ContactPoint] = (),
-    contact_law: ContactLaw | None = None,
+    bodies: Bodies, q: Vector, v: Vector, a: Vector, gravity: Vector, contacts: Points = (), law: Law = None
 ) -> InverseDynamics:
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
-    ``gravity``: acceleration of gravity in the world frame. ``contact_law``: from number, position and
-    velocity of a point in the world to its force along world x and z (first two results) and anything else.
+    ``gravity``: acceleration of gravity in the world frame.
     """
     poses = list(map(_pose, bodies, q))
     velocity: list[tuple[Vector, Vector]] = []
@@ -140,11 +135,11 @@ def inverse_dynamics(
         linear_force = al * body.mass + cross(aw, body.first_moment) + cross(w, momentum_l)
         rotation, origin = world[index]
         for number, point in enumerate(contacts):
-            if point.body != index or contact_law is None:
+            if point.body != index or law is None:
                 continue
             position = origin + rotation @ point.position
             speed = rotation @ (linear + cross(w, point.position))
-            results[number] = contact_law(number, position, speed)
+            results[number] = law(number, position, speed)
             local = rotation.T @ vector([results[number][0], 0.0, results[number][1]])
             linear_force = linear_force - local
             moment = moment - cross(point.position, local)
@@ -161,7 +156,7 @@ def inverse_dynamics(
     return InverseDynamics(bias, results, force, 0.5 * twice_kinetic)
 
 
-def mass_matrix(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
+def mass_matrix(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
     """Joint-space inertia (lower triangle along the tree), armature included."""
     poses = list(map(_pose, bodies, q))
     n = len(bodies)
@@ -207,9 +202,7 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
     return (parent_mass + mass, parent_first + turned_first + p * mass, parent_inertia + moved)
 
 
-def solve_along_tree(
-    bodies: Sequence[BodyArrays], matrix: list[list[Scalar]], right: list[Scalar]
-) -> list[Scalar]:
+def solve_along_tree(bodies: Bodies, matrix: list[list[Scalar]], right: list[Scalar]) -> list[Scalar]:
     """Solve M a = r with the branch-sparse L'DL factorisation (Featherstone, section 6.5)."""
     n = len(bodies)
     ancestors: list[list[int]] = []  # the nearest first
@@ -236,27 +229,21 @@ def solve_along_tree(
 
 
 def forward_dynamics(
-    bodies: Sequence[BodyArrays],
-    q: Vector,
-    v: Vector,
-    tau: Vector,
-    gravity: Vector,
-    contacts: Sequence[ContactPoint] = (),
-    contact_law: ContactLaw | None = None,
+    bodies: Bodies, q: Vector, v: Vector, tau: Vector, gravity: Vector, contacts: Points = (), law: Law = None
 ) -> tuple[list[Scalar], list[list[Scalar]]]:
     """Accelerations under joint torques and contact forces, and results of the contact law per point."""
-    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, contact_law)
+    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, law)
     right = [torque - load for torque, load in zip(tau, bias.torques, strict=True)]
     return solve_along_tree(bodies, mass_matrix(bodies, q), right), bias.contacts
 
 
-def joint_space_inertia(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
+def joint_space_inertia(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
     """Mass matrix with armature, both triangles."""
     lower, places = mass_matrix(bodies, q), range(len(bodies))
     return [[lower[max(i, j)][min(i, j)] for j in places] for i in places]
 
 
-def potential_energy(bodies: Sequence[BodyArrays], q: Vector, gravity: Vector) -> Scalar:
+def potential_energy(bodies: Bodies, q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     energy: Scalar = 0.0
     for body, (rotation, origin) in zip(
