@@ -41,7 +41,7 @@ class UnitProcess:
 
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
         """Keep name for messages, program and arguments, and the longest time in [s] without an answer."""
-        self._name, self._command, self._timeout = name, [str(word) for word in command], timeout
+        self._name, self._command, self._timeout = name, list(map(str, command)), timeout
         self.process: Popen[bytes] | None = None
         self._input_bytes = self._answer_words = 0
         self._calibration = np.zeros(len(_CALIBRATION))  # clock counts of steps of known length
@@ -50,12 +50,12 @@ class UnitProcess:
     def __enter__(self) -> Self:
         """Start the process; the unit is as its ``init`` leaves it."""
         # Ctrl-C is for us, who then end the process: a session of its own. Without us its input ends.
-        self.process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
-        try:
-            words = np.frombuffer(self._read(self.process, 4 * _GREETING), np.uint32)
-        except BaseException:
-            self._end()
-            raise
+        process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
+        self.process = process
+        with contextlib.ExitStack() as unless_it_greets:
+            unless_it_greets.callback(self._end)
+            words = np.frombuffer(self._read(process, 4 * _GREETING), np.uint32)
+            unless_it_greets.pop_all()
         self._input_bytes, self._answer_words = int(words[0]), int(words[1]) // 4 + _COST
         self._calibration = words[3:].astype(float)
         return self
@@ -73,20 +73,20 @@ class UnitProcess:
         if rows.nbytes != len(rows) * self._input_bytes:
             size = rows.nbytes // max(len(rows), 1)
             raise FirmwareError(f"{self._name} takes inputs of {self._input_bytes} bytes a tick, got {size}")
+        process, answers = self.process, list[bytes]()
+        if process is None:
+            raise FirmwareError(f"{self._name} does not run: use it in a with statement")
+        assert process.stdin is not None  # __enter__ asked for it
         # As much as the pipes hold: else each side might wait for the other to read.
         ticks = max(1, _PIPE // max(self._input_bytes, 4 * self._answer_words))
-        content = b"".join(self._send(rows[first : first + ticks]) for first in range(0, len(rows), ticks))
-        words = np.frombuffer(content, np.uint32).reshape(len(rows), self._answer_words)
+        for part in (rows[first : first + ticks] for first in range(0, len(rows), ticks)):
+            with contextlib.suppress(BrokenPipeError):  # reading says why
+                process.stdin.write(part.tobytes())
+                process.stdin.flush()
+            answers.append(self._read(process, 4 * len(part) * self._answer_words))
+        words = np.frombuffer(b"".join(answers), np.uint32).reshape(len(rows), self._answer_words)
         self._costs.append(words[:, -_COST:])
         return words[:, :-_COST].copy()
-
-    def _send(self, rows: np.ndarray) -> bytes:
-        if self.process is None or self.process.stdin is None:
-            raise FirmwareError(f"{self._name} does not run: use it in a with statement")
-        with contextlib.suppress(BrokenPipeError):  # reading says why
-            self.process.stdin.write(rows.tobytes())
-            self.process.stdin.flush()
-        return self._read(self.process, 4 * len(rows) * self._answer_words)
 
     def _read(self, process: Popen[bytes], size: int) -> bytes:
         assert process.stdout is not None  # __enter__ asked for it

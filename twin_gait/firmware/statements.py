@@ -152,13 +152,12 @@ class Statements(Expressions):
     def _condition(self, node: ast.If, word: str) -> None:
         self._emit(f"{word} ({self.fit(node.test, self.whole(node.test), BOOL).text}) {{")
         self._inner(node.body)
-        match node.orelse:
-            case [ast.If() as other]:
-                self._condition(other, "} else if")
-                return
-            case [_, *_]:
-                self._emit("} else {")
-                self._inner(node.orelse)
+        if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
+            self._condition(node.orelse[0], "} else if")
+            return
+        if node.orelse:
+            self._emit("} else {")
+            self._inner(node.orelse)
         self._emit("}")
 
     def _inner(self, statements: Sequence[ast.stmt], first: str = "") -> None:

@@ -194,7 +194,7 @@ def write_observe(kernel: KernelBodies) -> str:
 
     result = rigid_body.inverse_dynamics(made.bodies, q, v, a, made.gravity, made.points, known_force)
     potential = rigid_body.potential_energy(made.bodies, q, made.gravity)
-    wrenches = [result.wrenches[guide] for guide in kernel.guides]
+    wrenches = [result.wrenches[guide] for guide in kernel.guides]  # the moment in pitch, the force forwards
     moment, force = (
         sum(item[0][1] for item in wrenches),
         sum(item[1][0] for item in wrenches),
