@@ -1,7 +1,7 @@
 """From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +105,7 @@ class Assembly:
                 values[self.model.joints[self._id(name)].idx_v] = armature.get(joint, 0.0)
         self.model.armature, self.model.gravity.linear = values, -gravity * self._up
 
-    def _read(self, turned: Collection[str] = ()) -> pin.Model:
+    def _read(self, turned: frozenset[str] = frozenset()) -> pin.Model:
         upward = pin.JointModelPZ() if self._up[2] else pin.JointModelPY()
         leaning = pin.JointModelRevoluteUnaligned(np.cross(self._up, FORWARD))
         joints = dict(zip(ALL_GUIDES, (pin.JointModelPX(), upward, leaning), strict=True))

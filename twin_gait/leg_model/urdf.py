@@ -6,7 +6,7 @@ import os
 import tempfile
 import threading
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -48,16 +48,17 @@ def find_urdf(path_or_name: str | Path) -> Path:
     raise ModelError(f"{path}: no such URDF file; give a path, or one of {', '.join(PACKAGED_URDFS)}")
 
 
-def read_urdf(path: Path) -> str:
-    """Read a URDF as text, check that it is XML, and unwrap continuous joints.
+def read_urdf(path: Path, turned: frozenset[str] = frozenset()) -> str:
+    """Read a URDF as text, check that it is XML, unwrap continuous joints, and turn some joints round.
 
     Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine). Every law here acts on
     one angle, so such joints become revolute ones without limits.
 
-    Raises ModelError if the file cannot be read or is not a URDF.
+    ``turned``: joints that get the opposite axis, and limits to it. Raises ModelError if the file cannot be
+    read or is not a URDF.
     """
     try:
-        return _checked_text(path, path.read_text(encoding="utf-8"))
+        return _checked_text(path, path.read_text(encoding="utf-8"), turned)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error.strerror})") from error
     except (ElementTree.ParseError, ValueError) as error:
@@ -65,7 +66,7 @@ def read_urdf(path: Path) -> str:
 
 
 @lru_cache(maxsize=16)  # a batch asks for the same file thousands of times
-def _checked_text(path: Path, text: str) -> str:
+def _checked_text(path: Path, text: str, turned: frozenset[str]) -> str:
     root = ElementTree.fromstring(text)
     if root.tag != "robot":
         raise ValueError(f"the outer element is <{root.tag}>")
@@ -75,13 +76,21 @@ def _checked_text(path: Path, text: str) -> str:
                 what = f"{element.tag} {key} of link {link.get('name')!r}"
                 raise ModelError(f"{path}: {what}: expected 0 or more, got {element.get(key)!r}")
     for joint in root.iter("joint"):
+        limit = joint.find("limit")
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
-            limit = joint.find("limit")
             if limit is None:
                 limit = ElementTree.SubElement(joint, "limit", effort="1e3", velocity="1e3")
-            limit.set("lower", "-1e3")
-            limit.set("upper", "1e3")
+            limit.attrib |= {"lower": "-1e3", "upper": "1e3"}
+        if joint.get("name") in turned:
+            axis = joint.find("axis")
+            if axis is None:
+                axis = ElementTree.SubElement(joint, "axis")
+            # 0 - x, so that no zero becomes -0.
+            axis.set("xyz", " ".join(repr(0.0 - float(word)) for word in axis.get("xyz", "1 0 0").split()))
+            assert limit is not None  # the parser has read the file before
+            low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
+            limit.attrib |= {"lower": repr(0.0 - high), "upper": repr(0.0 - low)}
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -99,17 +108,15 @@ def urdf_hash(path: Path) -> str:
 
 
 def build_model(
-    path: Path, root_joints: Sequence[tuple[pin.JointModel, str]] = (), reversed_joints: Collection[str] = ()
+    path: Path, root_joints: Sequence[tuple[pin.JointModel, str]] = (), turned: frozenset[str] = frozenset()
 ) -> pin.Model:
     """Build a Pinocchio model of a URDF file.
 
     ``root_joints``: joints between world and root link with their names; none fixes the root link.
-    ``reversed_joints``: joints whose angle is counted the other way than in the file. Raises ModelError if
-    Pinocchio refuses the file.
+    ``turned``: joints whose angle is counted the other way than in the file. Raises ModelError if Pinocchio
+    refuses the file.
     """
-    text = read_urdf(path)
-    if reversed_joints:
-        text = _with_reversed(text, reversed_joints)
+    text = read_urdf(path, turned)
     model, reason = None, ""
     with quiet_stderr() as said:
         try:
@@ -135,25 +142,6 @@ def _built(text: str, root_joints: Sequence[tuple[pin.JointModel, str]]) -> pin.
         frame = carrier.addJointFrame(carrier.addJoint(0, joint, pin.SE3.Identity(), name))
         model = pin.appendModel(carrier, model, frame, pin.SE3.Identity())
     return model
-
-
-def _with_reversed(text: str, names: Collection[str]) -> str:
-    """URDF text in which some joints turn about the opposite axis, limits turned with them."""
-    root = ElementTree.fromstring(text)
-    for joint in root.iter("joint"):
-        if joint.get("name") not in names:
-            continue
-        axis = joint.find("axis")
-        if axis is None:
-            axis = ElementTree.SubElement(joint, "axis")
-        # 0 - x, so that no zero becomes -0.
-        axis.set("xyz", " ".join(repr(0.0 - float(word)) for word in axis.get("xyz", "1 0 0").split()))
-        limit = joint.find("limit")
-        if limit is not None:
-            low, high = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-            limit.set("lower", repr(0.0 - high))
-            limit.set("upper", repr(0.0 - low))
-    return ElementTree.tostring(root, encoding="unicode")
 
 
 @contextlib.contextmanager
