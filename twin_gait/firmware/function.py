@@ -96,20 +96,14 @@ class Functions:
                 Statements(self, known).definition(exported=False)
                 self._open.pop()
                 self.order.append(known)
-        self._agree(known, params)
+        # Of other kinds than in the calls before, or a list of another length where that matters.
+        for name, kind in params.items():
+            before, both = known.params[name], joined(known.params[name], kind)
+            if (both is None and kind is not None) or (both != before and name in known.lengths):
+                raise source.refused(source.tree.args, f"{name} is of two kinds in two calls")
+            known.params[name] = both
         return known
 
     def embed(self, shapes: Shapes) -> None:
         """Note that all of some records may be written outside."""
         self.mutable |= {(record, name) for record, fields in shapes.fields.items() for name in fields}
-
-    @staticmethod
-    def _agree(function: Function, params: dict[str, Kind]) -> None:
-        """Refuse arguments of other kinds than in the calls before; of a list's length where it matters."""
-        for name, kind in params.items():
-            known, both = function.params[name], joined(function.params[name], kind)
-            if (both is None and kind is not None) or (both != known and name in function.lengths):
-                raise function.source.refused(
-                    function.source.tree.args, f"{name} is of two kinds in two calls"
-                )
-            function.params[name] = both

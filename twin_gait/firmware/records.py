@@ -4,6 +4,7 @@ What no printed function writes to is a parameter: a structure has its address, 
 is part of the structure, and lies in RAM.
 """
 
+import inspect
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -13,7 +14,7 @@ from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import kinds
 from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import Function, Functions
-from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
+from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, identifier, wrapped
 from twin_gait.simulation.problem import NEVER
 
 
@@ -50,20 +51,15 @@ class Records:
 
     def dtype(self, record: type, real: str) -> np.dtype[Any]:
         """Layout of a record in C, its numbers of a type, addresses of tables as a Cortex-M has them."""
-
-        def layout(kind: kinds.Kind) -> tuple[Any, tuple[int, ...]]:
-            if isinstance(kind, kinds.ListKind):
-                assert kind.length is not None  # of inputs and outputs there is one sample
-                entry, shape = layout(kind.item)
-                return entry, (kind.length, *shape)
-            if isinstance(kind, kinds.RecordKind):
-                return self.dtype(kind.record, real), ()
-            return real if kind is kinds.REAL else "?" if kind is kinds.BOOL else "i4", ()
-
-        fields = [
-            (name, "u4") if self.is_table(record, name) else (name, *layout(kind))
-            for name, kind in self.used(record)
-        ]
+        codes: dict[kinds.Kind, Any] = {kinds.REAL: real, kinds.INT: "i4", kinds.BOOL: "?"}
+        fields: list[Any] = []
+        for name, kind in self.used(record):
+            shape = []
+            while isinstance(kind, kinds.ListKind):
+                shape.append(kind.length)
+                kind = kind.item
+            entry = self.dtype(kind.record, real) if isinstance(kind, kinds.RecordKind) else codes[kind]
+            fields.append((name, "u4") if self.is_table(record, name) else (name, entry, tuple(shape)))
         return np.dtype(fields, align=True)
 
     def structures(self) -> list[str]:
@@ -83,7 +79,8 @@ class Records:
         return [line for lines in found.values() for line in lines]
 
     def _structure(self, record: type, names: Iterable[str]) -> list[str]:
-        lines, says = [*comment(docstring_of(record)), "typedef struct {"], attributes_of(record)
+        says, first = attributes_of(record), (inspect.getdoc(record) or "").split("\n")[0]
+        lines = [*comment(first), "typedef struct {"]
         for name in names:
             lines += [*comment(says.get(name, ""), INDENT), f"    {self.member(record, name)};"]
         return [*lines, f"}} {record.__name__};", ""]
