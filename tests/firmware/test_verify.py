@@ -48,7 +48,7 @@ def bench(project, tmp_path_factory) -> Bench:
     """Builds, and vectors with each fault."""
     require_tools("gcc")
     vectors = [record_vectors(case) for case in cases_of(project.problem.experiment)]
-    return Bench(project, vectors, tmp_path_factory.mktemp("bench"))
+    return Bench(project, vectors, project.write_linked(tmp_path_factory.mktemp("bench")))
 
 
 def assert_proven(found: Verification) -> None:
@@ -158,7 +158,7 @@ def test_a_wrong_c_is_found(bench, tmp_path, name):
     assert text.count(good) == 1
     files = {**project.program.files, "exoskeleton.c": text.replace(good, bad)}
     wrong = replace(project, program=project.program._replace(files=files))
-    passed, _, figures = verifying.host_in_double(Bench(wrong, bench.vectors, tmp_path))
+    passed, _, figures = verifying.host_in_double(Bench(wrong, bench.vectors, wrong.write_linked(tmp_path)))
     assert passed is False and figures["differing"] > 100
 
 

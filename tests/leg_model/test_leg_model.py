@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_robots import twin_joints
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ModelError, ParameterError
@@ -451,7 +452,7 @@ def test_joints_that_are_not_asked_for_are_locked_at_zero(
     both_legs: dict[Side, LegJoints], twin: LegModel
 ) -> None:
     """One leg without its ankle out of the whole device: the rest hangs stiffly."""
-    one = LegModel("twin.urdf", {Side.RIGHT: LegJoints.of_twin(Side.RIGHT, foot=False)})
+    one = LegModel("twin.urdf", {Side.RIGHT: twin_joints(Side.RIGHT, foot=False)})
     assert one.nv == 2
     q = np.zeros(6)
     hip, knee = (twin.index(Side.RIGHT, joint) for joint in (JointName.HIP, JointName.KNEE))
@@ -588,7 +589,7 @@ CHAINS = {
 
 @pytest.mark.parametrize(("names", "explained"), CHAINS.values(), ids=list(CHAINS))
 def test_legs_whose_parts_do_not_hang_together_are_refused(names: dict[str, Any], explained: str) -> None:
-    refused("twin.urdf", explained, legs={Side.LEFT: replace(LegJoints.of_twin(Side.LEFT), **names)})
+    refused("twin.urdf", explained, legs={Side.LEFT: replace(twin_joints(Side.LEFT), **names)})
 
 
 def test_joints_that_coincide_cannot_carry_a_segment(tmp_path: Path) -> None:

@@ -103,7 +103,3 @@ class Functions:
                 raise source.refused(source.tree.args, f"{name} is of two kinds in two calls")
             known.params[name] = both
         return known
-
-    def embed(self, shapes: Shapes) -> None:
-        """Note that all of some records may be written outside."""
-        self.mutable |= {(record, name) for record, fields in shapes.fields.items() for name in fields}

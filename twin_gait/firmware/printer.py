@@ -66,7 +66,8 @@ def print_units(
     functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]))
     entries = {unit.name: [functions.entry(sources.of(item)) for item in unit.entries] for unit in units}
     every = [item for found in entries.values() for item in found]
-    functions.embed(Shapes(shapes))
+    outside = Shapes(shapes).fields.items()  # all of these may be written there
+    functions.mutable |= {(record, name) for record, fields in outside for name in fields}
     records = Records(functions, every)
     body = {"types.h": _header("types", ["real.h"], records.structures())}
     for unit in units:

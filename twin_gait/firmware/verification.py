@@ -94,22 +94,17 @@ class Bench:
 
     project: Project
     vectors: Sequence[linked.Vectors]  # of some runs
-    folder: Path  # into which C and builds are written
-
-    @cached_property
-    def unit(self) -> Unit:
-        """The C of the linked unit, written with that of all others."""
-        return self.project.write_linked(self.folder)
+    unit: Unit  # its C, beside which builds are written
 
     def host(self, *, double: bool) -> HostUnit:
         """The unit on this machine."""
-        path = self.folder / ("double" if double else "single")
+        path = self.unit.folder / ("double" if double else "single")
         return HostUnit(build_host(self.unit, path, flags=["-DREAL_DOUBLE"] if double else []))
 
     @cached_property
     def target(self) -> Emulator:
         """The unit on a Cortex-M4F."""
-        return Emulator(build_image(self.unit, self.folder / "image.elf"))
+        return Emulator(build_image(self.unit, self.unit.folder / "image.elf"))
 
     def outputs(self, unit: UnitProcess, *, double: bool = False) -> list[np.ndarray]:
         """What a build gives for all vectors."""
@@ -146,7 +141,7 @@ def verify(
     project = print_project(experiment)
     vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     with TemporaryDirectory() as folder:
-        bench = Bench(project, vectors, Path(folder))
+        bench = Bench(project, vectors, project.write_linked(Path(folder)))
         checks = tuple(_tried(name, check, bench) for name, check in CHECKS.items())
     return Verification(project.program.source_hash, checks)
 
@@ -207,7 +202,7 @@ def target_in_float(bench: Bench) -> Found:
     passed, same, figures = _same_bits(bench.single, bench.outputs(bench.target))
     counts, sizes_of = bench.target.instructions, {}
     for name in (JOINT_BOARD, GAIT_CONTROLLER):
-        flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.folder))
+        flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.unit.folder))
         sizes_of[name] = {"flash": flash, "ram": variables + bench.project.record_bytes[name]}
     figures |= {
         "instructions_mean": float(counts.mean()),

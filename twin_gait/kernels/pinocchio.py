@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from twin_gait.core.contact import Ground, Point, ground_contact_force, sloped_contact_force
 from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.bodies import contact_points
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.vocabulary import Side
 from twin_gait.worlds.world import World
@@ -26,7 +27,7 @@ class _Foot(NamedTuple):
 
     joint: int
     first: int
-    points: tuple[tuple[float, float, float], ...]
+    points: list[list[float]]
 
 
 class GroundContacts:
@@ -43,12 +44,10 @@ class GroundContacts:
         self.feet: dict[Side, _Foot] = {}
         first = 0
         for side in world.model.sides:
-            names = world.contact_frames.get(side, ())
-            frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
-            points = tuple(tuple(frame.placement.translation.tolist()) for frame in frames)
-            if frames:
-                self.feet[side] = _Foot(int(frames[0].parentJoint), first, points)
-            first += len(frames)
+            points = contact_points(self.model, world.contact_frames.get(side, ()))
+            if points:
+                self.feet[side] = _Foot(points[0].body + 1, first, [point.position for point in points])
+            first += len(points)
 
     def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Points) -> float:
         """Evaluate a state of the model; the points of the soles are changed. Returns the power in [W]."""
