@@ -90,11 +90,6 @@ def _run(tool: str, words: Sequence[object]) -> str:
     if done.returncode != 0:
         if "nano.specs" in done.stderr:
             raise MissingToolError(f"{tool}: the C library newlib is not installed: {INSTALL}")
-        raise FirmwareError(f"{tool}: {_reason(done.stderr) or f'exit status {done.returncode}'}")
+        lines = [line.strip() for line in done.stderr.splitlines()] or [f"exit status {done.returncode}"]
+        raise FirmwareError(f"{tool}: {next(filter(_CAUSE.search, lines), lines[0])}")
     return done.stdout
-
-
-def _reason(said: str) -> str:
-    """The first line of a compiler or linker that says what is wrong."""
-    lines = [line.strip() for line in said.splitlines()]
-    return next(filter(_CAUSE.search, lines), next(iter(lines), ""))

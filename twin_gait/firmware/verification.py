@@ -56,12 +56,6 @@ def largest_shift(first: Events, second: Events) -> int | None:
     return max((abs(ours - theirs) for (ours, _), (theirs, _) in zip(first, second, strict=True)), default=0)
 
 
-def current_errors(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Root mean square of the differences of the target currents in [A], shape ``(n_joints,)``."""
-    ours, theirs = (outputs["commands"]["target_current"].astype(float) for outputs in (first, second))
-    return np.asarray(np.sqrt(np.mean((ours - theirs) ** 2, axis=0)))
-
-
 class Check(NamedTuple):
     """A part of the proof."""
 
@@ -142,8 +136,13 @@ def verify(
     vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     with TemporaryDirectory() as folder:
         bench = Bench(project, vectors, project.write_linked(Path(folder)))
-        checks = tuple(_tried(name, check, bench) for name, check in CHECKS.items())
-    return Verification(project.program.source_hash, checks)
+        checks = []
+        for name, check in CHECKS.items():
+            try:
+                checks.append(Check(name, *check(bench)))
+            except MissingToolError as error:
+                checks.append(Check(name, None, str(error), {}))
+    return Verification(project.program.source_hash, tuple(checks))
 
 
 def cases_of(experiment: Experiment) -> Iterator[Experiment]:
@@ -165,13 +164,6 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
 Found: TypeAlias = tuple[bool, str, dict[str, Any]]  # whether it passes, in a line, and in numbers
 
 
-def _tried(name: str, check: Callable[[Bench], Found], bench: Bench) -> Check:
-    try:
-        return Check(name, *check(bench))
-    except MissingToolError as error:
-        return Check(name, None, str(error), {})
-
-
 def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Found:
     count = sum(structured_to_unstructured(rows).size for rows in first)
     wrong = sum(map(differing, first, second))
@@ -189,7 +181,8 @@ def host_in_float(bench: Bench) -> Found:
     pairs = list(zip(bench.expected, bench.single, strict=True))
     shifts = [largest_shift(events_of(ours), events_of(theirs)) for ours, theirs in pairs]
     shift = None if None in shifts else max(item for item in shifts if item is not None)
-    errors = np.max([current_errors(ours, theirs) for ours, theirs in pairs], axis=0)
+    currents = ([rows["commands"]["target_current"].astype(float) for rows in pair] for pair in pairs)
+    errors = np.max([np.sqrt(np.mean((ours - theirs) ** 2, axis=0)) for ours, theirs in currents], axis=0)
     named = dict(zip(bench.project.joints, errors.tolist(), strict=True))
     worst = max(named, key=lambda joint: named[joint])
     passed = shift is not None and shift <= MOST_SHIFT and named[worst] <= MOST_CURRENT_ERROR
