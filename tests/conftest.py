@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 import pytest
+from example_robots import twin_joints
 from hypothesis import HealthCheck, settings
 from tested_copy import complaint, copies_in_use
 
@@ -72,12 +73,12 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture(scope="session")
 def both_legs() -> dict[Side, LegJoints]:
-    return {side: LegJoints.of_twin(side) for side in Side}
+    return {side: twin_joints(side) for side in Side}
 
 
 @pytest.fixture(scope="session")
 def bench_leg() -> dict[Side, LegJoints]:
-    return {Side.RIGHT: LegJoints.of_twin(Side.RIGHT, foot=False)}
+    return {Side.RIGHT: twin_joints(Side.RIGHT, foot=False)}
 
 
 @pytest.fixture(scope="session")

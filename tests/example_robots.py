@@ -1,4 +1,4 @@
-"""Robots that are not ours."""
+"""Robots that are not ours, and how the joints of ours are called."""
 
 import os
 from importlib import metadata
@@ -6,6 +6,9 @@ from pathlib import Path
 from typing import NoReturn
 
 import pytest
+
+from twin_gait.leg_model import LegJoints
+from twin_gait.vocabulary import Side
 
 ROBOTS_VARIABLE = "TWIN_GAIT_REQUIRE_ROBOTS"
 
@@ -40,3 +43,9 @@ JOINTS = """<robot name="slides">
   <axis xyz="0 0 -1"/></joint>
 <joint name="fixed" type="fixed"><parent link="d"/><child link="e"/></joint>
 </robot>"""
+
+
+def twin_joints(side: Side, *, foot: bool = True) -> LegJoints:
+    """Names of a leg in the URDFs of this project; ``foot``: whether it has an ankle and a foot."""
+    ankle, frames = (f"{side}_ankle", (f"{side}_heel", f"{side}_toe")) if foot else (None, ())
+    return LegJoints(hip=f"{side}_hip", knee=f"{side}_knee", ankle=ankle, contact_frames=frames)

@@ -89,14 +89,13 @@ class PythonUnit:
         """Nothing is left behind."""
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick; inputs and outputs are records of double numbers."""
-        _fill(self._inputs, inputs)
-        self._step(self._record, self._inputs, self._outputs)
-        return np.array(entries(self._outputs), self._dtype)
-
-    def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs; a row of outputs for each."""
-        return np.array([self.exchange(row) for row in inputs], self._dtype)
+        """Run a tick for each row of inputs, records of double numbers; a row of outputs for each."""
+        outputs = np.empty(len(inputs), self._dtype)
+        for tick, row in enumerate(inputs):
+            _fill(self._inputs, row)
+            self._step(self._record, self._inputs, self._outputs)
+            outputs[tick] = entries(self._outputs)  # copied: the lists in it are those of every tick
+        return outputs
 
 
 def _fill(record: Any, values: Any) -> None:

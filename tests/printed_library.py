@@ -13,8 +13,6 @@ from twin_gait.firmware.printer import Program
 from twin_gait.firmware.statements import result_name
 from twin_gait.simulation.problem import NEVER
 
-_WHOLE = {"int8_t": ctypes.c_int8, "int16_t": ctypes.c_int16, "int32_t": ctypes.c_int32}
-
 
 class Library:
     """Functions of a printed program, compiled for this machine.
@@ -68,16 +66,16 @@ class Library:
         """Bring what C has changed in a structure back into the record that it was made of."""
         self._give_back(RecordKind(type(record)), structure, record)
 
-    def _scalar(self, name: str) -> Any:
-        return {REAL.name: self._number, BOOL.name: ctypes.c_bool}.get(name) or _WHOLE[name]
+    def _scalar(self, kind: Scalar) -> Any:
+        return {REAL: self._number, BOOL: ctypes.c_bool, INT: ctypes.c_int32}[kind]
 
     def _result_type(self, kind: Kind) -> Any:
         if isinstance(kind, Scalar):
-            return self._scalar(kind.name)
+            return self._scalar(kind)
         if isinstance(kind, TupleKind):
             if kind not in self._structures:
                 numbered = enumerate(kind.items)
-                fields = [(result_name(k), self._scalar(item.name)) for k, item in numbered]
+                fields = [(result_name(k), self._scalar(item)) for k, item in numbered]
                 self._structures[kind] = type("Result", (ctypes.Structure,), {"_fields_": fields})
             return self._structures[kind]
         return None
@@ -86,11 +84,7 @@ class Library:
         if record not in self._structures:
             fields = []
             for name, kind in self._records.used(record):
-                item = kind.item if isinstance(kind, ListKind) else kind
-                if isinstance(item, Scalar) and not isinstance(kind, ListKind):
-                    part = self._scalar(self._records.type_of(record, name))
-                else:
-                    part = self._item(item)
+                part = self._item(kind.item if isinstance(kind, ListKind) else kind)
                 if self._records.is_table(record, name):
                     part = ctypes.POINTER(part)
                 elif isinstance(kind, ListKind):
@@ -101,12 +95,12 @@ class Library:
         return self._structures[record]
 
     def _item(self, kind: Kind) -> Any:
-        return self._scalar(kind.name) if isinstance(kind, Scalar) else self._type(kind.record)  # type: ignore[union-attr]
+        return self._scalar(kind) if isinstance(kind, Scalar) else self._type(kind.record)  # type: ignore[union-attr]
 
     def _taken(self, kind: Kind, value: Any) -> Any:
         """A value for C."""
         if isinstance(kind, Scalar):
-            return self._scalar(kind.name)(value)
+            return self._scalar(kind)(value)
         if isinstance(kind, ListKind):
             return (self._item(kind.item) * len(value))(*(self._entry(kind.item, item) for item in value))
         assert isinstance(kind, RecordKind)

@@ -144,7 +144,7 @@ def linear_limit(
 def _leg() -> LegModel:
     armature = {joint: BENCH_ACTUATORS[joint].armature for joint in JOINTS}
     return LegModel(
-        "twin_leg.urdf", {Side.RIGHT: LegJoints.of_twin(Side.RIGHT, foot=False)}, armature=armature
+        "twin_leg.urdf", {Side.RIGHT: LegJoints(hip="right_hip", knee="right_knee")}, armature=armature
     )
 
 

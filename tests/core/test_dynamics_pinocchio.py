@@ -73,9 +73,10 @@ def telling_law(ground: Ground, height: float, forward: float, upward: float) ->
 
 def source_of(bodies: list, points: tuple[ContactPoint, ...] = (), up_axis: str = "z") -> str:
     """All functions of a kernel that know a contact law or a law of motion, whatever the number of joints."""
+    shape = kernel.KernelBodies(bodies, points, bodies, up_axis)
     functions = [
-        kernel.write_dynamics(bodies, points, up_axis),
-        kernel.write_contact_forces(bodies, points),
+        kernel.write_dynamics(shape),
+        kernel.write_contact_forces(shape),
         kernel.write_control_gravity(bodies, up_axis),
         kernel.write_control_inertia(bodies),
     ]

@@ -84,7 +84,7 @@ def test_target_host_and_numpy_agree_bit_for_bit(image, program, rng):
     """Subnormal numbers are kept. A NaN is one on all; its sign and payload are the processor's own."""
     rows = any_floats(rng, 20_000)
     with Emulator(image) as target, HostUnit(program) as host:
-        on_target, on_host = (unit.exchange_many(rows).view(OUTPUTS)[:, 0] for unit in (target, host))
+        on_target, on_host = (unit.exchange(rows).view(OUTPUTS)[:, 0] for unit in (target, host))
     a, b = rows["a"], rows["b"]
     total = np.cumsum(np.float32(0.1) * rows["command"].astype("f4"), dtype="f4")
     with np.errstate(all="ignore"):
@@ -104,9 +104,9 @@ def test_target_host_and_numpy_agree_bit_for_bit(image, program, rng):
 def test_one_by_one_and_together_are_the_same_walk(image, rng):
     rows = any_floats(rng, 300)
     with Emulator(image) as target:
-        together = target.exchange_many(rows)
+        together = target.exchange(rows)
     with Emulator(image) as again:
-        single = np.stack([again.exchange(row) for row in rows])
+        single = np.concatenate([again.exchange(row) for row in rows[:, np.newaxis]])
     np.testing.assert_array_equal(single, together)
     np.testing.assert_array_equal(again.instructions, target.instructions)
     assert again.stack_bytes == target.stack_bytes
@@ -126,7 +126,7 @@ def test_instructions_are_those_of_the_listing(tmp_path):
     listed = len(body.splitlines())  # the last one is the return; constants lie behind it
     assert listed > 2 * 37  # a product and a sum each
     with Emulator(build_image(unit, tmp_path / "image.elf")) as target:
-        target.exchange_many(np.linspace(0.0, 1.0, 50, dtype="f4"))
+        target.exchange(np.linspace(0.0, 1.0, 50, dtype="f4"))
     assert set(target.instructions) == {listed}
 
 
@@ -134,7 +134,7 @@ def test_instructions_of_each_tick_are_exact(image):
     """A loop of n turns takes n times what one takes, in long ticks and when the timer starts anew."""
     turns = np.concatenate([np.arange(1, 50), [100_000] * 600, np.arange(49, 0, -1)])
     with Emulator(image) as target:
-        target.exchange_many(inputs_of(*turns))
+        target.exchange(inputs_of(*turns))
     first, second = target.instructions[:2]
     np.testing.assert_array_equal(target.instructions, first + (turns - 1) * (second - first))
     assert target.instructions.sum() > 2**32 / 25.6
@@ -150,23 +150,23 @@ def test_stack_is_the_deepest(tmp_path):
     with Emulator(build_image(unit, tmp_path / "image.elf")) as target:
         target.exchange(np.array([0], "i4"))
         shallow = target.stack_bytes
-        target.exchange_many(np.array([0, 1, 0], "i4"))
+        target.exchange(np.array([0, 1, 0], "i4"))
     assert shallow < 200 and 800 <= target.stack_bytes < 1000
 
 
 def test_a_unit_that_hangs_is_stopped(image):
     with Emulator(image, timeout=2.0) as target:  # time enough to start on a machine that is busy
-        pid = target.pid
+        pid = pid_of(target)
         with pytest.raises(FirmwareError, match=r"has not answered within 2 s"):
-            target.exchange(inputs_of(HANG)[0])
-        assert pid is not None and not exists(pid)
+            target.exchange(inputs_of(HANG))
+        assert not exists(pid)
         with pytest.raises(FirmwareError, match="use it in a with statement"):
-            target.exchange(inputs_of(0)[0])
+            target.exchange(inputs_of(0))
 
 
 def test_a_fault_of_the_processor_is_told(image):
     with Emulator(image) as target, pytest.raises(FirmwareError, match="stopped at a fault"):
-        target.exchange(inputs_of(FAULT)[0])
+        target.exchange(inputs_of(FAULT))
 
 
 def test_a_wrong_image_is_told_in_a_line(tmp_path):
@@ -181,7 +181,7 @@ def test_a_wrong_image_is_told_in_a_line(tmp_path):
 
 def test_inputs_of_another_size_are_refused(program):
     with HostUnit(program) as host, pytest.raises(FirmwareError, match="12 bytes a tick, got 8"):
-        host.exchange(np.zeros(2, "f4"))
+        host.exchange(np.zeros((1, 2), "f4"))
 
 
 def test_a_stack_that_is_full_is_told(tmp_path):
@@ -200,8 +200,8 @@ def test_a_stack_that_is_full_is_told(tmp_path):
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
 def test_nothing_is_left_when_the_block_is_left(image, error):
     with pytest.raises(error), Emulator(image) as target:
-        target.exchange(inputs_of(0)[0])
-        pid = target.pid
+        target.exchange(inputs_of(0))
+        pid = pid_of(target)
         raise error
     assert not exists(pid)
 
@@ -210,7 +210,7 @@ def test_nothing_is_left_when_the_block_is_left(image, error):
 def test_the_emulator_ends_when_its_owner_is_killed(image):
     code = (
         "import sys, time; from pathlib import Path; from twin_gait.firmware import Emulator\n"
-        "with Emulator(Path(sys.argv[1])) as target: print(target.pid, flush=True); time.sleep(60)"
+        "with Emulator(Path(sys.argv[1])) as target: print(target.process.pid, flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", code, image], stdout=subprocess.PIPE, text=True) as owner:
         assert owner.stdout is not None
@@ -231,9 +231,14 @@ def test_undefined_behaviour_stops_the_unit(probe, tmp_path, compiler):
     with HostUnit(
         build_host(probe, tmp_path / "probe", compiler=compiler, flags=[*SANITIZE, "-Werror"])
     ) as host:
-        host.exchange(rows[0])
+        host.exchange(rows[:1])
         with pytest.raises(FirmwareError, match="outside the range of representable values"):
-            host.exchange(rows[1])
+            host.exchange(rows[1:])
+
+
+def pid_of(unit: HostUnit | Emulator) -> int:
+    assert unit.process is not None
+    return unit.process.pid
 
 
 def exists(pid: int) -> bool:

@@ -12,7 +12,7 @@ from printed_library import Library
 
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.firmware import TranslationUnit, print_units
-from twin_gait.firmware.can_codec import NAME, CanFrame, can_messages, can_pack, can_unpack
+from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.network.dbc import load_messages
 
 MESSAGES = load_messages()
@@ -22,7 +22,7 @@ WIDTH = len(next(iter(PRINTED.values())).signals)
 
 def library_of(*, double: bool) -> Library:
     require_tools("gcc")
-    unit = TranslationUnit(NAME, [can_pack, can_unpack], PRINTED)
+    unit = TranslationUnit("can_codec", [can_pack, can_unpack], PRINTED)
     return Library(print_units([unit], shapes=[CanFrame()]), double=double, flags=["-Werror"])
 
 

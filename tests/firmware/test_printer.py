@@ -359,7 +359,7 @@ def test_the_whole_unit_tick_by_tick(device):
 def test_what_nobody_writes_to_is_a_table_in_flash(device):
     text = device.program.files["types.h"]
     assert "const Setpoint *setpoints;" in text and "Setpoint blended;" in text
-    assert "const TransitionRule *transitions;" in text and "    int8_t target;" in text
+    assert "const TransitionRule *transitions;" in text and "    int32_t target;" in text
 
 
 def test_what_a_constant_rules_out_is_not_printed(device):

@@ -14,11 +14,10 @@ from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.experiment import Experiment
 from twin_gait.firmware import verification as verifying
-from twin_gait.firmware.builds import Bench, walk_with
 from twin_gait.firmware.cross import INSTALL
 from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import Project, print_project
-from twin_gait.firmware.verification import Check, Verification, cases_of, verify
+from twin_gait.firmware.verification import Bench, Check, Verification, cases_of, verify, walk_with
 from twin_gait.simulation import Run, simulate
 from twin_gait.worlds.faults import FaultKind
 
@@ -49,7 +48,7 @@ def bench(project, tmp_path_factory) -> Bench:
     """Builds, and vectors with each fault."""
     require_tools("gcc")
     vectors = [record_vectors(case) for case in cases_of(project.problem.experiment)]
-    return Bench(project, vectors, tmp_path_factory.mktemp("bench"))
+    return Bench(project, vectors, project.write_linked(tmp_path_factory.mktemp("bench")))
 
 
 def assert_proven(found: Verification) -> None:
@@ -71,15 +70,13 @@ def assert_proven(found: Verification) -> None:
 @pytest.mark.parametrize("name", TABLES)
 def test_20_s_of_every_shipped_table_are_proven(name):
     require_tools("gcc", *TARGET_TOOLS)
-    found = verify(experiment_of(name, 20.0))
-    assert_proven(found)
-    assert found.loop_walk is not None and len(found.loop_walk.log) == 20_000
+    assert_proven(verify(experiment_of(name, 20.0)))
 
 
 def test_some_seconds_of_the_treadmill_are_proven(bench):
     require_tools("gcc", *TARGET_TOOLS)
     checks = tuple(Check(name, *check(bench)) for name, check in verifying.CHECKS.items())
-    assert_proven(Verification("", checks, bench.vectors[0].run, bench.walk))
+    assert_proven(Verification("", checks))
 
 
 # ------------------------------------------------------------------------- vectors
@@ -89,9 +86,10 @@ def test_some_seconds_of_the_treadmill_are_proven(bench):
 def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(bench):
     assert len(bench.vectors) == len(FaultKind)  # a walk without, and every kind but a controller's own
     tripped = missing = 0
-    for expected, given, vectors in zip(bench.expected, bench.double, bench.vectors, strict=True):
+    double = bench.outputs(bench.host(double=True), double=True)
+    for expected, given, vectors in zip(bench.expected, double, bench.vectors, strict=True):
         with PythonUnit(vectors.unit) as unit:
-            assert verifying.differing(unit.exchange_many(vectors.inputs), vectors.outputs) == 0
+            assert verifying.differing(unit.exchange(vectors.inputs), vectors.outputs) == 0
         assert verifying.differing(expected, given) == 0
         tripped += vectors.run.trip is not None
         missing += bool(np.isnan(vectors.inputs["boards"]["angle"]).any())
@@ -160,7 +158,7 @@ def test_a_wrong_c_is_found(bench, tmp_path, name):
     assert text.count(good) == 1
     files = {**project.program.files, "exoskeleton.c": text.replace(good, bad)}
     wrong = replace(project, program=project.program._replace(files=files))
-    passed, _, figures = verifying.host_in_double(Bench(wrong, bench.vectors, tmp_path))
+    passed, _, figures = verifying.host_in_double(Bench(wrong, bench.vectors, wrong.write_linked(tmp_path)))
     assert passed is False and figures["differing"] > 100
 
 
@@ -192,7 +190,7 @@ def test_switches_that_come_late_or_otherwise_are_told(bench):
 def test_without_tools_nothing_is_claimed(project, monkeypatch):
     monkeypatch.setenv("PATH", "")
     found = verify(replace(project.problem.experiment, duration=1.0))
-    assert [check.passed for check in found.checks] == [None] * 4 and found.loop_walk is None
+    assert [check.passed for check in found.checks] == [None] * 4
     assert found.passed and all("apt-get install" in check.text for check in found.checks)
 
 
@@ -208,23 +206,22 @@ def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp
     assert INSTALL in found.checks[TARGET].text
 
 
-def verification(project: Project, *passed: bool | None) -> Verification:
+def verification(*passed: bool | None) -> Verification:
     checks = tuple(Check(f"check {number}", item, "found", {}) for number, item in enumerate(passed))
-    walk = simulate(replace(project.problem.experiment, duration=0.1))
-    return Verification("hash", checks, walk, None)
+    return Verification("hash", checks)
 
 
 @pytest.mark.parametrize(("passed", "status"), [((True, None), 0), ((True, False), 1)])
-def test_the_command_ends_with_1_only_if_something_is_wrong(project, monkeypatch, capsys, passed, status):
-    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(project, *passed))
+def test_the_command_ends_with_1_only_if_something_is_wrong(monkeypatch, capsys, passed, status):
+    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(*passed))
     assert main(["firmware", "treadmill", "--verify"]) == status
     lines = capsys.readouterr().out.splitlines()
     words = {True: "passed", False: "FAILED", None: "skipped"}
     assert lines[:2] == [f"{words[item]}: check {number}: found" for number, item in enumerate(passed)]
 
 
-def test_the_folder_keeps_what_was_found(project, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(project, True))
+def test_the_folder_keeps_what_was_found(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(True))
     assert main(["firmware", "treadmill", "--verify", "--json", "--out", str(tmp_path / "c")]) == 0
     kept: dict[str, Any] = json.loads((tmp_path / "c" / "verification.json").read_text())
     assert kept["passed"] is True and kept["checks"][0]["name"] == "check 0"

@@ -116,17 +116,6 @@ def test_an_axis_that_is_not_sideways_is_told(tmp_path: Path) -> None:
     LegModel(path, legs(knee="+"))  # warnings are errors
 
 
-def test_a_name_that_begins_with_a_minus_in_the_urdf_is_a_name(tmp_path: Path) -> None:
-    text = packaged_urdf("twin.urdf").read_text(encoding="utf-8")
-    path = tmp_path / "minus.urdf"
-    path.write_text(text.replace('joint name="left_knee"', 'joint name="-left_knee"'), encoding="utf-8")
-    named = legs()
-    named[Side.LEFT] = legs(knee="-")[Side.LEFT]
-    model = LegModel(path, named)
-    assert model.legs[Side.LEFT].knee == "-left_knee"
-    assert ankle_moves(model, JointName.KNEE)[0] < 0.0
-
-
 def walk(preset: str, *settings: str) -> Run:
     return simulate(load_experiment(preset, ["duration_s=1.5", *settings]).experiment)
 

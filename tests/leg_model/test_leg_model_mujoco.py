@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from example_robots import twin_joints
 from numpy.testing import assert_allclose
 
 from twin_gait.leg_model import LegJoints, LegModel
@@ -37,8 +38,8 @@ PATIENTS = [
 
 def legs_of(name: str) -> dict[Side, LegJoints]:
     if name == "twin_leg.urdf":
-        return {Side.RIGHT: LegJoints.of_twin(Side.RIGHT, foot=False)}
-    return {side: LegJoints.of_twin(side) for side in Side}
+        return {Side.RIGHT: twin_joints(Side.RIGHT, foot=False)}
+    return {side: twin_joints(side) for side in Side}
 
 
 def compare(model: LegModel, legs: mujoco.MjModel, rng: np.random.Generator) -> None:

@@ -1,4 +1,3 @@
-from .cross import Sizes as Sizes
 from .cross import Unit as Unit
 from .cross import build_host as build_host
 from .cross import build_image as build_image

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from twin_gait.core.can_codec import SignalLayout, pack_frame, unpack_frame
 from twin_gait.network.dbc import Message
 
-NAME = "can_codec"
 _NOTHING = SignalLayout(0, 0, 0, 0, 0, 1.0, 0.0, 0.0, 0.0)  # a signal without bits, which is 0
 
 

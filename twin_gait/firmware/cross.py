@@ -6,7 +6,6 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from twin_gait.exceptions import FirmwareError, MissingToolError
 
@@ -33,13 +32,6 @@ class Unit:
         record = "".join(word.capitalize() for word in self.name.split("_"))
         names = [f"-DUNIT={self.name}", f"-DUNIT_RECORD={record}", f'-DUNIT_HEADER="{self.name}.h"']
         return [*names, f"-I{self.folder}", f"{self.folder / self.name}.c"]
-
-
-class Sizes(NamedTuple):
-    """Bytes of memory that an object file takes, without the records that their caller keeps."""
-
-    flash: int  # code, constants and the initial values of variables
-    ram: int  # variables
 
 
 def find_tool(name: str) -> str:
@@ -83,10 +75,13 @@ def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Se
     return path
 
 
-def sizes(path: Path) -> Sizes:
-    """Flash and RAM of an object file, as ``arm-none-eabi-size`` counts them."""
+def sizes(path: Path) -> tuple[int, int]:
+    """Bytes of flash and RAM of an object file, without the records that its caller keeps.
+
+    Flash has code, constants and the initial values of variables, as ``arm-none-eabi-size`` counts them.
+    """
     text, data, bss = map(int, _run("arm-none-eabi-size", [path]).splitlines()[1].split()[:3])
-    return Sizes(text + data, data + bss)
+    return text + data, data + bss
 
 
 def _run(tool: str, words: Sequence[object]) -> str:
@@ -95,11 +90,6 @@ def _run(tool: str, words: Sequence[object]) -> str:
     if done.returncode != 0:
         if "nano.specs" in done.stderr:
             raise MissingToolError(f"{tool}: the C library newlib is not installed: {INSTALL}")
-        raise FirmwareError(f"{tool}: {_reason(done.stderr) or f'exit status {done.returncode}'}")
+        lines = [line.strip() for line in done.stderr.splitlines()] or [f"exit status {done.returncode}"]
+        raise FirmwareError(f"{tool}: {next(filter(_CAUSE.search, lines), lines[0])}")
     return done.stdout
-
-
-def _reason(said: str) -> str:
-    """The first line of a compiler or linker that says what is wrong."""
-    lines = [line.strip() for line in said.splitlines()]
-    return next(filter(_CAUSE.search, lines), next(iter(lines), ""))

@@ -33,12 +33,16 @@ _STATUS = {
 
 
 class UnitProcess:
-    """A unit that waits for inputs, as a context manager: its process starts and ends with the block."""
+    """A unit that waits for inputs, as a context manager: its process starts and ends with the block.
+
+    Attributes:
+        process: Where it runs, or None.
+    """
 
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
         """Keep name for messages, program and arguments, and the longest time in [s] without an answer."""
-        self._name, self._command, self._timeout = name, [str(word) for word in command], timeout
-        self._process: Popen[bytes] | None = None
+        self._name, self._command, self._timeout = name, list(map(str, command)), timeout
+        self.process: Popen[bytes] | None = None
         self._input_bytes = self._answer_words = 0
         self._calibration = np.zeros(len(_CALIBRATION))  # clock counts of steps of known length
         self._costs = [np.empty((0, _COST), np.uint32)]
@@ -46,12 +50,12 @@ class UnitProcess:
     def __enter__(self) -> Self:
         """Start the process; the unit is as its ``init`` leaves it."""
         # Ctrl-C is for us, who then end the process: a session of its own. Without us its input ends.
-        self._process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
-        try:
-            words = np.frombuffer(self._read(self._process, 4 * _GREETING), np.uint32)
-        except BaseException:
-            self._end()
-            raise
+        process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
+        self.process = process
+        with contextlib.ExitStack() as unless_it_greets:
+            unless_it_greets.callback(self._end)
+            words = np.frombuffer(self._read(process, 4 * _GREETING), np.uint32)
+            unless_it_greets.pop_all()
         self._input_bytes, self._answer_words = int(words[0]), int(words[1]) // 4 + _COST
         self._calibration = words[3:].astype(float)
         return self
@@ -60,46 +64,35 @@ class UnitProcess:
         """End the process."""
         self._end()
 
-    @property
-    def pid(self) -> int | None:
-        """Number of the process, or None where none runs."""
-        return None if self._process is None else self._process.pid
-
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick: a record of inputs, of any type; outputs as 4-byte words.
+        """Run a tick for each row of inputs, records of any type; rows of outputs as 4-byte words.
 
         Raises FirmwareError: inputs of another size, a process that has ended or does not answer.
         """
-        return np.asarray(self.exchange_many(inputs[np.newaxis])[0])
-
-    def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs, none of which depends on an answer."""
         rows = np.ascontiguousarray(inputs)
         if rows.nbytes != len(rows) * self._input_bytes:
             size = rows.nbytes // max(len(rows), 1)
             raise FirmwareError(f"{self._name} takes inputs of {self._input_bytes} bytes a tick, got {size}")
+        process, answers = self.process, list[bytes]()
+        if process is None:
+            raise FirmwareError(f"{self._name} does not run: use it in a with statement")
+        assert process.stdin is not None  # __enter__ asked for it
         # As much as the pipes hold: else each side might wait for the other to read.
         ticks = max(1, _PIPE // max(self._input_bytes, 4 * self._answer_words))
-        content = b"".join(self._send(rows[first : first + ticks]) for first in range(0, len(rows), ticks))
-        words = np.frombuffer(content, np.uint32).reshape(len(rows), self._answer_words)
+        for part in (rows[first : first + ticks] for first in range(0, len(rows), ticks)):
+            with contextlib.suppress(BrokenPipeError):  # reading says why
+                process.stdin.write(part.tobytes())
+                process.stdin.flush()
+            answers.append(self._read(process, 4 * len(part) * self._answer_words))
+        words = np.frombuffer(b"".join(answers), np.uint32).reshape(len(rows), self._answer_words)
         self._costs.append(words[:, -_COST:])
         return words[:, :-_COST].copy()
 
-    def _send(self, rows: np.ndarray) -> bytes:
-        if self._process is None or self._process.stdin is None:
-            raise FirmwareError(f"{self._name} does not run: use it in a with statement")
-        with contextlib.suppress(BrokenPipeError):  # reading says why
-            self._process.stdin.write(rows.tobytes())
-            self._process.stdin.flush()
-        return self._read(self._process, 4 * len(rows) * self._answer_words)
-
     def _read(self, process: Popen[bytes], size: int) -> bytes:
         assert process.stdout is not None  # __enter__ asked for it
-        poll = select.poll()
-        poll.register(process.stdout, select.POLLIN)
         content = b""
         while len(content) < size:
-            if not poll.poll(self._timeout * 1000.0):
+            if not select.select([process.stdout], [], [], self._timeout)[0]:
                 self._end()
                 raise FirmwareError(f"{self._name} has not answered within {self._timeout:g} s")
             part = os.read(process.stdout.fileno(), size - len(content))
@@ -118,7 +111,7 @@ class UnitProcess:
         return [*(line for line in said if "error" in line.lower()), *said[-1:], f"exit status {status}"][0]
 
     def _end(self) -> None:
-        process, self._process = self._process, None
+        process, self.process = self.process, None
         if process is not None:
             with contextlib.suppress(BrokenPipeError), process:
                 process.kill()

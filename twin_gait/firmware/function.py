@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from twin_gait.firmware.expressions import Value
-from twin_gait.firmware.kinds import SCALARS, Kind, Shapes, joined, kind_of_hint
+from twin_gait.firmware.kinds import SCALARS, Kind, Shapes, TupleKind, joined, kind_of_hint
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.source import Source, Sources
 from twin_gait.firmware.statements import Statements
@@ -39,8 +39,10 @@ class Function:
 
     @property
     def result(self) -> str:
-        """Name of the structure of several numbers that it returns."""
-        return "".join(word.capitalize() for word in self.source.name.split("_")) + "Result"
+        """Type of what it returns, of several numbers a structure of its own."""
+        if isinstance(self.returns, TupleKind):
+            return "".join(word.capitalize() for word in self.source.name.split("_")) + "Result"
+        return str(self.returns or "void")
 
     @property
     def writes(self) -> bool:
@@ -94,20 +96,10 @@ class Functions:
                 Statements(self, known).definition(exported=False)
                 self._open.pop()
                 self.order.append(known)
-        self._agree(known, params)
-        return known
-
-    def embed(self, shapes: Shapes) -> None:
-        """Note that all of some records may be written outside."""
-        self.mutable |= {(record, name) for record, fields in shapes.fields.items() for name in fields}
-
-    @staticmethod
-    def _agree(function: Function, params: dict[str, Kind]) -> None:
-        """Refuse arguments of other kinds than in the calls before; of a list's length where it matters."""
+        # Of other kinds than in the calls before, or a list of another length where that matters.
         for name, kind in params.items():
-            known, both = function.params[name], joined(function.params[name], kind)
-            if (both is None and kind is not None) or (both != known and name in function.lengths):
-                raise function.source.refused(
-                    function.source.tree.args, f"{name} is of two kinds in two calls"
-                )
-            function.params[name] = both
+            before, both = known.params[name], joined(known.params[name], kind)
+            if (both is None and kind is not None) or (both != before and name in known.lengths):
+                raise source.refused(source.tree.args, f"{name} is of two kinds in two calls")
+            known.params[name] = both
+        return known

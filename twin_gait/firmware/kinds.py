@@ -74,26 +74,25 @@ def joined(first: Kind, second: Kind) -> Kind:
 
 
 class Shapes:
-    """Kinds of the fields of all records that samples hold, and every instance of them.
+    """Kinds of the fields of all records that samples hold.
 
     Attributes:
         fields: Kinds by class and name; a list has no length if two instances differ in it.
-        instances: By class and identity.
     """
 
     def __init__(self, samples: Iterable[Any]) -> None:
         """Walk through samples."""
         self.fields: dict[type, dict[str, Kind]] = {}
-        self.instances: dict[type, dict[int, Any]] = {}
+        self._visited: set[int] = set()
         for sample in samples:
             self._visit(sample)
 
     def _visit(self, record: Any) -> None:
         kind = type(record)
-        known, instances = self.fields.setdefault(kind, {}), self.instances.setdefault(kind, {})
-        if id(record) in instances:
+        if id(record) in self._visited:
             return
-        instances[id(record)] = record
+        self._visited.add(id(record))
+        known = self.fields.setdefault(kind, {})
         for name, entry in kinds_of(kind):
             value = getattr(record, name)
             if value is not ABSENT and value != [] and value != ():

@@ -68,11 +68,6 @@ def _depth(text: str) -> int:
     return sum(text.count(left) - text.count(right) for left, right in ("()", "[]", "{}"))
 
 
-def docstring_of(item: object) -> str:
-    """First line of a docstring."""
-    return (getattr(item, "__doc__", None) or "").strip().split("\n")[0]
-
-
 def attributes_of(kind: type) -> dict[str, str]:
     """What a class says of its attributes, by name: in its docstring, or in comments behind or above them."""
     found: dict[str, str] = {}

@@ -1,11 +1,13 @@
-"""The controller of an experiment as one unit without a bus, and what it reads and is to give in a run."""
+"""The controller of an experiment as one unit without a bus, and what it reads and gives in a run."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import pandas as pd
 
 from twin_gait.control.joint_board import Command
 from twin_gait.core.guards import GuardProgram
@@ -22,6 +24,35 @@ from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import run_of
 from twin_gait.worlds.faults import FaultKind
+
+Progress: TypeAlias = Callable[[int, int], None]  # takes ticks done and ticks in all
+Tick: TypeAlias = Callable[[int, int, np.ndarray, int], int]  # runs one as an engine runs several
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
+
+# Fields of the unit's inputs, and where an engine has them: from the end of a tick to that of the next,
+DRIVES = {
+    "boards.voltage": "joints.voltage",
+    "boards.current": "joints.current",
+    "boards.current_deviation": "joints.current_deviation",
+    "surroundings.bus_voltage": "supply.bus_voltage",
+}
+# and once the sensors have been read;
+SENSORS = {
+    "boards.angle": "joints.board.encoder.angle",
+    "surroundings.loads": "soles.load",
+    "surroundings.common": "controller.common",
+    "surroundings.request": "controller.supervisor.request",
+}
+# of its outputs, at the end of a tick.
+ANSWERS = {
+    "commands": "joints.board.command",
+    "decision.phases": "controller.legs.phase",
+    "decision.transitions": "controller.legs.chosen",
+    "decision.trip_cause": "controller.trip.cause",
+    "decision.trip_part": "controller.trip.part",
+    "decision.mode": "controller.supervisor.mode",
+    "decision.refused": "controller.supervisor.refused",
+}
 
 
 @dataclass(frozen=True)
@@ -86,10 +117,6 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
             comparison.threshold = (ticks + 0.5) * TICK
 
 
-Progress: TypeAlias = Callable[[int, int], None]  # takes ticks done and ticks in all
-Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
-
-
 class Vectors(NamedTuple):
     """A run as the unit sees it."""
 
@@ -98,13 +125,22 @@ class Vectors(NamedTuple):
     inputs: np.ndarray  # of each tick, shape ``(n_ticks,)``, laid out as ExoskeletonInputs
     outputs: np.ndarray  # expected, likewise as ExoskeletonOutputs
 
-
-def without_bus(experiment: Experiment) -> Experiment:
-    """The experiment without its bus; FirmwareError if its controller goes wrong by itself."""
-    for fault in experiment.faults:
-        if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
-            raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
-    return replace(experiment, network=None)
+    def csv(self, joints: Sequence[str]) -> str:
+        """A tick in a line as runner.c reads it: its inputs, then what is expected."""
+        boards, around = self.inputs["boards"], self.inputs["surroundings"]
+        commands, decision = self.outputs["commands"], self.outputs["decision"]
+        read = ("angle", "voltage", "current", "current_deviation")
+        columns = {f"{joint}_{name}": boards[name][:, k] for k, joint in enumerate(joints) for name in read}
+        columns |= {f"foot_{side}_load": load for side, load in enumerate(around["loads"].T)}
+        columns["bus_voltage"] = around["bus_voltage"]
+        columns |= {name: around["common"][name] for name in around["common"].dtype.fields or ()}
+        if self.run.experiment.modes is not None:
+            columns["request"] = around["request"]
+        for k, joint in enumerate(joints):
+            columns |= {f"{joint}_{name}": commands[name][:, k] for name in ("torque", "target_current")}
+        columns |= {f"foot_{side}_phase": phase for side, phase in enumerate(decision["phases"].T)}
+        table = pd.DataFrame(columns | {"trip_cause": decision["trip_cause"]})
+        return table.to_csv(index=False, lineterminator="\n", na_rep="nan")
 
 
 def record_vectors(
@@ -116,12 +152,11 @@ def record_vectors(
     ``on_compile``: called if the engine has to be compiled first. Raises FirmwareError: a fault of the
     controller itself.
     """
-    problem = build_problem(without_bus(experiment))
-    engine, unit = CompiledEngine(problem, on_compile=on_compile), linked_unit(problem)
-    ticks = problem.experiment.n_ticks
+    engine = engine_without_bus(experiment, on_compile)
+    unit, ticks, record = linked_unit(engine.problem), experiment.n_ticks, engine.store
     inputs, outputs = (np.zeros(ticks, dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
-    record = engine.store
-    earlier, now = drive_pairs(record, inputs), sensor_pairs(record, inputs) + answer_pairs(record, outputs)
+    earlier = pairs_of(DRIVES, inputs, record)
+    now = pairs_of(SENSORS, inputs, record) + pairs_of(ANSWERS, outputs, record)
 
     def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
         keep(earlier, tick)
@@ -133,53 +168,32 @@ def record_vectors(
     return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
 
 
-def run_by_ticks(
-    engine: CompiledEngine, run_tick: Callable[[int, int, np.ndarray, int], int], progress: Progress | None
-) -> Run:
+def engine_without_bus(
+    experiment: Experiment, on_compile: Callable[[], None] | None = None
+) -> CompiledEngine:
+    """The engine of an experiment without its bus; a controller that goes wrong by itself is refused."""
+    for fault in experiment.faults:
+        if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
+            raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
+    return CompiledEngine(build_problem(replace(experiment, network=None)), on_compile=on_compile)
+
+
+def run_by_ticks(engine: CompiledEngine, run_tick: Tick, progress: Progress | None = None) -> Run:
     """The run of an engine that is taken through every tick by a function."""
     began = time.perf_counter()
     result = engine.run(progress, run_tick=run_tick)
     return run_of(engine.problem, result, time.perf_counter() - began)
 
 
-def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
-    """Inputs that stand in an engine's record, shape ``(1,)``, from the end of a tick to that of the next."""
-    boards, joints = inputs["boards"], record["joints"]
-    return [
-        *((boards[name], joints[name]) for name in ("voltage", "current", "current_deviation")),
-        (inputs["surroundings"]["bus_voltage"], record["supply"]["bus_voltage"]),
-    ]
+def pairs_of(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray) -> Pairs:
+    """Fields of rows with those of an engine's record, shape ``(1,)``; a supervisor's where there is one."""
+    modes = "supervisor" in (record["controller"].dtype.fields or ())
+    named = [pair for pair in fields.items() if modes or "supervisor" not in pair[1]]
+    return [(_field(rows, ours), _field(record, theirs)) for ours, theirs in named]
 
 
-def sensor_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
-    """Inputs that stand there once the sensors have been read."""
-    around = inputs["surroundings"]
-    return [
-        (inputs["boards"]["angle"], record["joints"]["board"]["encoder"]["angle"]),
-        (around["loads"], record["soles"]["load"]),
-        (around["common"], record["controller"]["common"]),
-        *_supervisor_pairs(record, around, ("request",)),
-    ]
-
-
-def answer_pairs(record: np.ndarray, outputs: np.ndarray) -> Pairs:
-    """Outputs that stand there at the end of a tick."""
-    decision, controller = outputs["decision"], record["controller"]
-    return [
-        (outputs["commands"], record["joints"]["board"]["command"]),
-        (decision["phases"], controller["legs"]["phase"]),
-        (decision["transitions"], controller["legs"]["chosen"]),
-        (decision["trip_cause"], controller["trip"]["cause"]),
-        (decision["trip_part"], controller["trip"]["part"]),
-        *_supervisor_pairs(record, decision, ("mode", "refused")),
-    ]
-
-
-def _supervisor_pairs(record: np.ndarray, rows: np.ndarray, names: tuple[str, ...]) -> Pairs:
-    controller = record["controller"]
-    if "supervisor" not in (controller.dtype.names or ()):
-        return []
-    return [(rows[name], controller["supervisor"][name]) for name in names]
+def _field(records: np.ndarray, name: str) -> np.ndarray:
+    return reduce(lambda found, part: found[part], name.split("."), records)
 
 
 def keep(pairs: Pairs, tick: int) -> None:

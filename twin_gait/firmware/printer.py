@@ -15,7 +15,7 @@ from twin_gait.core.elementary_single import SINGLE
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import ELEMENTARY, Function, Functions
-from twin_gait.firmware.kinds import REAL, SCALARS, Shapes
+from twin_gait.firmware.kinds import SCALARS, Shapes
 from twin_gait.firmware.layout import TAKEN, comment, identifier, wrapped
 from twin_gait.firmware.records import Records, Tables
 from twin_gait.firmware.source import Sources
@@ -62,24 +62,25 @@ def print_units(
     Raises:
         FirmwareError: If something cannot be printed; it names function, line and construct.
     """
-    sources, samples = Sources(names or {}, text), [item for unit in units for item in unit.samples.values()]
-    functions = Functions(sources, Shapes([*samples, *shapes]))
+    samples = [item for unit in units for item in unit.samples.values()]
+    functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]))
     entries = {unit.name: [functions.entry(sources.of(item)) for item in unit.entries] for unit in units}
     every = [item for found in entries.values() for item in found]
-    functions.embed(Shapes(shapes))
-    records = Records(functions, every, samples)
+    outside = Shapes(shapes).fields.items()  # all of these may be written there
+    functions.mutable |= {(record, name) for record, fields in outside for name in fields}
+    records = Records(functions, every)
     body = {"types.h": _header("types", ["real.h"], records.structures())}
     for unit in units:
         body |= _files_of(unit, entries[unit.name], records)
-    source_hash = _hash(functions, body)
-    first = [
-        *comment(
-            f"Printed by twin_gait {twin_gait.__version__} from {_modules(functions)}; source "
-            f"{source_hash[:16]}. Edit those, not this. Not a medical device."
-        ),
-        "",
-    ]
-    texts = {name: "\n".join([*first, *lines]) + "\n" for name, lines in body.items()}
+    # The hash is that of the functions as they stand in Python, and of all tables and constants.
+    hashed = [item.source.text for item in functions.order] + ["\n".join(lines) for lines in body.values()]
+    source_hash = hashlib.sha256("\0".join(hashed).encode()).hexdigest()
+    modules = ", ".join(sorted({item.source.module for item in functions.order}))
+    first = comment(
+        f"Printed by twin_gait {twin_gait.__version__} from {modules}; source {source_hash[:16]}. "
+        "Edit those, not this. Not a medical device."
+    )
+    texts = {name: "\n".join([*first, "", *lines, ""]) for name, lines in body.items()}
     real = (files("twin_gait.firmware") / "include" / "real.h").read_text()
     return Program({"real.h": real, **texts}, source_hash, records, every)
 
@@ -122,20 +123,14 @@ def _sample(name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str
 
 def _constants(functions: Sequence[Function]) -> list[str]:
     found: dict[str, str] = {}
-    for function in functions:
-        for name, value in function.constants.items():
-            text = _constant(function, name, value)
-            if found.setdefault(identifier(name), text) != text:
-                raise FirmwareError(f"{name}: two constants of this name have two values")
+    for function, name, value in ((item, *pair) for item in functions for pair in item.constants.items()):
+        text = number(value, SCALARS[type(value)])
+        if isinstance(value, float) and function.source.module == ELEMENTARY and name in SINGLE:
+            text = f"REAL_OR({value!r}, {SINGLE[name]!r})"
+        text = f"({text})" if text[0] == "-" else text
+        if found.setdefault(identifier(name), text) != text:
+            raise FirmwareError(f"{name}: two constants of this name have two values")
     return [*(f"#define {name} {text}" for name, text in found.items()), ""] if found else []
-
-
-def _constant(function: Function, name: str, value: bool | int | float) -> str:
-    kind = SCALARS[type(value)]
-    text = number(value, kind)
-    if kind is REAL and function.source.module == ELEMENTARY and name in SINGLE:
-        return f"REAL_OR({value!r}, {SINGLE[name]!r})"
-    return f"({text})" if text[0] == "-" else text
 
 
 def _reached(entries: Iterable[Function]) -> Iterator[Function]:
@@ -150,15 +145,3 @@ def _header(name: str, included: Sequence[str], lines: Sequence[str]) -> list[st
     includes = [f'#include "{item}"' for item in included]
     first, last = (["#ifdef __cplusplus", brace, "#endif", ""] for brace in ('extern "C" {', "}"))
     return [f"#ifndef {guard}", f"#define {guard}", "", *includes, "", *first, *lines, *last, "#endif"]
-
-
-def _modules(functions: Functions) -> str:
-    found = dict.fromkeys(item.source.module for item in functions.order)
-    return ", ".join(sorted(found))
-
-
-def _hash(functions: Functions, body: Mapping[str, Sequence[str]]) -> str:
-    """Of the functions as they stand in Python, and of all tables and constants."""
-    texts = [item.source.text for item in functions.order]
-    texts += ["\n".join(lines) for lines in body.values()]
-    return hashlib.sha256("\0".join(texts).encode()).hexdigest()

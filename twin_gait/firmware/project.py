@@ -2,13 +2,12 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
@@ -20,7 +19,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
+from twin_gait.firmware.linked import LinkedUnit, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
@@ -30,18 +29,8 @@ from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.templates import templates_in
 
 MANIFEST = "manifest.json"
-VECTORS = "vectors.csv"
-JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS = (
-    "joint_board",
-    "gait_controller",
-    "exoskeleton",
-    "can_codec",
-)
-RECORDS = {
-    JOINT_BOARD: units.JointBoard,
-    GAIT_CONTROLLER: units.GaitController,
-    EXOSKELETON: units.Exoskeleton,
-}
+UNITS = "joint_board", "gait_controller", "exoskeleton", "can_codec"
+JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS
 _FILES = templates_in(Path(__file__).with_name("project_files"), keep_trailing_newline=True)
 
 
@@ -59,14 +48,27 @@ class Project:
         """Joints in the order of the units, such as ``left_hip``."""
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
-    def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
-        """Write C, vectors of a short walk and the resolved document of the experiment into a folder."""
+    def write(self, folder: Path, vectors: str, document: Mapping[str, Any]) -> None:
+        """Write C, the vectors of a short walk as CSV and the resolved document of the experiment."""
         self.write_linked(folder)
-        content = self._content()
+        problem, experiment = self.problem, self.problem.experiment
+        counts, legs = experiment.sensors.encoder_counts, self.linked.record.controller.legs
+        angles = [2.0 * math.pi / (counts * problem.actuator(joint).gear_ratio) for joint in problem.joints]
+        content = {
+            "project": self,
+            "experiment": experiment,
+            "table": problem.table,
+            "version": twin_gait.__version__,
+            "angles": dict(zip(self.joints, angles, strict=True)),
+            "limits": _limits_apart(problem),
+            "phases": list(problem.table.phases),
+            "legs": dict(zip(experiment.leg.legs, legs, strict=True)),
+            "causes": TripCause,
+        }
         texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
         texts["experiment.yaml"] = dump_yaml(dict(document))
         texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
-        texts[VECTORS] = _table(self.joints, vectors)
+        texts["vectors.csv"] = vectors
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
 
@@ -84,8 +86,9 @@ class Project:
     @property
     def record_bytes(self) -> dict[str, int]:
         """RAM that the records of the units take on a Cortex-M, by unit."""
-        records = self.program.records
-        return {name: records.dtype(kind, "f4").itemsize for name, kind in RECORDS.items()}
+        records = (units.JointBoard, units.GaitController, units.Exoskeleton)
+        sizes = [self.program.records.dtype(item, "f4").itemsize for item in records]
+        return dict(zip((JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON), sizes, strict=True))
 
     def write_linked(self, folder: Path) -> Unit:
         """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
@@ -97,35 +100,6 @@ class Project:
         """Layout in C of inputs and outputs of the linked unit."""
         records, real = self.program.records, "f8" if double else "f4"
         return records.dtype(units.ExoskeletonInputs, real), records.dtype(units.ExoskeletonOutputs, real)
-
-    def _content(self) -> dict[str, Any]:
-        """What the files beside the C are filled with."""
-        problem, counts = self.problem, self.problem.experiment.sensors.encoder_counts
-        ratios = [problem.actuator(joint).gear_ratio for joint in problem.joints]
-        modes = problem.experiment.modes
-        return {
-            "experiment": problem.experiment,
-            "table": problem.table,
-            "version": twin_gait.__version__,
-            "source_hash": self.program.source_hash,
-            "joints": [
-                {"name": name, "count_angle": 2.0 * math.pi / (counts * ratio)}
-                for name, ratio in zip(self.joints, ratios, strict=True)
-            ],
-            "bytes": self.record_bytes,
-            "limits": _limits_apart(problem),
-            "legs": [
-                f"{side} {list(problem.table.phases)[leg.phase]}"
-                for side, leg in zip(
-                    problem.experiment.leg.legs, self.linked.record.controller.legs, strict=True
-                )
-            ],
-            "modes": modes,
-            "requests": ["none", *(() if modes is None else modes.requests)],
-            "causes": TripCause,
-            "messages": self.messages,
-            "numbered": _numbered,
-        }
 
 
 def print_project(experiment: Experiment) -> Project:
@@ -199,25 +173,3 @@ def _messages(experiment: Experiment) -> dict[str, Message]:
         return load_messages(PACKAGED_DBC if experiment.network is None else experiment.network.dbc)
     except MissingOptionalDependency:
         return {}
-
-
-def _table(joints: Sequence[str], vectors: Vectors) -> str:
-    """Vectors as runner.c reads them: a tick in a line, its inputs, then what is expected."""
-    boards, around = vectors.inputs["boards"], vectors.inputs["surroundings"]
-    commands, decision = vectors.outputs["commands"], vectors.outputs["decision"]
-    read, set_points = ("angle", "voltage", "current", "current_deviation"), ("torque", "target_current")
-    columns = {f"{joint}_{name}": boards[name][:, k] for k, joint in enumerate(joints) for name in read}
-    columns |= {f"foot_{side}_load": load for side, load in enumerate(around["loads"].T)}
-    columns["bus_voltage"] = around["bus_voltage"]
-    columns |= {name: around["common"][name] for name in around["common"].dtype.names or ()}
-    if vectors.run.experiment.modes is not None:
-        columns["request"] = around["request"]
-    for k, joint in enumerate(joints):
-        columns |= {f"{joint}_{name}": commands[name][:, k] for name in set_points}
-    columns |= {f"foot_{side}_phase": phase for side, phase in enumerate(decision["phases"].T)}
-    table = pd.DataFrame(columns | {"trip_cause": decision["trip_cause"]})
-    return table.to_csv(index=False, lineterminator="\n", na_rep="nan")
-
-
-def _numbered(names: Iterable[object]) -> str:
-    return ", ".join(f"{number} {name}" for number, name in enumerate(names))

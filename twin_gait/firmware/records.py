@@ -4,6 +4,7 @@ What no printed function writes to is a parameter: a structure has its address, 
 is part of the structure, and lies in RAM.
 """
 
+import inspect
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -13,34 +14,29 @@ from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import kinds
 from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import Function, Functions
-from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
+from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, identifier, wrapped
 from twin_gait.simulation.problem import NEVER
 
 
 class Records:
     """Layout of all records of a program."""
 
-    def __init__(self, functions: Functions, entries: Iterable[Function], samples: Iterable[Any]) -> None:
-        """Decide which of all that is printed is a table: not what entries or samples hand in."""
+    def __init__(self, functions: Functions, entries: Iterable[Function]) -> None:
+        """Decide which of all that is printed is no table: what entries write to."""
         self.functions, self.fields = functions, functions.shapes.fields
         self.in_ram: set[type] = set()
-        self._handed: set[type] = set()  # what others may fill with whatever they like
         for entry in entries:
-            for name, kind in entry.params.items():
-                self._embed(kind, self._handed)
-                if name in entry.written:
-                    self._embed(kind, self.in_ram)
-        for sample in samples:
-            self._embed(kinds.RecordKind(type(sample)), self._handed)
+            for name in entry.written & entry.params.keys():
+                self._embed(entry.params[name])
 
-    def _embed(self, kind: kinds.Kind, into: set[type]) -> None:
-        """A record with all that is part of it."""
+    def _embed(self, kind: kinds.Kind) -> None:
+        """Keep a record in RAM with all that is part of it."""
         entry = kinds.entry_of(kind)
-        if isinstance(entry, kinds.RecordKind) and entry.record not in into:
-            into.add(entry.record)
+        if isinstance(entry, kinds.RecordKind) and entry.record not in self.in_ram:
+            self.in_ram.add(entry.record)
             for name, inner in self.used(entry.record):
                 if not self.is_table(entry.record, name):
-                    self._embed(inner, into)
+                    self._embed(inner)
 
     def used(self, record: type) -> Iterator[tuple[str, kinds.Kind]]:
         """Names and kinds of the fields that are read or written, in their order."""
@@ -53,67 +49,47 @@ class Records:
         kind = self.fields[record][name]
         return not isinstance(kind, kinds.Scalar) and (record, name) not in self.functions.mutable
 
-    def type_of(self, record: type, name: str) -> str:
-        """Type of a number in a record; in flash alone whole numbers take the room that they need."""
-        kind = self.fields[record][name]
-        assert isinstance(kind, kinds.Scalar)
-        if kind is kinds.INT and record not in self._handed:
-            values = [getattr(item, name) for item in self.functions.shapes.instances[record].values()]
-            for bits in (8, 16):
-                if all(-(2 ** (bits - 1)) <= value < 2 ** (bits - 1) for value in values):
-                    return f"int{bits}_t"
-        return kind.name
-
     def dtype(self, record: type, real: str) -> np.dtype[Any]:
         """Layout of a record in C, its numbers of a type, addresses of tables as a Cortex-M has them."""
-
-        def layout(kind: kinds.Kind) -> tuple[Any, tuple[int, ...]]:
-            if isinstance(kind, kinds.ListKind):
-                assert kind.length is not None  # of inputs and outputs there is one sample
-                entry, shape = layout(kind.item)
-                return entry, (kind.length, *shape)
-            if isinstance(kind, kinds.RecordKind):
-                return self.dtype(kind.record, real), ()
-            return real if kind is kinds.REAL else "?" if kind is kinds.BOOL else "i4", ()
-
-        fields = [
-            (name, "u4") if self.is_table(record, name) else (name, *layout(kind))
-            for name, kind in self.used(record)
-        ]
+        codes: dict[kinds.Kind, Any] = {kinds.REAL: real, kinds.INT: "i4", kinds.BOOL: "?"}
+        fields: list[Any] = []
+        for name, kind in self.used(record):
+            shape = []
+            while isinstance(kind, kinds.ListKind):
+                shape.append(kind.length)
+                kind = kind.item
+            entry = self.dtype(kind.record, real) if isinstance(kind, kinds.RecordKind) else codes[kind]
+            fields.append((name, "u4") if self.is_table(record, name) else (name, entry, tuple(shape)))
         return np.dtype(fields, align=True)
 
     def structures(self) -> list[str]:
         """Definitions of all structures, each after those that it contains."""
-        lines: list[str] = []
-        done: set[type] = set()
+        found: dict[type, list[str]] = {}
 
-        def define(record: type) -> None:
-            if record in done or not list(self.used(record)):
-                return
-            done.add(record)
-            for _, kind in self.used(record):
-                entry = kinds.entry_of(kind)
-                if isinstance(entry, kinds.RecordKind):
-                    define(entry.record)
-            lines.extend([*self._structure(record), ""])
+        def define(kind: kinds.Kind) -> None:
+            entry = kinds.entry_of(kind)
+            if isinstance(entry, kinds.RecordKind) and entry.record not in found:
+                used = dict(self.used(entry.record))
+                for inner in used.values():
+                    define(inner)
+                found[entry.record] = self._structure(entry.record, used) if used else []
 
         for record in self.fields:
-            define(record)
-        return lines
+            define(kinds.RecordKind(record))
+        return [line for lines in found.values() for line in lines]
 
-    def _structure(self, record: type) -> list[str]:
-        lines = [*comment(docstring_of(record)), "typedef struct {"]
-        says = attributes_of(record)
-        for name, _ in self.used(record):
-            lines += comment(says.get(name, ""), INDENT)
-            lines.append(f"    {self.member(record, name)};")
-        return [*lines, f"}} {record.__name__};"]
+    def _structure(self, record: type, names: Iterable[str]) -> list[str]:
+        says, first = attributes_of(record), (inspect.getdoc(record) or "").split("\n")[0]
+        lines = [*comment(first), "typedef struct {"]
+        for name in names:
+            lines += [*comment(says.get(name, ""), INDENT), f"    {self.member(record, name)};"]
+        return [*lines, f"}} {record.__name__};", ""]
 
     def member(self, record: type, name: str) -> str:
         """Declaration of a field."""
         kind, place = self.fields[record][name], identifier(name)
         if isinstance(kind, kinds.Scalar):
-            return f"{self.type_of(record, name)} {place}"
+            return f"{kind} {place}"
         if isinstance(kind, kinds.ListKind) and isinstance(kind.item, kinds.ListKind):
             raise FirmwareError(f"{record.__name__}.{name}: lists of lists are not printed")
         text = kinds.type_name(kind)
@@ -171,10 +147,8 @@ class Tables:
 
     def _value(self, value: Any, kind: kinds.Kind, name: str, where: str) -> str:
         if isinstance(kind, kinds.ListKind):
-            numbered = enumerate(value)
-            return (
-                f"{{{', '.join(self._value(item, kind.item, f'{name}_{k}', where) for k, item in numbered)}}}"
-            )
+            items = [self._value(item, kind.item, f"{name}_{k}", where) for k, item in enumerate(value)]
+            return f"{{{', '.join(items)}}}"
         if isinstance(kind, kinds.RecordKind):
             return self.initialiser(value, name)
         assert isinstance(kind, kinds.Scalar)

@@ -8,6 +8,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, get_type_hints
@@ -48,40 +49,34 @@ class Sources:
     def found(self, name: str, scope: Mapping[str, Any]) -> Any:
         """What a global name stands for: a :class:`Source`, a number, a module; None of nothing."""
         if name in self._texts:
-            return self._generated(name, scope.get(name))
+            return self._source(name, scope.get(name))
         value = self.names.get(name, scope.get(name))
         return self.of(value) if isinstance(value, FunctionType) else value
 
     def of(self, function: Callable[..., Any]) -> Source:
         """A function, or what takes its place."""
-        assert isinstance(function, FunctionType)
-        name = function.__name__
-        return self._generated(name, function) if name in self._texts else self._written(function)
+        return self._source(function.__name__, function)
 
-    def _generated(self, name: str, stub: Any) -> Source:
-        """A function of the text; one whose place it takes may say what its arguments are."""
-        if name not in self._read:
-            tree, hints = self._texts[name], get_type_hints(stub) if stub is not None else {}
-            text = ast.get_source_segment(self._text, tree) or ""
-            self._keep(name, Source(name, "generated", text, 1, tree, {}, hints))
-        return self._read[name]
-
-    def _written(self, function: FunctionType) -> Source:
-        if function not in self._read:
-            lines, first = inspect.getsourcelines(function)
-            text = textwrap.dedent("".join(lines))
-            tree = ast.parse(text).body[0]
-            assert isinstance(tree, ast.FunctionDef)
-            name, scope, hints = function.__name__, function.__globals__, get_type_hints(function)
-            self._keep(function, Source(name, function.__module__, text, first, tree, scope, hints))
-        return self._read[function]
-
-    def _keep(self, key: Any, source: Source) -> None:
-        names = (node for node in ast.walk(source.tree) if isinstance(node, ast.Name))
-        own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
-        own |= {item.arg for item in source.tree.args.args}
-        _Folding(self, source, own).generic_visit(source.tree)
-        self._read[key] = source
+    def _source(self, name: str, function: Any) -> Source:
+        """A function, of the text where it stands there; the other one then says what its arguments are."""
+        key = name if name in self._texts else function
+        if key not in self._read:
+            hints = {} if function is None else get_type_hints(function)
+            if name in self._texts:
+                tree = self._texts[name]
+                text = ast.get_source_segment(self._text, tree) or ""
+                source = Source(name, "generated", text, 1, tree, {}, hints)
+            else:
+                lines, first = inspect.getsourcelines(function)
+                text = textwrap.dedent("".join(lines))
+                (tree,) = (item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef))
+                source = Source(name, function.__module__, text, first, tree, function.__globals__, hints)
+            names = (node for node in ast.walk(tree) if isinstance(node, ast.Name))
+            own = {node.id for node in names if isinstance(node.ctx, ast.Store)}
+            own |= {item.arg for item in tree.args.args}
+            _Folding(self, source, own).generic_visit(tree)
+            self._read[key] = source
+        return self._read[key]
 
 
 class _Folding(ast.NodeTransformer):
@@ -104,40 +99,32 @@ class _Folding(ast.NodeTransformer):
         return eval(compile(ast.Expression(node), "constants", "eval"), {}, constants)
 
     def visit_If(self, node: ast.If) -> Any:
-        node = self.generic_visit(node)  # type: ignore[assignment]
+        self.generic_visit(node)
         value = self.value(node.test)
-        if value is None:
-            return node
-        return (node.body if value else node.orelse) or ast.copy_location(ast.Pass(), node)
+        return node if value is None else (node.body if value else node.orelse) or _at(node, ast.Pass())
 
     def visit_IfExp(self, node: ast.IfExp) -> Any:
-        node = self.generic_visit(node)  # type: ignore[assignment]
+        self.generic_visit(node)
         value = self.value(node.test)
         return node if value is None else node.body if value else node.orelse
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Any:
-        node = self.generic_visit(node)  # type: ignore[assignment]
-        decisive = isinstance(node.op, ast.Or)
-        kept = []
-        for item in node.values:
-            value = self.value(item)
-            if value is not None and bool(value) is decisive:
-                return ast.copy_location(ast.Constant(decisive), node)
-            if value is None:
-                kept.append(item)
+        self.generic_visit(node)
+        decisive, values = isinstance(node.op, ast.Or), list(map(self.value, node.values))
+        if any(value is not None and bool(value) is decisive for value in values):
+            return _at(node, ast.Constant(decisive))
+        kept = [item for item, value in zip(node.values, values, strict=True) if value is None]
         if len(kept) < 2:
-            return kept[0] if kept else ast.copy_location(ast.Constant(not decisive), node)
-        return ast.copy_location(ast.BoolOp(node.op, kept), node)
+            return kept[0] if kept else _at(node, ast.Constant(not decisive))
+        return _at(node, ast.BoolOp(node.op, kept))
 
     def visit_AugAssign(self, node: ast.AugAssign) -> Any:
-        read = ast.parse(ast.unparse(node.target), mode="eval").body
-        for item in ast.walk(read):
-            ast.copy_location(item, node)
-        value = ast.copy_location(ast.BinOp(read, node.op, node.value), node)
-        return self.generic_visit(ast.copy_location(ast.Assign([node.target], value), node))
+        read = copy(node.target)
+        read.ctx = ast.Load()
+        return self.visit(_at(node, ast.Assign([node.target], ast.BinOp(read, node.op, node.value))))
 
     def visit_Assign(self, node: ast.Assign) -> Any:
-        node = self.generic_visit(node)  # type: ignore[assignment]
+        self.generic_visit(node)
         target, value = node.targets[0], node.value
         if not (isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)):
             return node
@@ -147,7 +134,12 @@ class _Folding(ast.NodeTransformer):
             if any(_touches(item, later) for later in value.elts[place + 1 :]):
                 raise self.source.refused(node, "values that are exchanged; assign them one by one")
         pairs = zip(target.elts, value.elts, strict=True)
-        return [ast.copy_location(ast.Assign([left], right), node) for left, right in pairs]
+        return [_at(node, ast.Assign([left], right)) for left, right in pairs]
+
+
+def _at(node: ast.AST, made: ast.AST) -> ast.AST:
+    """What takes the place of a node, at its line."""
+    return ast.fix_missing_locations(ast.copy_location(made, node))
 
 
 def _touches(target: ast.expr, value: ast.expr) -> bool:

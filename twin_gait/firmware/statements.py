@@ -31,12 +31,8 @@ class Statements(Expressions):
 
     def signature(self) -> str:
         """Head of the function without its end."""
-        function, returns = self.function, self.function.returns
-        params = [self._declaration(name) for name in function.params]
-        result = returns.name if isinstance(returns, Scalar) else "void"
-        if isinstance(returns, TupleKind):
-            result = function.result
-        return f"{result} {function.name}({', '.join(params) or 'void'})"
+        params = [self._declaration(name) for name in self.function.params]
+        return f"{self.function.result} {self.function.name}({', '.join(params) or 'void'})"
 
     def definition(self, *, exported: bool) -> list[str]:
         """The function with the first line of its docstring."""
@@ -156,13 +152,12 @@ class Statements(Expressions):
     def _condition(self, node: ast.If, word: str) -> None:
         self._emit(f"{word} ({self.fit(node.test, self.whole(node.test), BOOL).text}) {{")
         self._inner(node.body)
-        match node.orelse:
-            case [ast.If() as other]:
-                self._condition(other, "} else if")
-                return
-            case [_, *_]:
-                self._emit("} else {")
-                self._inner(node.orelse)
+        if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
+            self._condition(node.orelse[0], "} else if")
+            return
+        if node.orelse:
+            self._emit("} else {")
+            self._inner(node.orelse)
         self._emit("}")
 
     def _inner(self, statements: Sequence[ast.stmt], first: str = "") -> None:

@@ -2,19 +2,25 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.lib.recfunctions import structured_to_unstructured
+from numpy.lib.recfunctions import assign_fields_by_name, require_fields, structured_to_unstructured
 
+from twin_gait.core.safety import NO_TRIP
 from twin_gait.exceptions import MissingToolError
 from twin_gait.experiment import Experiment
-from twin_gait.firmware.builds import Bench
-from twin_gait.firmware.linked import Progress, record_vectors
-from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, print_project
+from twin_gait.firmware import linked
+from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
+from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
+from twin_gait.firmware.linked import Progress
+from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, Project, print_project
+from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
+from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -50,12 +56,6 @@ def largest_shift(first: Events, second: Events) -> int | None:
     return max((abs(ours - theirs) for (ours, _), (theirs, _) in zip(first, second, strict=True)), default=0)
 
 
-def current_errors(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Root mean square of the differences of the target currents in [A], shape ``(n_joints,)``."""
-    ours, theirs = (outputs["commands"]["target_current"].astype(float) for outputs in (first, second))
-    return np.asarray(np.sqrt(np.mean((ours - theirs) ** 2, axis=0)))
-
-
 class Check(NamedTuple):
     """A part of the proof."""
 
@@ -71,13 +71,53 @@ class Verification:
 
     source_hash: str  # of the C
     checks: tuple[Check, ...]  # parts of the proof
-    walk: Run  # of the compiled engine
-    loop_walk: Run | None  # of the same plant with the emulated processor; None if a tool is missing
 
     @property
     def passed(self) -> bool:
         """Whether no check has failed."""
         return all(check.passed is not False for check in self.checks)
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The C of a project, and its outputs for vectors; nothing is built before it is asked for.
+
+    Whatever needs a compiler or an emulator raises
+    :class:`~twin_gait.exceptions.MissingToolError` without it.
+    """
+
+    project: Project
+    vectors: Sequence[linked.Vectors]  # of some runs
+    unit: Unit  # its C, beside which builds are written
+
+    def host(self, *, double: bool) -> HostUnit:
+        """The unit on this machine."""
+        path = self.unit.folder / ("double" if double else "single")
+        return HostUnit(build_host(self.unit, path, flags=["-DREAL_DOUBLE"] if double else []))
+
+    @cached_property
+    def target(self) -> Emulator:
+        """The unit on a Cortex-M4F."""
+        return Emulator(build_image(self.unit, self.unit.folder / "image.elf"))
+
+    def outputs(self, unit: UnitProcess, *, double: bool = False) -> list[np.ndarray]:
+        """What a build gives for all vectors."""
+        (given, taken), found = self.project.dtypes(double=double), []
+        for item in self.vectors:
+            with unit:
+                found.append(unit.exchange(require_fields(item.inputs, given)).view(taken)[:, 0])
+        return found
+
+    @cached_property
+    def expected(self) -> list[np.ndarray]:
+        """Outputs of the simulation, as the C in double numbers has them."""
+        _, taken = self.project.dtypes(double=True)
+        return [require_fields(item.outputs, taken) for item in self.vectors]
+
+    @cached_property
+    def single(self) -> list[np.ndarray]:
+        """Outputs on this machine in float."""
+        return self.outputs(self.host(double=False))
 
 
 def verify(
@@ -88,25 +128,21 @@ def verify(
     Its walk is run, and a shorter one with a fault of each kind. A controller that runs away is a fault of
     the controller itself, which no C has.
 
-    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
-    ``on_compile``: called if an engine has to be compiled first. Raises FirmwareError: it uses something that
-    the firmware does not have, or a compiler refuses the C.
+    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all of
+    each of the runs. ``on_compile``: called if an engine has to be compiled first. Raises FirmwareError: it
+    uses something that the firmware does not have, or a compiler refuses the C.
     """
     project = print_project(experiment)
-    runs = [*cases_of(experiment), experiment]  # the last one with the processor in the loop
-    ticks = [run.n_ticks for run in runs]
-
-    def part(number: int) -> Progress | None:
-        """Progress in one of the runs as that in all."""
-        before = sum(ticks[:number])
-        return None if progress is None else lambda done, _: progress(before + done, sum(ticks))
-
-    vectors = [record_vectors(case, part(number), on_compile) for number, case in enumerate(runs[:-1])]
+    vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     with TemporaryDirectory() as folder:
-        bench = Bench(project, vectors, Path(folder), part(len(vectors)), on_compile)
-        checks = tuple(_tried(name, check, bench) for name, check in CHECKS.items())
-        loop_walk = None if checks[-1].passed is None else bench.walk
-    return Verification(project.program.source_hash, checks, vectors[0].run, loop_walk)
+        bench = Bench(project, vectors, project.write_linked(Path(folder)))
+        checks = []
+        for name, check in CHECKS.items():
+            try:
+                checks.append(Check(name, *check(bench)))
+            except MissingToolError as error:
+                checks.append(Check(name, None, str(error), {}))
+    return Verification(project.program.source_hash, tuple(checks))
 
 
 def cases_of(experiment: Experiment) -> Iterator[Experiment]:
@@ -128,13 +164,6 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
 Found: TypeAlias = tuple[bool, str, dict[str, Any]]  # whether it passes, in a line, and in numbers
 
 
-def _tried(name: str, check: Callable[[Bench], Found], bench: Bench) -> Check:
-    try:
-        return Check(name, *check(bench))
-    except MissingToolError as error:
-        return Check(name, None, str(error), {})
-
-
 def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Found:
     count = sum(structured_to_unstructured(rows).size for rows in first)
     wrong = sum(map(differing, first, second))
@@ -144,7 +173,7 @@ def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Fou
 
 def host_in_double(bench: Bench) -> Found:
     """The C in double numbers gives the bits of the simulation."""
-    return _same_bits(bench.expected, bench.double)
+    return _same_bits(bench.expected, bench.outputs(bench.host(double=True), double=True))
 
 
 def host_in_float(bench: Bench) -> Found:
@@ -152,7 +181,8 @@ def host_in_float(bench: Bench) -> Found:
     pairs = list(zip(bench.expected, bench.single, strict=True))
     shifts = [largest_shift(events_of(ours), events_of(theirs)) for ours, theirs in pairs]
     shift = None if None in shifts else max(item for item in shifts if item is not None)
-    errors = np.max([current_errors(ours, theirs) for ours, theirs in pairs], axis=0)
+    currents = ([rows["commands"]["target_current"].astype(float) for rows in pair] for pair in pairs)
+    errors = np.max([np.sqrt(np.mean((ours - theirs) ** 2, axis=0)) for ours, theirs in currents], axis=0)
     named = dict(zip(bench.project.joints, errors.tolist(), strict=True))
     worst = max(named, key=lambda joint: named[joint])
     passed = shift is not None and shift <= MOST_SHIFT and named[worst] <= MOST_CURRENT_ERROR
@@ -162,16 +192,18 @@ def host_in_float(bench: Bench) -> Found:
 
 def target_in_float(bench: Bench) -> Found:
     """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
-    answers = [bench.on_target(item) for item in bench.vectors]
-    passed, same, figures = _same_bits(bench.single, [outputs for outputs, _ in answers])
-    counts = np.concatenate([target.instructions for _, target in answers])
+    passed, same, figures = _same_bits(bench.single, bench.outputs(bench.target))
+    counts, sizes_of = bench.target.instructions, {}
+    for name in (JOINT_BOARD, GAIT_CONTROLLER):
+        flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.unit.folder))
+        sizes_of[name] = {"flash": flash, "ram": variables + bench.project.record_bytes[name]}
     figures |= {
         "instructions_mean": float(counts.mean()),
         "instructions_worst": int(counts.max()),
-        "stack_bytes": max(target.stack_bytes for _, target in answers),
-        "bytes": {name: bench.bytes_of(name) for name in (JOINT_BOARD, GAIT_CONTROLLER)},
+        "stack_bytes": bench.target.stack_bytes,
+        "bytes": sizes_of,
     }
-    units = (f"{name} {item['flash']} and {item['ram']}" for name, item in figures["bytes"].items())
+    units = (f"{name} {item['flash']} and {item['ram']}" for name, item in sizes_of.items())
     text = (
         f"{same}; {counts.mean():.0f} instructions a tick for all joints, {counts.max()} in the worst; "
         f"bytes of flash and RAM: {', '.join(units)}; {figures['stack_bytes']} bytes of stack"
@@ -181,23 +213,66 @@ def target_in_float(bench: Bench) -> Found:
 
 def in_the_loop(bench: Bench) -> Found:
     """With the emulated processor as the controller of the same plant the walk has the same outcome."""
-    walk = bench.walk
-    runs = bench.vectors[0].run, walk
+    before = bench.vectors[0].run
+    with bench.target as target:
+        walk = walk_with(target, bench.project, before.experiment)
+    runs = before, walk
     switches = [[(item.tick, (item.side, item.source, item.target)) for item in run.switches] for run in runs]
     shift = largest_shift(*switches)
     words = [str(run.verdict.outcome or run.status) for run in runs]
     strides = [[len(leg.strides_by_phase(skip=0)) for leg in run.leg_records()] for run in runs]
     text = f"{words[1]}, without it {words[0]}; {_moved(shift)}; {walk.duration:g} s in {walk.wall_s:.1f} s"
-    figures = {
-        "outcome": words[1],
-        "outcome_before": words[0],
-        "strides": strides[1],
-        "strides_before": strides[0],
-        "switches": len(walk.switches),
-        "largest_shift_ticks": shift,
-        "wall_s": walk.wall_s,
-    }
+    figures: dict[str, Any] = {"outcome": words[1], "outcome_before": words[0], "strides": strides[1]}
+    figures |= {"largest_shift_ticks": shift, "wall_s": walk.wall_s}
     return words[0] == words[1] and strides[0] == strides[1], text, figures
+
+
+def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False) -> Run:
+    """Run an experiment with a unit as its controller.
+
+    The log has the plant and the unit's commands; velocities are as the boards of the simulation estimate
+    them from the same encoders.
+
+    ``unit``: at tick 0. ``project``: that it was built from. ``experiment``: run without its bus. ``double``:
+    whether the unit was built with double numbers, as no Cortex-M4F is. Raises FirmwareError: the unit does
+    not answer, or a fault is one of the controller itself.
+    """
+    engine = linked.engine_without_bus(experiment)
+    plant = loop_of(engine.pattern, None, run_part)
+    recording, address = engine.episode["recording"], engine.store.ctypes.data
+    inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
+    read = linked.pairs_of({**linked.DRIVES, **linked.SENSORS}, inputs, engine.store)
+
+    def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
+        recording["log"], recording["first_row"] = rows.ctypes.data, first_row
+        plant(address, 0, tick)
+        linked.keep(read, 0)
+        _obey(engine, unit.exchange(require_fields(inputs, given)).view(taken)[0, 0], tick)
+        plant(address, 1, tick)
+        return end
+
+    return linked.run_by_ticks(engine, run_tick)
+
+
+def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
+    """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
+    e, decision = engine.episode, answer["decision"]
+    commands, trip, recording = e["joints"]["board"]["command"], e["controller"]["trip"], e["recording"]
+    assign_fields_by_name(commands, answer["commands"], zero_unassigned=False)
+    if "mode" in (decision.dtype.fields or ()):
+        supervisor = e["controller"]["supervisor"]
+        supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
+    if trip["tick"] >= 0:
+        return
+    for number, (leg, phase) in enumerate(zip(e["controller"]["legs"], decision["phases"], strict=True)):
+        if phase != leg["phase"]:
+            if recording["n_switches"] < recording["most_switches"]:
+                row = (tick, number, leg["phase"], phase, decision["transitions"][number])
+                engine.switches[recording["n_switches"]] = row
+                recording["n_switches"] += 1
+            leg["phase"], leg["entry_tick"] = phase, tick
+    if decision["trip_cause"] != NO_TRIP:
+        trip["tick"], trip["cause"], trip["part"] = tick, decision["trip_cause"], decision["trip_part"]
 
 
 def _moved(shift: int | None) -> str:

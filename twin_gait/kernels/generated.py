@@ -10,18 +10,18 @@ refused.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from itertools import accumulate, chain, islice
+from itertools import chain, count
 from typing import Any, NamedTuple
 
 from twin_gait.core.contact import Point, ground_contact_force, sloped_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
-from twin_gait.kernels.rigid_body import Vector, vector
+from twin_gait.kernels.rigid_body import Bodies, Points, Vector, vector
 from twin_gait.kernels.tracing import Scalar, Trace, compact, text, together
-from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
+from twin_gait.leg_model.bodies import BodyArrays
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
 # with ankles on a pelvis in a harness have 8, and with a wearer in braces 16.
@@ -46,60 +46,60 @@ class Called(NamedTuple):
 
 SIDE_BY_SIDE = Called(sine_cosine, 0, 1, 2), Called(ground_contact_force, 1, 3, 2)
 
-# Of a guide: part of the joint's wrench and axis, pitching moment and forward force.
-WRENCH = (0, 1), (1, 0)
+
+def _at_run_time(body: BodyArrays, number: Callable[[float], Any]) -> BodyArrays:
+    """A body with what a function makes of the numbers that a kernel reads, asked in the kernel's order."""
+    inertia = {(i, j): number(body.inertia[i][j]) for i in range(3) for j in range(i, 3)}
+    return BodyArrays(
+        parent=body.parent,
+        prismatic=body.prismatic,
+        axis=vector(body.axis),
+        rotation=vector(body.rotation),
+        inertia=vector([[inertia[min(i, j), max(i, j)] for j in range(3)] for i in range(3)]),
+        position=vector([*map(number, body.position)]),
+        mass=number(body.mass),
+        first_moment=vector([*map(number, body.first_moment)]),
+        armature=number(body.armature),
+    )
 
 
-def _values_of(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> list[float]:
+def _values_of(bodies: Bodies, points: Points) -> list[float]:
     """All that a kernel may read at run time, in its order; what is zero is folded into the text."""
     values: list[float] = []
     for body in bodies:
-        values += [body.inertia[i][j] for i in range(3) for j in range(i, 3)]
-        values += [*body.position, body.mass, *body.first_moment, body.armature]
-    for point in points:
-        values += point.position
-    return values
+        _at_run_time(body, values.append)
+    return values + [value for point in points for value in point.position]
 
 
-def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
+def body_values(bodies: Bodies, points: Points = ()) -> list[float]:
     """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out."""
     return [value for value in _values_of(bodies, points) if value != 0.0]
+
+
+class KernelBodies(NamedTuple):
+    """What a kernel is written for."""
+
+    bodies: Bodies
+    points: Points  # Of the plant, that may touch the ground.
+    control_bodies: Bodies
+    up_axis: str  # ``"z"`` or ``"y"``.
+    guides: Sequence[int] = (0,)
+    sloped: bool = False  # Whether the ground may rise forwards; else it is level and nothing is turned.
 
 
 class _Function:
     """A function of a kernel that is being written: its inputs as symbols, and the lines so far."""
 
-    def __init__(
-        self, bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = (), up_axis: str = "z"
-    ) -> None:
-        self.trace = Trace()
-        values = _values_of(bodies, points)
-        places = accumulate((value != 0.0 for value in values), initial=0)  # of those before each
-        symbols = iter(
-            [
-                self.trace.input(f"bodies[{place}]") if value != 0.0 else 0.0
-                for value, place in zip(values, places, strict=False)
-            ]
-        )
-        self.bodies = [self._body(body, symbols) for body in bodies]
-        self.points = [point._replace(position=vector([*islice(symbols, 3)])) for point in points]
+    def __init__(self, bodies: Bodies, points: Points = (), up_axis: str = "z") -> None:
+        self.trace, places = Trace(), count()
+
+        def symbol(value: float) -> Scalar:
+            return self.trace.input(f"bodies[{next(places)}]") if value != 0.0 else 0.0
+
+        self.bodies = [_at_run_time(body, symbol) for body in bodies]
+        self.points = [point._replace(position=vector([*map(symbol, point.position)])) for point in points]
         self.zeros: list[Scalar] = [0.0] * len(bodies)
         self._up_axis = up_axis
-
-    @staticmethod
-    def _body(body: BodyArrays, symbols: Iterator[Scalar]) -> BodyArrays:
-        xx, xy, xz, yy, yz, zz = islice(symbols, 6)
-        return BodyArrays(
-            parent=body.parent,
-            prismatic=body.prismatic,
-            axis=vector(body.axis),
-            rotation=vector(body.rotation),
-            inertia=vector([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
-            position=vector([*islice(symbols, 3)]),
-            mass=next(symbols),
-            first_moment=vector([*islice(symbols, 3)]),
-            armature=next(symbols),
-        )
 
     def inputs(self, name: str) -> Vector:
         """Symbols of an array with an entry for each coordinate."""
@@ -111,7 +111,7 @@ class _Function:
         down = -self.trace.input("gravity")
         return vector([0.0, 0.0, down] if self._up_axis == "z" else [0.0, down, 0.0])
 
-    def ground(self, sloped: bool) -> rigid_body.ContactLaw:
+    def ground(self, sloped: bool) -> rigid_body.Law:
         """Contact law that calls the one in core; gives forces, height and power."""
         sine: Any = self.trace.input("ground.slope_sine")
         cosine: Any = self.trace.input("ground.slope_cosine")
@@ -161,26 +161,22 @@ def _power(contacts: Sequence[Sequence[Scalar]]) -> Scalar:
     return sum(results[-1] for results in contacts)
 
 
-def write_dynamics(
-    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str, sloped: bool = False
-) -> str:
+def write_dynamics(kernel: KernelBodies) -> str:
     """Source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
-    made = _Function(bodies, points, up_axis)
+    made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, torque = (made.inputs(name) for name in ("q", "v", "torque"))
     acceleration, contacts = rigid_body.forward_dynamics(
-        made.bodies, q, v, torque, made.gravity, made.points, made.ground(sloped)
+        made.bodies, q, v, torque, made.gravity, made.points, made.ground(kernel.sloped)
     )
     stores = _stores("a", acceleration) + _point_stores(contacts)
     signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
     return made.text(signature, stores, [_power(contacts)])
 
 
-def write_contact_forces(
-    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], sloped: bool = False
-) -> str:
+def write_contact_forces(kernel: KernelBodies) -> str:
     """Source of ``contact_forces``."""
-    made = _Function(bodies, points)
-    q, v, law = made.inputs("q"), made.inputs("v"), made.ground(sloped)
+    made = _Function(kernel.bodies, kernel.points)
+    q, v, law = made.inputs("q"), made.inputs("v"), made.ground(kernel.sloped)
     contacts = rigid_body.inverse_dynamics(
         made.bodies, q, v, made.zeros, rigid_body.ZERO, made.points, law
     ).contacts
@@ -188,11 +184,9 @@ def write_contact_forces(
     return made.text(signature, _point_stores(contacts), [_power(contacts)])
 
 
-def write_observe(
-    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str, guides: Sequence[int] = (0,)
-) -> str:
+def write_observe(kernel: KernelBodies) -> str:
     """Source of ``observe``; the wrench is that of all guides, each about its own origin."""
-    made = _Function(bodies, points, up_axis)
+    made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, a = (made.inputs(name) for name in ("q", "v", "a"))
 
     def known_force(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
@@ -200,19 +194,23 @@ def write_observe(
 
     result = rigid_body.inverse_dynamics(made.bodies, q, v, a, made.gravity, made.points, known_force)
     potential = rigid_body.potential_energy(made.bodies, q, made.gravity)
-    moment, force = (sum(result.wrenches[guide][part][axis] for guide in guides) for part, axis in WRENCH)
+    wrenches = [result.wrenches[guide] for guide in kernel.guides]  # the moment in pitch, the force forwards
+    moment, force = (
+        sum(item[0][1] for item in wrenches),
+        sum(item[1][0] for item in wrenches),
+    )  # pitch, forward
     returned = [result.kinetic_energy, potential, force, moment]
     return made.text("observe(q, v, a, bodies, gravity, points)", [], returned)
 
 
-def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:
+def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
     """Source of ``control_gravity``."""
     made = _Function(bodies, (), up_axis)
     result = rigid_body.inverse_dynamics(made.bodies, made.inputs("q"), made.zeros, made.zeros, made.gravity)
     return made.text("control_gravity(q, bodies, gravity, torque)", _stores("torque", result.torques))
 
 
-def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
+def write_control_inertia(bodies: Bodies) -> str:
     """Source of ``control_inertia``."""
     made = _Function(bodies)
     matrix = rigid_body.joint_space_inertia(made.bodies, made.inputs("q"))
@@ -220,29 +218,17 @@ def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     return made.text("control_inertia(q, a, bodies, torque)", _stores("torque", torques))
 
 
-class KernelBodies(NamedTuple):
-    """What a kernel is written for."""
-
-    bodies: Sequence[BodyArrays]
-    points: Sequence[ContactPoint]  # Of the plant, that may touch the ground.
-    control_bodies: Sequence[BodyArrays]
-    up_axis: str  # ``"z"`` or ``"y"``.
-    guides: Sequence[int] = (0,)
-    sloped: bool = False  # Whether the ground may rise forwards; else it is level and nothing is turned.
-
-
 def write_kernel(kernel: KernelBodies) -> str:
     """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
 
     It needs the functions of :data:`SIDE_BY_SIDE` in its module.
     """
-    bodies, points, control_bodies, up_axis, guides, sloped = kernel
     functions = [
-        write_dynamics(bodies, points, up_axis, sloped),
-        write_contact_forces(bodies, points, sloped),
-        write_observe(bodies, points, up_axis, guides),
-        write_control_gravity(control_bodies, up_axis),
-        write_control_inertia(control_bodies),
+        write_dynamics(kernel),
+        write_contact_forces(kernel),
+        write_observe(kernel),
+        write_control_gravity(kernel.control_bodies, kernel.up_axis),
+        write_control_inertia(kernel.control_bodies),
     ]
     return "\n\n".join([*write_side_by_side("".join(functions)), *functions])
 
@@ -251,11 +237,11 @@ def write_side_by_side(text: str) -> list[str]:
     """Source of what the text of a kernel calls for several things at once: one thing after the other."""
     found = []
     for item in SIDE_BY_SIDE:
-        for count in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
+        for calls in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
             common = [f"c{k}" for k in range(item.shared)]
-            own = [[f"a{number}_{k}" for k in range(item.arguments)] for number in range(count)]
-            results = [[f"r{number}_{k}" for k in range(item.results)] for number in range(count)]
-            lines = [f"def {item.name}_{count}({', '.join([*common, *chain(*own)])}):"]
+            own = [[f"a{number}_{k}" for k in range(item.arguments)] for number in range(calls)]
+            results = [[f"r{number}_{k}" for k in range(item.results)] for number in range(calls)]
+            lines = [f"def {item.name}_{calls}({', '.join([*common, *chain(*own)])}):"]
             for left, right in zip(results, own, strict=True):
                 lines.append(f"    {', '.join(left)} = {item.name}({', '.join(common + right)})")
             lines.append(f"    return {', '.join(chain(*results))}")
@@ -277,7 +263,7 @@ def kernel_structure(kernel: KernelBodies) -> str:
     return repr((_structure(bodies, points), _structure(control_bodies), up_axis, tuple(guides), sloped))
 
 
-def _structure(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> str:
+def _structure(bodies: Bodies, points: Points = ()) -> str:
     """All that the text of a kernel depends on: topology, axes, and which run-time inputs are zero."""
     frames = [(body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
     zeros = [value == 0.0 for value in _values_of(bodies, points)]

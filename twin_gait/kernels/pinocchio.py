@@ -4,20 +4,22 @@ It shares the laws of :mod:`twin_gait.core` and the rooms of a tick with the com
 dynamics, and so is what that one is checked against.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from twin_gait.core.contact import Ground, Point, ground_contact_force, sloped_contact_force
 from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.bodies import contact_points
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.vocabulary import Side
 from twin_gait.worlds.world import World
 
-_Vector = tuple[float, float, float]
+Row: TypeAlias = list[float]
+Points: TypeAlias = list[Point]
 
 
 class _Foot(NamedTuple):
@@ -25,7 +27,7 @@ class _Foot(NamedTuple):
 
     joint: int
     first: int
-    points: tuple[_Vector, ...]
+    points: list[list[float]]
 
 
 class GroundContacts:
@@ -42,19 +44,17 @@ class GroundContacts:
         self.feet: dict[Side, _Foot] = {}
         first = 0
         for side in world.model.sides:
-            names = world.contact_frames.get(side, ())
-            frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
-            points = tuple(tuple(frame.placement.translation.tolist()) for frame in frames)
-            if frames:
-                self.feet[side] = _Foot(int(frames[0].parentJoint), first, points)
-            first += len(frames)
+            points = contact_points(self.model, world.contact_frames.get(side, ()))
+            if points:
+                self.feet[side] = _Foot(points[0].body + 1, first, [point.position for point in points])
+            first += len(points)
 
-    def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Sequence[Point]) -> float:
+    def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Points) -> float:
         """Evaluate a state of the model; the points of the soles are changed. Returns the power in [W]."""
         pin.forwardKinematics(self.model, self.data, q, v)
         return sum(self._press(foot, ground, points) for foot in self.feet.values())
 
-    def _press(self, foot: _Foot, ground: Ground, points: Sequence[Point]) -> float:
+    def _press(self, foot: _Foot, ground: Ground, points: Points) -> float:
         """Forces on the points of a foot, and their sum on its joint."""
         placement = self.data.oMi[foot.joint]
         # Python numbers are several times faster here than numpy's scalars.
@@ -105,15 +105,7 @@ class PinocchioKernel:
         return {function.__name__: function for function in found}
 
     def dynamics(
-        self,
-        q: list[float],
-        v: list[float],
-        torque: list[float],
-        bodies: list[float],
-        gravity: float,
-        ground: Ground,
-        a: list[float],
-        points: list[Point],
+        self, q: Row, v: Row, torque: Row, bodies: Row, gravity: float, ground: Ground, a: Row, points: Points
     ) -> float:
         """Accelerations by the articulated-body algorithm."""
         power = self.contact_forces(q, v, bodies, ground, points)
@@ -124,9 +116,7 @@ class PinocchioKernel:
             ).tolist()
         return power
 
-    def contact_forces(
-        self, q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[Point]
-    ) -> float:
+    def contact_forces(self, q: Row, v: Row, bodies: Row, ground: Ground, points: Points) -> float:
         """Contact forces of a state."""
         if not self._contacts.feet:
             return 0.0
@@ -134,13 +124,7 @@ class PinocchioKernel:
         return self._contacts.update(np.array(q[part]), np.array(v[part]), ground, points)
 
     def observe(
-        self,
-        q: list[float],
-        v: list[float],
-        a: list[float],
-        bodies: list[float],
-        gravity: float,
-        points: object,
+        self, q: Row, v: Row, a: Row, bodies: Row, gravity: float, points: object
     ) -> tuple[float, float, float, float]:
         """Energies, and by inverse dynamics what the guides of the pelvis take, each about its own pelvis."""
         kinetic = potential = force = moment = 0.0
@@ -154,22 +138,15 @@ class PinocchioKernel:
                 force, moment = force + float(wrench.linear[0]), moment + float(wrench.angular[1])
         return kinetic, potential, force, moment
 
-    def control_gravity(
-        self, q: list[float], bodies: list[float], gravity: float, torque: list[float]
-    ) -> None:
+    def control_gravity(self, q: Row, bodies: Row, gravity: float, torque: Row) -> None:
         """Gravity torques of the controller's model."""
         torque[:] = self._control.gravity_torque(np.array(q)).tolist()
 
-    def control_inertia(
-        self, q: list[float], a: list[float], bodies: list[float], torque: list[float]
-    ) -> None:
+    def control_inertia(self, q: Row, a: Row, bodies: Row, torque: Row) -> None:
         """Inertia torques of the controller's model."""
         torque[:] = self._control.inertia_torque(np.array(q), np.array(a)).tolist()
 
 
 def no_forces(model: pin.Model) -> pin.StdVec_Force:
     """Forces from outside on the bodies of a model: none."""
-    forces = pin.StdVec_Force()
-    for _ in range(model.njoints):
-        forces.append(pin.Force.Zero())
-    return forces
+    return pin.StdVec_Force([pin.Force.Zero()] * model.njoints)

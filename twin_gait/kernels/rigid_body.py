@@ -16,6 +16,11 @@ from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 # Arrays of numbers and symbols, for which numpy has no type.
 Vector: TypeAlias = Any
 Matrix: TypeAlias = Any
+Bodies: TypeAlias = Sequence[BodyArrays]
+Points: TypeAlias = Sequence[ContactPoint]
+# From number, position and velocity of a point in the world to its force along world x and z (first two
+# results) and anything else.
+Law: TypeAlias = Callable[[int, Vector, Vector], list[Scalar]] | None
 
 
 def vector(values: Sequence[Any]) -> Vector:
@@ -44,23 +49,18 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
     """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
-    s, c = sine_and_cosine(angle)
-    nonzero = [i for i in range(3) if axis[i] != 0.0]
-    if len(nonzero) == 1 and abs(axis[nonzero[0]]) == 1.0:
-        i = nonzero[0]
-        j, k = (i + 1) % 3, (i + 2) % 3
-        matrix = np.full((3, 3), 0.0, dtype=object)
-        matrix[i, i], matrix[j, j], matrix[k, k] = 1.0, c, c
-        matrix[j, k], matrix[k, j] = -(axis[i] * s), axis[i] * s
-        return matrix
-    x, y, z = axis
-    one = 1.0 - c
-    rows = [
-        [c + x * x * one, x * y * one - z * s, x * z * one + y * s],
-        [x * y * one + z * s, c + y * y * one, y * z * one - x * s],
-        [x * z * one - y * s, y * z * one + x * s, c + z * z * one],
-    ]
-    return np.array(rows, dtype=object)
+    (s, c), (x, y, z) = sine_and_cosine(angle), axis
+    one = (
+        0.0 if 1.0 in np.abs(axis) else 1.0 - c
+    )  # all products of a coordinate axis are 0 but the one along it
+    xx, yy, zz = (1.0 if abs(part) == 1.0 else c + part * part * one for part in axis)
+    return vector(
+        [
+            [xx, x * y * one - z * s, x * z * one + y * s],
+            [x * y * one + z * s, yy, y * z * one - x * s],
+            [x * z * one - y * s, y * z * one + x * s, zz],
+        ]
+    )
 
 
 class _Pose(NamedTuple):
@@ -80,14 +80,7 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
-def _poses(bodies: Sequence[BodyArrays], q: Vector) -> list[_Pose]:
-    return [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-
-
-ContactLaw = Callable[[int, Vector, Vector], list[Scalar]]
-
-
-def _world_poses(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[tuple[Matrix, Vector]]:
+def _world_poses(bodies: Bodies, poses: Sequence[_Pose]) -> list[tuple[Matrix, Vector]]:
     """Orientation and origin of every body in the world."""
     found: list[tuple[Matrix, Vector]] = []
     for body, pose in zip(bodies, poses, strict=True):
@@ -100,20 +93,13 @@ def _world_poses(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[t
 
 
 def inverse_dynamics(
-    bodies: Sequence[BodyArrays],
-    q: Vector,
-    v: Vector,
-    a: Vector,
-    gravity: Vector,
-    contacts: Sequence[ContactPoint] = (),
-    contact_law: ContactLaw | None = None,
+    bodies: Bodies, q: Vector, v: Vector, a: Vector, gravity: Vector, contacts: Points = (), law: Law = None
 ) -> InverseDynamics:
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
-    ``gravity``: acceleration of gravity in the world frame. ``contact_law``: from number, position and
-    velocity of a point in the world to its force along world x and z (first two results) and anything else.
+    ``gravity``: acceleration of gravity in the world frame.
     """
-    poses = _poses(bodies, q)
+    poses = list(map(_pose, bodies, q))
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
     acceleration: list[tuple[Vector, Vector]] = []
@@ -122,11 +108,8 @@ def inverse_dynamics(
     twice_kinetic: Scalar = 0.0
     for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
         back = pose.rotation.T
-        if body.parent >= 0:
-            w0, l0 = velocity[body.parent]
-            aw0, al0 = acceleration[body.parent]
-        else:
-            w0, l0, aw0, al0 = ZERO, ZERO, ZERO, gravity * -1.0
+        w0, l0 = velocity[body.parent] if body.parent >= 0 else (ZERO, ZERO)
+        aw0, al0 = acceleration[body.parent] if body.parent >= 0 else (ZERO, gravity * -1.0)
         joint_w, joint_l = pose.angular * v[index], pose.linear * v[index]
         w = back @ w0 + joint_w
         linear = back @ (l0 + cross(w0, pose.position)) + joint_l
@@ -152,11 +135,11 @@ def inverse_dynamics(
         linear_force = al * body.mass + cross(aw, body.first_moment) + cross(w, momentum_l)
         rotation, origin = world[index]
         for number, point in enumerate(contacts):
-            if point.body != index or contact_law is None:
+            if point.body != index or law is None:
                 continue
             position = origin + rotation @ point.position
             speed = rotation @ (linear + cross(w, point.position))
-            results[number] = contact_law(number, position, speed)
+            results[number] = law(number, position, speed)
             local = rotation.T @ vector([results[number][0], 0.0, results[number][1]])
             linear_force = linear_force - local
             moment = moment - cross(point.position, local)
@@ -173,9 +156,9 @@ def inverse_dynamics(
     return InverseDynamics(bias, results, force, 0.5 * twice_kinetic)
 
 
-def mass_matrix(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
+def mass_matrix(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
     """Joint-space inertia (lower triangle along the tree), armature included."""
-    poses = _poses(bodies, q)
+    poses = list(map(_pose, bodies, q))
     n = len(bodies)
     composite = [(body.mass, body.first_moment, body.inertia) for body in bodies]
     matrix: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
@@ -219,9 +202,7 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
     return (parent_mass + mass, parent_first + turned_first + p * mass, parent_inertia + moved)
 
 
-def solve_along_tree(
-    bodies: Sequence[BodyArrays], matrix: list[list[Scalar]], right: list[Scalar]
-) -> list[Scalar]:
+def solve_along_tree(bodies: Bodies, matrix: list[list[Scalar]], right: list[Scalar]) -> list[Scalar]:
     """Solve M a = r with the branch-sparse L'DL factorisation (Featherstone, section 6.5)."""
     n = len(bodies)
     ancestors: list[list[int]] = []  # the nearest first
@@ -248,29 +229,25 @@ def solve_along_tree(
 
 
 def forward_dynamics(
-    bodies: Sequence[BodyArrays],
-    q: Vector,
-    v: Vector,
-    tau: Vector,
-    gravity: Vector,
-    contacts: Sequence[ContactPoint] = (),
-    contact_law: ContactLaw | None = None,
+    bodies: Bodies, q: Vector, v: Vector, tau: Vector, gravity: Vector, contacts: Points = (), law: Law = None
 ) -> tuple[list[Scalar], list[list[Scalar]]]:
     """Accelerations under joint torques and contact forces, and results of the contact law per point."""
-    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, contact_law)
+    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, law)
     right = [torque - load for torque, load in zip(tau, bias.torques, strict=True)]
     return solve_along_tree(bodies, mass_matrix(bodies, q), right), bias.contacts
 
 
-def joint_space_inertia(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
+def joint_space_inertia(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
     """Mass matrix with armature, both triangles."""
     lower, places = mass_matrix(bodies, q), range(len(bodies))
     return [[lower[max(i, j)][min(i, j)] for j in places] for i in places]
 
 
-def potential_energy(bodies: Sequence[BodyArrays], q: Vector, gravity: Vector) -> Scalar:
+def potential_energy(bodies: Bodies, q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     energy: Scalar = 0.0
-    for body, (rotation, origin) in zip(bodies, _world_poses(bodies, _poses(bodies, q)), strict=True):
+    for body, (rotation, origin) in zip(
+        bodies, _world_poses(bodies, list(map(_pose, bodies, q))), strict=True
+    ):
         energy = energy - gravity @ (rotation @ body.first_moment + origin * body.mass)
     return energy

@@ -14,8 +14,6 @@ from collections.abc import Collection, Sequence
 
 from twin_gait.core.elementary import sine_cosine
 
-Number = float
-
 
 class Trace:
     """The lines written so far.
@@ -28,7 +26,6 @@ class Trace:
         """Begin an empty trace."""
         self.lines: list[str] = []
         self._known: dict[tuple[str, ...], list[Symbol]] = {}
-        self._negated: dict[str, Symbol] = {}
         self._count = 0
 
     def input(self, expression: str) -> Symbol:
@@ -39,15 +36,15 @@ class Trace:
         """Append what an operator makes of two numbers, of which at least one is a symbol."""
         left, right = text(first), text(second)
         operands = sorted((left, right)) if operator in "+*" else (left, right)
-        (result,) = self._emit((operator, *operands), f"{left} {operator} {right}")
+        (result,) = self.emit((operator, *operands), f"{left} {operator} {right}")
         return result
 
     def call(self, function: str, arguments: Sequence[Scalar], outputs: int) -> list[Symbol]:
         """Append a call of a function with several results."""
         given = [text(item) for item in arguments]
-        return self._emit((function, *given), f"{function}({', '.join(given)})", outputs)
+        return self.emit((function, *given), f"{function}({', '.join(given)})", outputs)
 
-    def _emit(self, key: tuple[str, ...], expression: str, outputs: int = 1) -> list[Symbol]:
+    def emit(self, key: tuple[str, ...], expression: str, outputs: int = 1) -> list[Symbol]:
         """Append an assignment unless the same expression is known, and return its symbols."""
         if key not in self._known:
             names = [f"t{self._count + index}" for index in range(outputs)]
@@ -55,16 +52,6 @@ class Trace:
             self.lines.append(f"{', '.join(names)} = {expression}")
             self._known[key] = [Symbol(self, name) for name in names]
         return self._known[key]
-
-    def negated(self, symbol: Symbol) -> Symbol:
-        """Append the negative of a symbol, and remember of what it is the negative."""
-        (result,) = self._emit(("neg", symbol.name), f"-{symbol.name}")
-        self._negated[result.name] = symbol
-        return result
-
-    def positive_of(self, value: Scalar) -> Symbol | None:
-        """What a symbol is the negative of, or None; adding the one is subtracting the other, exactly."""
-        return self._negated.get(value.name) if isinstance(value, Symbol) else None
 
     def live_lines(self, outputs: Sequence[Scalar]) -> list[str]:
         """Lines that the outputs depend on, in order."""
@@ -79,64 +66,62 @@ class Trace:
 
 
 class Symbol:
-    """A number that is not known yet."""
+    """A number that is not known yet; ``positive`` is what it is the negative of, if it is one."""
 
-    __slots__ = ("name", "trace")
+    __slots__ = ("name", "positive", "trace")
 
     def __init__(self, trace: Trace, name: str) -> None:
         """Name an expression of a trace."""
         self.trace = trace
         self.name = name
+        self.positive: Symbol | None = None
 
     def __add__(self, other: Scalar) -> Scalar:
-        if not isinstance(other, Symbol) and other == 0.0:
+        if other == 0.0:
             return self
+        # Adding a negative is subtracting what it is the negative of, exactly.
         for one, negative in ((self, other), (other, self)):
-            positive = self.trace.positive_of(negative)
-            if positive is not None:
-                return one - positive
+            if isinstance(negative, Symbol) and negative.positive is not None:
+                return one - negative.positive
         return self.trace.combined(self, "+", other)
 
     __radd__ = __add__
 
     def __sub__(self, other: Scalar) -> Scalar:
-        if not isinstance(other, Symbol) and other == 0.0:
+        if other == 0.0:
             return self
-        if isinstance(other, Symbol) and other.name == self.name:
-            return 0.0
-        positive = self.trace.positive_of(other)
-        if positive is not None:
-            return self + positive
+        if isinstance(other, Symbol):
+            if other.name == self.name:
+                return 0.0
+            if other.positive is not None:
+                return self + other.positive
         return self.trace.combined(self, "-", other)
 
-    def __rsub__(self, other: Number) -> Scalar:
-        if other == 0.0:
-            return -self
-        return self.trace.combined(other, "-", self)
+    def __rsub__(self, other: float) -> Scalar:
+        return -self if other == 0.0 else self.trace.combined(other, "-", self)
 
     def __neg__(self) -> Symbol:
-        return self.trace.negated(self)
+        (result,) = self.trace.emit(("neg", self.name), f"-{self.name}")
+        result.positive = self
+        return result
 
     def __mul__(self, other: Scalar) -> Scalar:
-        if not isinstance(other, Symbol):
-            if other == 0.0:
-                return 0.0
-            if other == 1.0:
-                return self
-            if other == -1.0:
-                return -self
-        return self.trace.combined(self, "*", other)
+        if other == 0.0:
+            return 0.0
+        if other == 1.0:
+            return self
+        return -self if other == -1.0 else self.trace.combined(self, "*", other)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Scalar) -> Symbol:
         return self.trace.combined(self, "/", other)
 
-    def __rtruediv__(self, other: Number) -> Symbol:
+    def __rtruediv__(self, other: float) -> Symbol:
         return self.trace.combined(other, "/", self)
 
 
-Scalar = Symbol | Number
+Scalar = Symbol | float
 
 FEWEST_TOGETHER = 4  # calls; of fewer, one after the other is as fast as side by side
 _LONGEST = 90  # characters of an expression

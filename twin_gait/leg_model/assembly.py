@@ -1,7 +1,7 @@
 """From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -36,13 +36,16 @@ class Assembly:
         ``up_axis``: ``"z"`` or ``"y"``. Raises ModelError if the URDF cannot be read or lacks a joint or
         frame.
         """
-        self._path, self._pelvis, self._up_axis = path, pelvis, up_axis
+        self._path, self._pelvis = path, pelvis
+        self._up = np.array([0.0, 0.0, 1.0] if up_axis == "z" else [0.0, 1.0, 0.0])
         model = self._read()
-        self.legs = plain_names(legs, model.names)
+        self.legs = plain_names(legs)
         self._check_names(model)
         self.model = self._lock_other_joints(model)
-        self._check_degrees_of_freedom()
-        turned = reversed_joints(path, self.model, legs, self._up())
+        for leg in self.legs.values():
+            for _, name in leg.items():
+                self._check_joint(name, first=name == leg.hip)
+        turned = reversed_joints(path, self.model, legs, self._up)
         if turned:
             self.model = self._lock_other_joints(self._read(turned))
 
@@ -52,28 +55,28 @@ class Assembly:
         The mass of a link stays; its centre of mass along the tube moves with the length and its
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
         from the ankle in the same proportion.
-
-        Raises ModelError if two joints coincide, so that there is no tube between them.
         """
+        (lateral,) = np.flatnonzero(np.cross(self._up, FORWARD))
         for leg in self.legs.values():
-            placements = self.model.jointPlacements
             hip, knee = self._id(leg.hip), self._id(leg.knee)
-            side_offset = placements[hip].translation.copy()
-            lateral = 1 if self._up_axis == "z" else 2
+            placement = self.model.jointPlacements[hip]
+            side_offset = placement.translation.copy()
             if side_offset[lateral] != 0.0:
                 side_offset[lateral] = np.copysign(sizes.waist / 2.0, side_offset[lateral])
-                placements[hip].translation = side_offset
+                placement.translation = side_offset
             self._stretch(hip, knee, sizes.femur)
             if leg.ankle is not None:
-                ankle = self._id(leg.ankle)
+                ankle, ratio = self._id(leg.ankle), sizes.foot / wearer.DRAWN_FOOT
                 self._stretch(knee, ankle, sizes.tibia)
-                self._grow_foot(ankle, sizes.foot / wearer.DRAWN_FOOT)
+                self._grow(ankle, ratio)
+                for frame in self.model.frames:
+                    if frame.parentJoint == ankle:
+                        frame.placement.translation = frame.placement.translation * ratio
 
     def put_on(self, patient: Patient, *, alone: bool = False) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
-        ``alone``: leave the joints where they are and the links of the device without mass. Raises ModelError
-        if hip and knee coincide, so that there is no thigh between them.
+        ``alone``: leave the joints where they are and the links of the device without mass.
         """
         for joint in range(self.model.njoints) if alone else ():
             self.model.inertias[joint] = pin.Inertia.Zero()
@@ -81,10 +84,6 @@ class Assembly:
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
-            if not thigh.any():
-                raise ModelError(
-                    f"{self._path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
-                )
             if leg.ankle is None:
                 shank = SHANK_LENGTH * patient.height * (thigh / np.linalg.norm(thigh))
             else:
@@ -104,47 +103,42 @@ class Assembly:
         for leg in self.legs.values():
             for joint, name in leg.items():
                 values[self.model.joints[self._id(name)].idx_v] = armature.get(joint, 0.0)
-        self.model.armature, self.model.gravity.linear = values, -gravity * self._up()
+        self.model.armature, self.model.gravity.linear = values, -gravity * self._up
 
-    def _read(self, turned: Collection[str] = ()) -> pin.Model:
-        upward = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
-        leaning = pin.JointModelRevoluteUnaligned(np.cross(self._up(), FORWARD))
+    def _read(self, turned: frozenset[str] = frozenset()) -> pin.Model:
+        upward = pin.JointModelPZ() if self._up[2] else pin.JointModelPY()
+        leaning = pin.JointModelRevoluteUnaligned(np.cross(self._up, FORWARD))
         joints = dict(zip(ALL_GUIDES, (pin.JointModelPX(), upward, leaning), strict=True))
         return build_model(self._path, [(joints[name], name) for name in GUIDES[self._pelvis]], turned)
 
     def _check_names(self, model: pin.Model) -> None:
-        joints = [name for name in model.names if name not in ("universe", *GUIDES[self._pelvis])]
-        frames = sorted(frame.name for frame in model.frames)
-        for side, leg in self.legs.items():
-            wanted = [("joint", name, str(joint), joints) for joint, name in leg.items()]
-            wanted += [("frame", name, "foot", frames) for name in leg.contact_frames]
-            for kind, name, part, known in wanted:
-                if name not in known:
-                    has = ", ".join(known) or f"no {kind}s"
-                    raise ModelError(f"{self._path}: no {kind} {name!r} for the {side} {part}; it has {has}")
-        self._check_chains(model)
-
-    def _check_chains(self, model: pin.Model) -> None:
-        """Every joint has one place, and within a leg each part hangs on the one before it."""
-        taken: dict[str, str] = {}
+        """Every part is there, has one place, and hangs on the one before it in its leg."""
+        known = {
+            "joint": [name for name in model.names if name not in ("universe", *GUIDES[self._pelvis])],
+            "frame": sorted(frame.name for frame in model.frames),
+        }
+        taken: dict[tuple[str, str], str] = {}
         for side, leg in self.legs.items():
             above = ""
-            for joint, name in leg.items():
-                if name in taken:
-                    raise ModelError(f"{self._path}: joint {name!r} is both {taken[name]} and {side} {joint}")
-                self._check_hangs(
-                    model, model.getJointId(name), above, f"joint {name!r} of the {side} {joint}"
-                )
-                taken[name], above = f"{side} {joint}", name
-            for name in leg.contact_frames:
-                parent = model.frames[model.getFrameId(name)].parentJoint
-                self._check_hangs(model, parent, above, f"frame {name!r} of the {side} foot")
-
-    def _check_hangs(self, model: pin.Model, joint: int, above: str, what: str) -> None:
-        known = [model.names[index] for index in model.supports[joint]][1:]
-        if above and above not in known:
-            on = ", ".join(known) or "no joint"
-            raise ModelError(f"{self._path}: {what} does not hang on {above!r}; from the root on it has {on}")
+            parts = [("joint", name, f"{side} {joint}") for joint, name in leg.items()]
+            parts += [("frame", name, f"{side} foot") for name in leg.contact_frames]
+            for kind, name, part in parts:
+                if name not in known[kind]:
+                    has = ", ".join(known[kind]) or f"no {kind}s"
+                    raise ModelError(f"{self._path}: no {kind} {name!r} for the {part}; it has {has}")
+                if (kind, name) in taken:
+                    both = f"both {taken[kind, name]} and {part}"
+                    raise ModelError(f"{self._path}: {kind} {name!r} is {both}")
+                frame = model.frames[model.getFrameId(name)] if kind == "frame" else None
+                joint_id = model.getJointId(name) if frame is None else frame.parentJoint
+                on = [model.names[index] for index in model.supports[joint_id]][1:]
+                if above and above not in on:
+                    has = ", ".join(on) or "no joint"
+                    raise ModelError(
+                        f"{self._path}: {kind} {name!r} of the {part} does not hang on {above!r}; from the "
+                        f"root on it has {has}"
+                    )
+                taken[kind, name], above = part, name if kind == "joint" else above
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
         wanted = {name for leg in self.legs.values() for _, name in leg.items()}
@@ -152,47 +146,34 @@ class Assembly:
         locked = [model.getJointId(name) for name in model.names if name not in wanted]
         return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 
-    def _check_degrees_of_freedom(self) -> None:
-        for leg in self.legs.values():
-            for _, name in leg.items():
-                joint = self.model.joints[self._id(name)]
-                if joint.nq != 1 or joint.nv != 1 or not joint.shortname().startswith("JointModelR"):
-                    kind = (
-                        f"{joint.shortname().removeprefix('JointModel')} with {joint.nv} degrees of freedom"
-                    )
-                    raise ModelError(f"{self._path}: joint {name!r} is {kind}; expected a revolute one")
-                limits = self.model.lowerPositionLimit, self.model.upperPositionLimit
-                low, high = (float(limit[joint.idx_q]) for limit in limits)
-                if not low < high:
-                    raise ModelError(
-                        f"{self._path}: joint {name!r} can turn from {low:g} to {high:g} rad; expected lower "
-                        "below upper in its <limit>"
-                    )
-                largest = max(-low, high)
-                if LARGEST_LIMIT < largest <= math.degrees(LARGEST_LIMIT):
-                    raise ModelError(
-                        f"{self._path}: joint {name!r} can turn by {largest:g} rad; expected radians in its "
-                        f"<limit>: {largest:g} degrees are {math.radians(largest):.4g}, and a joint without "
-                        "stops is continuous"
-                    )
+    def _check_joint(self, name: str, *, first: bool) -> None:
+        """One angle about an axis, away from the joint above it if it is not the first, limits in radians."""
+        joint = self.model.joints[self._id(name)]
+        kind = joint.shortname().removeprefix("JointModel")
+        limits = self.model.lowerPositionLimit, self.model.upperPositionLimit
+        low, high = (float(limit[joint.idx_q]) for limit in limits)
+        if joint.nv != 1 or not kind.startswith("R"):
+            problem = f"is {kind} with {joint.nv} degrees of freedom; expected a revolute one"
+        elif not np.any(joint.createData().S):
+            problem = "has an axis of zeros; expected a direction"
+        elif not first and not self.model.jointPlacements[self._id(name)].translation.any():
+            problem = "and the one above it coincide; expected a segment between them"
+        elif not low < high:
+            problem = f"can turn from {low:g} to {high:g} rad; expected lower below upper in its <limit>"
+        elif LARGEST_LIMIT < max(-low, high) <= math.degrees(LARGEST_LIMIT):
+            problem = (
+                f"can turn by {max(-low, high):g} rad; expected radians in its <limit>, and a joint without "
+                "stops to be continuous"
+            )
+        else:
+            return
+        raise ModelError(f"{self._path}: joint {name!r} {problem}")
 
     def _stretch(self, proximal: int, distal: int, length: float) -> None:
         placement = self.model.jointPlacements[distal]
-        old = float(np.linalg.norm(placement.translation))
-        if old == 0.0:
-            names = f"{self.model.names[proximal]!r} and {self.model.names[distal]!r}"
-            raise ModelError(
-                f"{self._path}: joints {names} coincide, so nothing can be fitted; use fit_device: false"
-            )
-        ratio = length / old
+        ratio = length / float(np.linalg.norm(placement.translation))
         placement.translation = placement.translation * ratio
         self._grow(proximal, ratio)
-
-    def _grow_foot(self, ankle: int, ratio: float) -> None:
-        self._grow(ankle, ratio)
-        for frame in self.model.frames:
-            if frame.parentJoint == ankle:
-                frame.placement.translation = frame.placement.translation * ratio
 
     def _grow(self, joint: int, ratio: float) -> None:
         body = self.model.inertias[joint]
@@ -201,7 +182,7 @@ class Assembly:
         )
 
     def _append_foot(self, ankle: int, patient: Patient) -> None:
-        forward_and_up = np.array([FORWARD, self._up()])
+        forward_and_up = np.array([FORWARD, self._up])
         start, axis = (vector @ forward_and_up for vector in wearer.foot_line(patient))
         foot = wearer.segments_of(patient)["foot"]
         mass, from_start, inertia = wearer.segment_inertia(foot, patient.mass, axis)
@@ -211,9 +192,8 @@ class Assembly:
         mass = wearer.trunk_mass(patient)
         length = wearer.TRUNK_LENGTH * patient.height
         radius = wearer.TRUNK_RADIUS_OF_GYRATION * length
-        along = np.outer(self._up(), self._up())
-        inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
-        centre = wearer.TRUNK_CENTRE_OF_MASS * length * self._up()
+        inertia = mass * radius * radius * (np.eye(3) - 0.9 * np.outer(self._up, self._up))
+        centre = wearer.TRUNK_CENTRE_OF_MASS * length * self._up
         self._append(self._id(GUIDES[self._pelvis][-1]), mass, centre, inertia)
 
     def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:
@@ -221,6 +201,3 @@ class Assembly:
 
     def _id(self, name: str) -> int:
         return int(self.model.getJointId(name))
-
-    def _up(self) -> np.ndarray:
-        return np.array([0.0, 0.0, 1.0]) if self._up_axis == "z" else np.array([0.0, 1.0, 0.0])

@@ -1,8 +1,7 @@
 """Which way the joints of a URDF turn, and joints that turn the other way."""
 
-import math
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,17 +28,10 @@ class ReversedJointWarning(UserWarning):
     """A joint of a URDF turns the other way than this package counts."""
 
 
-def plain_names(legs: Mapping[Side, LegJoints], known: Collection[str]) -> dict[Side, LegJoints]:
-    """Joint names without the sign in front of them.
-
-    ``known``: joints of the URDF; a name that begins with a sign there keeps it.
-    """
-
-    def plain(name: str) -> str:
-        return name[1:] if name[:1] in ("-", "+") and name not in known else name
-
+def plain_names(legs: Mapping[Side, LegJoints]) -> dict[Side, LegJoints]:
+    """Joint names without the sign in front of them."""
     names: dict[Side, dict[str, Any]]
-    names = {side: {joint: plain(name) for joint, name in leg.items()} for side, leg in legs.items()}
+    names = {side: {joint: name.lstrip("+-") for joint, name in leg.items()} for side, leg in legs.items()}
     return {side: replace(leg, **names[side]) for side, leg in legs.items()}
 
 
@@ -58,31 +50,23 @@ def reversed_joints(
     pin.computeJointJacobians(model, data, pin.neutral(model))
     left = np.cross(up, FORWARD)
     found = set()
-    for side, leg in plain_names(legs, model.names).items():
-        for (joint, name), (_, given) in zip(leg.items(), legs[side].items(), strict=True):
-            index = model.getJointId(name)
-            jacobian = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-            flexes = _FLEXION[joint] * float(left @ jacobian[3:, model.joints[index].idx_v])
-            sign, problem = given.removesuffix(name), ""
-            if not sign and flexes < -_SIDEWAYS:
-                sign = "-"
-                problem = (
-                    f"positive {name} {_WRONG_WAY[joint]}, so it is taken as -{name} "
-                    f"({_range(model, index)}); write {joint}: -{name} to say so, or +{name} to keep it"
-                )
-            elif not sign and flexes <= _SIDEWAYS:
-                problem = f"{name} has no axis from left to right; see leg.up_axis, or write +{name}"
-            elif sign == "-" and flexes > _SIDEWAYS:
-                problem = f"positive {given} {_WRONG_WAY[joint]}; write {name} unless that is meant"
-            if sign == "-":
-                found.add(name)
-            if problem:
-                warnings.warn(f"{path}: {side} {joint}: {problem}", ReversedJointWarning, stacklevel=1)
+    for side, joint, given in ((side, *item) for side, leg in legs.items() for item in leg.items()):
+        name = given.lstrip("+-")
+        sign, problem, index = given.removesuffix(name), "", model.getJointId(name)
+        jacobian = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        flexes = _FLEXION[joint] * float(left @ jacobian[3:, model.joints[index].idx_v])
+        if not sign and flexes < -_SIDEWAYS:
+            sign = "-"
+            problem = (
+                f"positive {name} {_WRONG_WAY[joint]}, so it is taken as -{name}; write {joint}: -{name} "
+                f"to say so, or +{name} to keep it"
+            )
+        elif not sign and flexes <= _SIDEWAYS:
+            problem = f"{name} has no axis from left to right; see leg.up_axis, or write +{name}"
+        elif sign == "-" and flexes > _SIDEWAYS:
+            problem = f"positive {given} {_WRONG_WAY[joint]}; write {name} unless that is meant"
+        if sign == "-":
+            found.add(name)
+        if problem:
+            warnings.warn(f"{path}: {side} {joint}: {problem}", ReversedJointWarning, stacklevel=1)
     return frozenset(found)
-
-
-def _range(model: pin.Model, index: int) -> str:
-    """Limits of a joint that is taken the other way round."""
-    place = model.joints[index].idx_q
-    low, high = -model.upperPositionLimit[place], -model.lowerPositionLimit[place]
-    return f"{math.degrees(low):.0f}° to {math.degrees(high):.0f}°"

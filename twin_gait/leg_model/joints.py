@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from twin_gait.parameters.quantities import Parameters
-from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.vocabulary import JointName, PelvisGuide
 
 # Joints of the pelvis in the model.
 PELVIS_JOINT = "pelvis_vertical"  # up
@@ -48,19 +48,6 @@ class LegJoints(Parameters):
     knee: str
     ankle: str | None = None
     contact_frames: tuple[str, ...] = ()
-
-    @classmethod
-    def of_twin(cls, side: Side, *, foot: bool = True) -> LegJoints:
-        """Names in the URDFs of this project.
-
-        ``side``: which leg. ``foot``: whether the URDF has an ankle and a foot.
-        """
-        return cls(
-            hip=f"{side}_hip",
-            knee=f"{side}_knee",
-            ankle=f"{side}_ankle" if foot else None,
-            contact_frames=(f"{side}_heel", f"{side}_toe") if foot else (),
-        )
 
     def items(self) -> list[tuple[JointName, str]]:
         """Joints that exist, from proximal to distal."""

@@ -18,7 +18,7 @@ from twin_gait.leg_model.assembly import Assembly
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
-from twin_gait.parameters.quantities import FINITE, NOT_NEGATIVE, of_kind, require
+from twin_gait.parameters.quantities import FINITE, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
@@ -28,9 +28,16 @@ class LegModel:
     Attributes:
         model: The Pinocchio model.
         legs: Joint names per side, as in the URDF.
+        nv: Number of coordinates (and velocities).
+        sides: Legs of the model, in the order of the log.
         sizes: Device sizes after fitting to the wearer, or None if the URDF was left as it is.
         urdf_path: The file.
         patient: The wearer, or None.
+        total_mass: Mass of all links, wearer included, in [kg].
+        pelvis_index: Position of the vertical pelvis coordinate, or None if the pelvis is fixed.
+        forward_index: Of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards.
+        pitch_index: Of the pitch of pelvis and trunk, forwards positive, or None if the pelvis is guided.
+        trunk_joint: Name of the joint that carries pelvis and trunk, or None if the pelvis is fixed.
     """
 
     def __init__(
@@ -68,40 +75,30 @@ class LegModel:
         FINITE.require("gravity", gravity)
         require(up_axis in ("y", "z"), "up_axis", "'y' or 'z'", up_axis)
         require(bool(legs), "legs", "at least one leg", legs)
-        legs = of_kind(Mapping[Side, joints.LegJoints], "legs", legs)
-        pelvis = of_kind(PelvisGuide, "pelvis", pelvis)
-        bodies = of_kind(joints.Bodies, "bodies", bodies)
-        patient = None if patient is None else of_kind(Patient, "patient", patient)
-        armature = of_kind(Mapping[JointName, float], "armature", armature or {})
-        for joint, inertia in armature.items():
-            NOT_NEGATIVE.require(f"armature of the {joint}", inertia)
         self.urdf_path = find_urdf(urdf)
-        self.pelvis, self.patient = pelvis, patient
+        self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        assembly = Assembly(self.urdf_path, legs, pelvis, up_axis)
+        assembly = Assembly(self.urdf_path, legs, self.pelvis, up_axis)
         self.legs = assembly.legs
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
             assembly.fit(self.sizes)
-        alone = bodies is joints.Bodies.WEARER
-        if patient is not None and bodies is not joints.Bodies.DEVICE:
+        alone = joints.Bodies(bodies) is joints.Bodies.WEARER
+        if patient is not None and bodies != joints.Bodies.DEVICE:
             assembly.put_on(patient, alone=alone)
-        assembly.load(gravity, {} if alone else armature)
+        assembly.load(gravity, {} if alone else armature or {})
         self.model = assembly.model
         self.data = self.model.createData()
+        self.nv, self.sides = int(self.model.nv), tuple(self.legs)
+        self.total_mass = float(sum(body.mass for body in self.model.inertias))
+        guides = joints.GUIDES[self.pelvis]
+        self.forward_index, self.pelvis_index, self.pitch_index = (
+            self._place_of(name) if name in guides else None for name in joints.ALL_GUIDES
+        )
+        self.trunk_joint = guides[-1] if guides else None
 
     def _place_of(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_v)
-
-    @property
-    def nv(self) -> int:
-        """Number of coordinates (and velocities)."""
-        return int(self.model.nv)
-
-    @property
-    def sides(self) -> tuple[Side, ...]:
-        """Legs of the model, in the order of the log."""
-        return tuple(self.legs)
 
     def index(self, side: Side, joint: JointName) -> int:
         """Position of a joint in ``q``, ``v`` and ``tau``; a ModelError if the leg has no such joint."""
@@ -112,39 +109,10 @@ class LegModel:
             raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}")
         return self._place_of(name)
 
-    @property
-    def pelvis_index(self) -> int | None:
-        """Position of the vertical pelvis coordinate, or None if the pelvis is fixed."""
-        return self._guide_index(joints.PELVIS_JOINT)
-
-    @property
-    def forward_index(self) -> int | None:
-        """Position of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards."""
-        return self._guide_index(joints.FORWARD_JOINT)
-
-    @property
-    def pitch_index(self) -> int | None:
-        """Position of the pitch of pelvis and trunk, forwards positive, or None if the pelvis is guided."""
-        return self._guide_index(joints.PITCH_JOINT)
-
-    def _guide_index(self, name: str) -> int | None:
-        return self._place_of(name) if name in joints.GUIDES[self.pelvis] else None
-
-    @property
-    def trunk_joint(self) -> str | None:
-        """Name of the joint that carries pelvis and trunk, or None if the pelvis is fixed."""
-        guides = joints.GUIDES[self.pelvis]
-        return guides[-1] if guides else None
-
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
         """Lower and upper limit of a joint from the URDF in [rad]."""
         index = self.index(side, joint)
         return float(self.model.lowerPositionLimit[index]), float(self.model.upperPositionLimit[index])
-
-    @property
-    def total_mass(self) -> float:
-        """Mass of all links, wearer included, in [kg]."""
-        return float(sum(body.mass for body in self.model.inertias))
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
         """Torques :math:`g(q)` that hold the posture against gravity, in [N m] ([N] at the pelvis)."""

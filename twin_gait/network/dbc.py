@@ -30,7 +30,7 @@ class Message:
     cycle: float  # In [s]; 0 for one that is sent when there is something to say.
     # Layouts by name, in the order of :data:`~twin_gait.network.messages.MESSAGES`.
     signals: Mapping[str, SignalLayout]
-    # Of signals with a table of values, the code of each value by its name.
+    # The code of each value by its name, of signals that have a table of values.
     codes: Mapping[str, Mapping[str, int]]
 
     @property
@@ -50,12 +50,11 @@ def find_dbc(path_or_name: str | Path) -> Path:
     Raises ParameterFileError if there is no such file.
     """
     path = Path(path_or_name).expanduser()
-    if path.is_file():
-        return path
-    shipped = shipped_file(PACKAGED_DBC) if str(path_or_name) == PACKAGED_DBC else None
-    if shipped is None:
+    ships = str(path_or_name) == PACKAGED_DBC
+    found = path if path.is_file() else shipped_file(PACKAGED_DBC) if ships else None
+    if found is None:
         raise ParameterFileError(path, "", f"no such DBC file; give a path, or {PACKAGED_DBC}, which ships")
-    return shipped
+    return found
 
 
 def load_messages(path_or_name: str | Path = PACKAGED_DBC) -> dict[str, Message]:
@@ -89,19 +88,22 @@ def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
     short = not item.is_extended_frame and not item.is_fd and item.length <= 8
     _require(short, path, item.name, "expected an identifier of 11 bits and 8 bytes at most")
     _require(item.cycle_time or item.name.endswith(ON_DEMAND), path, item.name, "expected a GenMsgCycleTime")
-    known = {signal.name: signal for signal in item.signals}
+    known, codes = {signal.name: signal for signal in item.signals}, dict[str, dict[str, int]]()
     for name, unit in units.items():
         key = f"{item.name}.{name}"
         _require(name in known, path, key, f"no such signal; it has {', '.join(known)}")
         has = known[name].unit or ""
         _require(has == unit, path, key, f"expected the unit {unit!r}, got {has!r}")
+        codes[name] = {str(word): int(code) for code, word in (known[name].choices or {}).items()}
+        for code, word in enumerate(CODES.get(name, ())):
+            _require(codes[name].get(word) == code, path, key, f"expected {code} to mean {word}")
     return Message(
         name=item.name,
         identifier=item.frame_id,
         length=item.length,
         cycle=(item.cycle_time or 0) * 1e-3,
         signals={name: _signal(path, item.name, known[name]) for name in units},
-        codes={name: _codes(path, item.name, known[name]) for name in units if known[name].choices},
+        codes=codes,
     )
 
 
@@ -132,13 +134,6 @@ def _signal(path: Path, message: str, item: DbcSignal) -> SignalLayout:
 
 def _code(item: DbcSignal, bound: float) -> int:
     return round((bound - item.offset) / item.scale)
-
-
-def _codes(path: Path, message: str, item: DbcSignal) -> dict[str, int]:
-    codes = {str(name): int(code) for code, name in (item.choices or {}).items()}
-    for code, name in enumerate(CODES.get(item.name, ())):
-        _require(codes.get(name) == code, path, f"{message}.{item.name}", f"expected {code} to mean {name}")
-    return codes
 
 
 def _require(condition: Any, path: Path, key: str, problem: str) -> None:

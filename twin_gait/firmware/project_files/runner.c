@@ -39,7 +39,7 @@ static bool read_row(FILE *file, Row *row)
     for (size_t place = 0; place < sizeof row->inputs.surroundings.common / sizeof(real); place++) {
         common[place] = next_number(file);
     }
-{% if modes %}
+{% if experiment.modes %}
     row->inputs.surroundings.request = (int32_t)next_number(file);
 {% endif %}
     for (size_t joint = 0; joint < JOINTS; joint++) {
