@@ -26,7 +26,6 @@ from twin_gait.identification.laws import (
     lugre_torque,
     remembered_start,
     stribeck_level,
-    stribeck_torque,
     two_velocity_torque,
 )
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
@@ -88,7 +87,7 @@ def test_table_3_1_of_the_knee_is_the_same_law_in_both_signs():
 
 def test_stribeck_runs_from_breakaway_to_coulomb_friction():
     w = np.array([1e-12, 0.1, 50.0])
-    torque = stribeck_torque(w, 2.0, 3.0, 0.0, 0.1, 2.0)
+    torque = coulomb_viscous_torque(w, stribeck_level(w, 2.0, 3.0, 0.1, 2.0), 0.0)
     assert_allclose(torque, [3.0, 2.0 + math.exp(-1.0), 2.0], rtol=1e-9)
 
 
@@ -108,7 +107,8 @@ def test_conditioned_friction_falls_with_warmth_and_grows_with_load():
 
 
 def test_asymmetric_friction_contains_the_symmetric_laws():
-    plain = asymmetric_torque(SPEEDS, 0.0, 3.0, 3.0, 2.0, 2.0, 1 / 40, 1.0, 1.0, 1.0)
+    viscous = directional_viscous_torque(SPEEDS, 2.0, 2.0, 1.0)
+    plain = asymmetric_torque(SPEEDS, 0.0, 3.0, 1 / 40, viscous)
     assert_allclose(plain, coulomb_viscous_tanh_torque(SPEEDS, 3.0, 2.0, 40.0), atol=1e-12)
     backward = directional_viscous_torque(np.array([-2.0, 2.0]), 1.0, 3.0, 0.5)
     assert_allclose(backward, [-3.0 * math.sqrt(2.0), math.sqrt(2.0)])
@@ -143,7 +143,7 @@ def test_lugre_slides_as_stribeck_friction():
     z = bristle_deflection(w, np.full(4000, 0.001), time < 0.0005, level, 1e4)
     rate = np.array([bristle_rate(*item, 1e4) for item in zip(w, z, level, strict=True)])
     torque = lugre_torque(w, z, rate, 1e4, 100.0, 0.4)
-    assert_allclose(torque[-1], stribeck_torque(w[-1:], 1.0, 1.5, 0.4, 0.1, 2.0)[0], rtol=1e-9)
+    assert_allclose(torque[-1:], coulomb_viscous_torque(w[-1:], level[-1:], 0.4), rtol=1e-9)
 
 
 def test_dahl_loop_of_small_motion_is_the_closed_form():

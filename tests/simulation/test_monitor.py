@@ -403,10 +403,10 @@ def test_in_the_tick_of_a_wrong_command_joints_before_it_walk_and_those_after_it
 
 
 def test_after_a_trip_the_controller_is_not_asked(e, laid):
-    def never(*measured: float) -> tuple[float, float]:
+    def never(*measured: float) -> float:
         raise AssertionError("asked in the hold")
 
-    asked = bind(control, {**laid[1], "controller_torques": never})
+    asked = bind(control, {**laid[1], "impedance_torque": never})
     with pytest.raises(AssertionError, match="in the hold"):
         asked(e, 100)
     e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part = 100, safety.SUPPLY_TRIP, -1

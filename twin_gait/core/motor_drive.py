@@ -5,6 +5,7 @@ Currents and voltages are those of the DC equivalent of the block-commutated mot
 """
 
 import math
+from collections.abc import Sequence
 
 from twin_gait.core.actuator import saturate
 from twin_gait.core.elementary import settled_share, sine_cosine
@@ -88,26 +89,16 @@ def inverter_voltage(duty: float, counts: float, bus_voltage: float) -> float:
     return saturate(math.floor(duty + 0.5), counts) / counts * bus_voltage
 
 
-def drive_efficiency(
-    temperature: float,
-    input_speed: float,
-    constant: float,
-    per_degree: float,
-    per_degree_squared: float,
-    per_speed: float,
-    per_degree_speed: float,
-    per_speed_squared: float,
-) -> float:
-    """Efficiency of a harmonic drive at rated torque, a quadratic fit, kept between 0.05 and 1.
+def drive_efficiency(temperature: float, input_speed: float, fit: Sequence[float]) -> float:
+    r"""Efficiency of a harmonic drive at rated torque, a quadratic fit, kept between 0.05 and 1.
 
-    Of the temperature of the grease in [°C] and the speed of the wave generator in [rad] / [s], either sign.
+    :math:`c_0 + \vartheta\,(c_1 + c_2\vartheta + c_4|\omega|) + |\omega|\,(c_3 + c_5|\omega|)` with the six
+    numbers of the ``fit``, the temperature ϑ of the grease in [°C] and the speed ω of the wave generator in
+    [rad] / [s], either sign.
     """
     speed = abs(input_speed)
-    efficiency = (
-        constant
-        + temperature * (per_degree + per_degree_squared * temperature + per_degree_speed * speed)
-        + speed * (per_speed + per_speed_squared * speed)
-    )
+    heated = temperature * (fit[1] + fit[2] * temperature + fit[4] * speed)
+    efficiency = fit[0] + heated + speed * (fit[3] + fit[5] * speed)
     return min(max(efficiency, LOWEST_EFFICIENCY), 1.0)
 
 

@@ -76,7 +76,6 @@ lugre_torque = over_arrays(friction_models.lugre_torque)
 ripple_torque = over_arrays(friction_models.ripple_torque)
 rotational_friction_torque = over_arrays(friction.rotational_friction_torque)
 stribeck_level = over_arrays(friction_models.stribeck_level)
-stribeck_torque = over_arrays(friction_models.stribeck_torque)
 two_velocity_torque = over_arrays(friction_models.two_velocity_torque)
 
 
@@ -143,7 +142,8 @@ def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) ->
 )  # fmt: skip
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent."""
-    return stribeck_torque(samples.velocity, beta[1], beta[0] + beta[1], beta[2], *eta)
+    level = stribeck_level(samples.velocity, beta[1], beta[0] + beta[1], *eta)
+    return coulomb_viscous_torque(samples.velocity, level, beta[2])
 
 
 @_model(
@@ -208,8 +208,9 @@ def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarr
 )  # fmt: skip
 def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity."""
-    coulomb, *viscous, offset = beta
-    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb, *viscous, eta[0], 1.0, 1.0, 1.0)
+    coulomb, *both_ways, offset = beta
+    viscous = directional_viscous_torque(samples.velocity, *both_ways, 1.0)
+    return asymmetric_torque(samples.velocity, offset, coulomb, eta[0], viscous)
 
 
 @_model(
@@ -220,8 +221,10 @@ def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarra
 )  # fmt: skip
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind."""
-    excess, coulomb, *viscous, offset = beta
-    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, *viscous, *eta)
+    excess, coulomb, *both_ways, offset = beta
+    level = stribeck_level(samples.velocity, coulomb, coulomb + excess, *eta[1:3])
+    viscous = directional_viscous_torque(samples.velocity, *both_ways, eta[3])
+    return asymmetric_torque(samples.velocity, offset, level, eta[0], viscous)
 
 
 @_model(

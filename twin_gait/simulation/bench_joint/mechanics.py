@@ -125,8 +125,7 @@ def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> f
     """
     gear, efficiency = e.efficiency, e.test.actuator.gear_efficiency
     if e.catalogued:
-        speed, fit = e.motor.gear_ratio * velocity, gear.coefficients
-        efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
+        efficiency = drive_efficiency(gear.temperature, e.motor.gear_ratio * velocity, gear.coefficients)
     if efficiency == 1.0 or load == 0.0:
         return 0.0
     loss = gear_loss_torque(velocity, load, efficiency, gear.transition_velocity)

@@ -7,10 +7,11 @@ nothing at constant speed.
 """
 
 from twin_gait.core.actuator import dead_zone, sagged_bus_voltage
-from twin_gait.core.control_tick import controller_torques, measure_joint, target_current
+from twin_gait.core.control_tick import measure_joint, target_current
 from twin_gait.core.estimation import delayed_sample, first_order_step, quantise
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
+from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.core.motor_drive import cosine_path, inverter_voltage, six_step_current
 from twin_gait.core.transparency import transparency_duty
@@ -140,16 +141,9 @@ def _control_torque(e: BenchEpisode) -> None:
     asked.position, path_velocity, path_acceleration = cosine_path(
         e.time, e.path.start_angle, e.path.amplitude, e.path.frequency
     )
-    asked.impedance, asked.friction = controller_torques(
-        encoder.angle,
-        encoder.velocity_fast - path_velocity,
-        encoder.velocity_slow,
-        law.stiffness,
-        law.damping,
-        asked.position,
-        law.friction_compensation_gain,
-        _model_friction(e, path_velocity),
-    )
+    velocity = encoder.velocity_fast - path_velocity
+    asked.impedance = impedance_torque(encoder.angle, velocity, law.stiffness, law.damping, asked.position)
+    asked.friction = law.friction_compensation_gain * _model_friction(e, path_velocity)
     asked.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
     asked.target = law.target_torque + inertia * path_acceleration
     asked.torque = asked.impedance + asked.friction + asked.inertia + asked.target
