@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates, demand_rest
-from twin_gait.control.supervisor import Supervisor, choose_mode
+from twin_gait.control.supervisor import NO_POSTURE, Supervisor, choose_mode
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
 from twin_gait.core.estimation import first_order_step
@@ -36,9 +36,8 @@ PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
 ANGLE, VELOCITY = map(JOINT_SIGNALS.index, (declared.ANGLE, declared.VELOCITY))
 LOAD, TIME_IN_PHASE = map(LEG_SIGNALS.index, (declared.LOAD, declared.TIME_IN_PHASE))
 TRUNK_PITCH, WALK, STEP = map(DEVICE_SIGNALS.index, (declared.TRUNK_PITCH, declared.WALK, declared.STEP))
-MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(
-    len(declared.MODE_SIGNALS)
-)  # behind both legs, of the supervisor
+# Behind both legs, of the supervisor.
+MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(len(declared.MODE_SIGNALS))
 
 
 @dataclass(slots=True)
@@ -156,14 +155,9 @@ def hear_board(controller: ControllerState, limits: Limits, number: int, heard: 
 
 def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
     """Take all that is heard of the device as a whole."""
-    hear_trunk(controller, heard.trunk_pitch)
-    hear_command(controller, heard.walk, tick)
+    controller.common.trunk_pitch = heard.trunk_pitch
     controller.common.step = heard.step
-
-
-def hear_trunk(controller: ControllerState, pitch: float) -> None:
-    """Take the pitch of the trunk in [rad]."""
-    controller.common.trunk_pitch = pitch
+    hear_command(controller, heard.walk, tick)
 
 
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
@@ -259,14 +253,7 @@ def write_leg(
     signals[behind + TIME_IN_PHASE] = leg.ticks * rates.period
 
 
-def enter_phase(controller: ControllerState, number: int, tick: int) -> None:
-    """Take the transition that was chosen for a leg."""
-    begin_phase(
-        controller, number, controller.program.transitions[controller.legs[number].chosen].target, tick
-    )
-
-
-def begin_phase(controller: ControllerState, number: int, phase: int, tick: int) -> None:
+def enter_phase(controller: ControllerState, number: int, phase: int, tick: int) -> None:
     """Let a leg be in a phase from now on."""
     leg = controller.legs[number]
     leg.phase = phase
@@ -291,19 +278,17 @@ def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> N
 
 
 def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
-    """Choose the mode, and tell the legs what it sets; :func:`send_to_posture` follows for each leg."""
-    supervisor = controller.supervisor
+    """Choose the mode, and tell the legs what it sets but for its posture, see :func:`sent_to`."""
+    supervisor, signals, behind = controller.supervisor, controller.supervisor.signals, 0
     swinging = 0
     for number in range(LEGS):
         begin_tick(controller, number, tick)
         swinging += is_among(supervisor.swing, controller.legs[number].phase)
-        write_leg(
-            controller, rates, number, number * (PER_JOINT * JOINTS_PER_LEG + PER_LEG), supervisor.signals
-        )
-    behind = 2 * (PER_JOINT * JOINTS_PER_LEG + PER_LEG)
-    supervisor.signals[behind + MODE_TIME] = (tick - supervisor.entry_tick) * rates.period
-    supervisor.signals[behind + MODE_PITCH] = controller.common.trunk_pitch
-    supervisor.signals[behind + LEGS_IN_SWING] = float(swinging)
+        write_leg(controller, rates, number, behind, signals)
+        behind += PER_JOINT * JOINTS_PER_LEG + PER_LEG
+    signals[behind + MODE_TIME] = (tick - supervisor.entry_tick) * rates.period
+    signals[behind + MODE_PITCH] = controller.common.trunk_pitch
+    signals[behind + LEGS_IN_SWING] = float(swinging)
     choose_mode(supervisor, tick, controller.trip.tick >= 0)
     told = supervisor.modes[supervisor.mode]
     hear_command(controller, told.walk, tick)
@@ -312,17 +297,11 @@ def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
         controller.last_rest = tick
 
 
-def is_sent(controller: ControllerState, number: int) -> bool:
-    """Whether a mode that begins now sends a leg into a phase that it is not in."""
+def sent_to(controller: ControllerState, number: int) -> int:
+    """Phase that a leg is not in and enters with a mode that begins now, or ``NO_POSTURE``."""
     supervisor = controller.supervisor
     posture = supervisor.modes[supervisor.mode].posture
-    return supervisor.entered and posture >= 0 and controller.legs[number].phase != posture
-
-
-def send_to_posture(controller: ControllerState, number: int, tick: int) -> None:
-    """Send a leg into the posture of the mode."""
-    supervisor = controller.supervisor
-    begin_phase(controller, number, supervisor.modes[supervisor.mode].posture, tick)
+    return posture if supervisor.entered and posture != controller.legs[number].phase else NO_POSTURE
 
 
 def wants_gravity(controller: ControllerState) -> bool:
@@ -365,7 +344,8 @@ def demand(controller: ControllerState, limits: Limits, number: int, tick: int) 
     joint = controller.joints[number]
     if controller.trip.tick >= 0:
         share = support_share(tick - controller.trip.tick, limits.lowering_ticks)
-        demand_hold(joint, limits, share, controller.model.gravity_torque[joint.control_place])
+        weight = controller.model.gravity_torque[joint.control_place]
+        demand_rest(joint.demand, limits, joint.hold_angle, share, weight)
     elif not CONTROLLED:
         demand_setpoint(controller, number)
 
@@ -380,11 +360,3 @@ def demand_setpoint(controller: ControllerState, number: int) -> None:
     asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
     asked.inertia = controller.model.inertia_gain * inertia
     asked.target = joint.target
-
-
-def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: float) -> None:
-    """Ask a board to brake its joint and let it down slowly.
-
-    ``support``: share of the weight that is still carried. ``weight``: gravity torque in [N m].
-    """
-    demand_rest(joint.demand, limits, joint.hold_angle, support, weight)

@@ -5,11 +5,11 @@ from twin_gait.control.gait_controller import (
     begin_tick,
     enter_phase,
     fade,
-    is_sent,
-    send_to_posture,
+    sent_to,
     supervise,
     write_signals,
 )
+from twin_gait.control.supervisor import NO_POSTURE
 from twin_gait.core.guards import (
     NO_TRANSITION,
     OP_COMPARE,
@@ -38,8 +38,9 @@ def decide(e: Episode, tick: int) -> None:
             switching |= one.controller.legs[number].chosen != NO_TRANSITION
         if switching:
             for one in each(e):
-                if one.controller.legs[number].chosen != NO_TRANSITION:
-                    _switch(one, number, tick)
+                chosen = one.controller.legs[number].chosen
+                if chosen != NO_TRANSITION:
+                    _enter(one, number, tick, one.controller.program.transitions[chosen].target, chosen)
     for number in range(LEGS):
         _blend(e, number, tick)
 
@@ -49,10 +50,9 @@ def choose_modes(e: Episode, tick: int) -> None:
     for one in each(e):
         supervise(one.controller, one.rates, tick)
         for number in range(LEGS):
-            if is_sent(one.controller, number):
-                supervisor = one.controller.supervisor
-                _note(one, number, tick, supervisor.modes[supervisor.mode].posture, NO_TRANSITION)
-                send_to_posture(one.controller, number, tick)
+            posture = sent_to(one.controller, number)
+            if posture != NO_POSTURE:
+                _enter(one, number, tick, posture, NO_TRANSITION)
 
 
 def advance(e: Episode, number: int, tick: int) -> None:
@@ -120,13 +120,8 @@ def _blend(e: Episode, number: int, tick: int) -> None:
             fade(one.controller, one.rates, number, tick)
 
 
-def _switch(e: Episode, number: int, tick: int) -> None:
-    chosen = e.controller.legs[number].chosen
-    _note(e, number, tick, e.controller.program.transitions[chosen].target, chosen)
-    enter_phase(e.controller, number, tick)
-
-
-def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> None:
+def _enter(e: Episode, number: int, tick: int, target: int, transition: int) -> None:
+    """Let a leg enter a phase, and note it."""
     if e.recording.n_switches < e.recording.most_switches:
         row = switch_row(e, e.recording.n_switches)
         row.tick = tick
@@ -135,3 +130,4 @@ def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> N
         row.target = target
         row.transition = transition
     e.recording.n_switches += 1
+    enter_phase(e.controller, number, target, tick)

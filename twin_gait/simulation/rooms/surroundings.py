@@ -3,7 +3,7 @@
 import math
 
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
-from twin_gait.control.supervisor import NO_REQUEST, hear_request
+from twin_gait.control.supervisor import NO_REQUEST
 from twin_gait.core.arm_policy import REACHES, move_arm
 from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, dragged_anchor
 from twin_gait.core.belt import treadmill_speed, walk_command
@@ -38,11 +38,11 @@ def command(e: Episode, tick: int) -> None:
     if e.belt.ramp > 0.0:
         hear_command(e.controller, walk_command(time, e.belt.start, e.belt.stop), tick)
     if SUPERVISED:
-        request = NO_REQUEST
+        supervisor = e.controller.supervisor
+        supervisor.request = NO_REQUEST
         for number in range(len(e.requests)):
             if e.requests[number].tick == tick:
-                request = e.requests[number].request
-        hear_request(e.controller.supervisor, request)
+                supervisor.request = e.requests[number].request
 
 
 def catch(e: Episode, tick: int) -> None:
