@@ -27,22 +27,19 @@ from twin_gait.simulation.keeping import SOURCES, source_files
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
 from twin_gait.worlds.bench_joint import (
     BENCH_ACTUATORS,
     BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
     CatalogueEfficiency,
-    CosinePath,
     CurrentLoop,
     DriveParameters,
-    DutyControl,
     InertialSensor,
     InertialUnit,
     LinkParameters,
     LoadAngle,
-    OldFrictionModel,
-    TorqueControl,
     Torsion,
     bench_joint,
 )

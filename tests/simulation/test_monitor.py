@@ -233,7 +233,7 @@ def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
         look(e, tick)
     assert e.controller.trip.tick < 0
     look(e, 71)
-    assert kept(e) == (71, safety.PHASE_TIME_OUT_TRIP, 4 + 1)
+    assert kept(e) == (71, safety.PHASE_TRIP, 4 + 1)
 
 
 def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
@@ -241,7 +241,7 @@ def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
     look(e, 150)
     assert e.controller.trip.tick < 0
     look(e, 151)
-    assert kept(e) == (151, safety.PHASE_TIME_OUT_TRIP, 4 + 0)
+    assert kept(e) == (151, safety.PHASE_TRIP, 4 + 0)
 
 
 # ------------------------------------------------------------------ several in one tick

@@ -7,7 +7,6 @@ functions, and the C firmware is printed from them.
 """
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates, demand_rest
 from twin_gait.control.supervisor import NO_POSTURE, Supervisor, choose_mode
@@ -15,14 +14,7 @@ from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, is_among
-from twin_gait.core.safety import (
-    BUS_TRIP,
-    LOAD_TRIP,
-    NO_TRIP,
-    PHASE_TIME_OUT_TRIP,
-    SUPPLY_TRIP,
-    support_share,
-)
+from twin_gait.core.safety import BUS_TRIP, LOAD_TRIP, NO_TRIP, PHASE_TRIP, SUPPLY_TRIP, support_share
 from twin_gait.gait import signals as declared
 from twin_gait.gait.signals import DEVICE_SIGNALS, JOINT_SIGNALS, LEG_SIGNALS
 
@@ -36,8 +28,7 @@ PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
 ANGLE, VELOCITY = map(JOINT_SIGNALS.index, (declared.ANGLE, declared.VELOCITY))
 LOAD, TIME_IN_PHASE = map(LEG_SIGNALS.index, (declared.LOAD, declared.TIME_IN_PHASE))
 TRUNK_PITCH, WALK, STEP = map(DEVICE_SIGNALS.index, (declared.TRUNK_PITCH, declared.WALK, declared.STEP))
-# Behind both legs, of the supervisor.
-MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(len(declared.MODE_SIGNALS))
+MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(len(declared.MODE_SIGNALS))  # of the supervisor, likewise
 
 
 @dataclass(slots=True)
@@ -171,7 +162,7 @@ def watch_phase(controller: ControllerState, limits: Limits, number: int, tick: 
     """Note whether a leg stays in its phase for too long."""
     leg = controller.legs[number]
     late = tick - max(leg.entry_tick, controller.last_rest) > limits.phase_ticks
-    leg.phase_cause = PHASE_TIME_OUT_TRIP if late else NO_TRIP
+    leg.phase_cause = PHASE_TRIP if late else NO_TRIP
 
 
 def watch_foot(controller: ControllerState, limits: Limits, number: int) -> None:
@@ -213,10 +204,9 @@ def trip_on_causes(controller: ControllerState, tick: int) -> None:
 
 def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
     """Go to the safe hold if there is a cause; the first one is kept."""
-    if cause != NO_TRIP and controller.trip.tick < 0:
-        controller.trip.tick = tick
-        controller.trip.cause = cause
-        controller.trip.part = part
+    noted = controller.trip
+    if cause != NO_TRIP and noted.tick < 0:
+        noted.tick, noted.cause, noted.part = tick, cause, part
         for joint in controller.joints:
             # The angles of this tick may be what the monitor tripped on.
             joint.hold_angle = joint.measurement.last_angle
@@ -225,8 +215,7 @@ def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
 def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
     """Keep the phase of a leg as it is now, which both legs' guards read."""
     leg = controller.legs[number]
-    leg.ticks = tick - leg.entry_tick
-    leg.before = leg.phase
+    leg.ticks, leg.before = tick - leg.entry_tick, leg.phase
 
 
 def write_signals(controller: ControllerState, rates: Rates, number: int) -> None:
@@ -240,17 +229,15 @@ def write_signals(controller: ControllerState, rates: Rates, number: int) -> Non
     controller.signals[2 * other + STEP] = controller.common.step
 
 
-def write_leg(
-    controller: ControllerState, rates: Rates, number: int, first: int, signals: list[float]
-) -> None:
+def write_leg(controller: ControllerState, rates: Rates, number: int, first: int, into: list[float]) -> None:
     """Write what is measured on a leg from a place in a list of signals on."""
     leg, behind = controller.legs[number], first + PER_JOINT * JOINTS_PER_LEG
     for position in range(JOINTS_PER_LEG):
         measured = controller.joints[number * JOINTS_PER_LEG + position].measurement
-        signals[first + PER_JOINT * position + ANGLE] = measured.angle
-        signals[first + PER_JOINT * position + VELOCITY] = measured.velocity
-    signals[behind + LOAD] = leg.load
-    signals[behind + TIME_IN_PHASE] = leg.ticks * rates.period
+        into[first + PER_JOINT * position + ANGLE] = measured.angle
+        into[first + PER_JOINT * position + VELOCITY] = measured.velocity
+    into[behind + LOAD] = leg.load
+    into[behind + TIME_IN_PHASE] = leg.ticks * rates.period
 
 
 def enter_phase(controller: ControllerState, number: int, phase: int, tick: int) -> None:
@@ -327,7 +314,7 @@ def estimate_acceleration(controller: ControllerState, rates: Rates, number: int
     controller.model.a[joint.control_place] = joint.rate
 
 
-def controller_tick(memory: Any, device: Any, tick: int, period: float) -> None:
+def controller_tick(memory: object, device: ControllerState, tick: int, period: float) -> None:
     """What the controller does in a tick, see :class:`twin_gait.control.controller.Controller`."""
     raise NotImplementedError
 

@@ -25,7 +25,14 @@ from twin_gait.parameters import (
 from twin_gait.parameters.crutches import LEANS
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import Adjustment, Posture, Walking, support_adjustment
-from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, soles_of, stand_on_both_feet
+from twin_gait.worlds.standing import (
+    FALL_SHARE,
+    Sitting,
+    SplitStance,
+    require_soles,
+    seat_of,
+    stand_on_both_feet,
+)
 from twin_gait.worlds.world import World, start_posture
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
@@ -124,8 +131,8 @@ class Overground(SplitStance):
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the floor; both legs, and a wearer if there are crutches."""
-        frames, weight = soles_of(model, "the floor"), model.total_mass * gravity
-        height, pitch = model.pelvis_index, model.pitch_index
+        require_soles(model, "the floor")
+        height, pitch, weight = model.pelvis_index, model.pitch_index, model.total_mass * gravity
         assert height is not None and pitch is not None  # it is free
         tall = 0.0 if model.patient is None else model.patient.height
         seat = None if self.chair is None else seat_of(model, self.chair)
@@ -139,26 +146,11 @@ class Overground(SplitStance):
             q[pitch] = self.lean
             q[height] = stand_on_both_feet(model, q, 0.0)
         rope = self.harness
-        support_force, slack = rope.share * weight, Stop(0.0, 0.0, 0.0, 0.0)
-        world = World(
-            model=model,
-            plant=plant,
-            start_q=q,
-            start_v=np.zeros(len(q)),
-            initial_phases=self.phases,
-            contact=self.contact,
-            support_force=support_force,
-            catch_stiffness=rope.catch_stiffness,
-            catch_dissipation=rope.catch_dissipation,
-            body_weight=weight,
-            fall_height=FALL_SHARE * (q[height] if seat is None else seat.height),
-            contact_frames=frames,
-            trunk=Trunk(
-                SHOULDER_HEIGHT * tall, Harness(rope.height * tall, support_force, rope.damping, slack)
-            ),
-            seat=seat,
-            fall_pitch=self.fall_lean,
-        )
+        harness = Harness(rope.height * tall, rope.share * weight, rope.damping, Stop(0.0, 0.0, 0.0, 0.0))
+        trunk = Trunk(SHOULDER_HEIGHT * tall, harness)
+        low = FALL_SHARE * (q[height] if seat is None else seat.height)
+        more = {"fall_height": low, "fall_pitch": self.fall_lean, "trunk": trunk, "seat": seat}
+        world = self.standing(model, plant, q, rope, weight, **more)
         return world if self.crutches is None else self._with_crutches(world, self.crutches)
 
     def _with_crutches(self, world: World, crutches: CrutchParameters) -> World:

@@ -4,8 +4,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-import numpy as np
-
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
@@ -13,7 +11,7 @@ from twin_gait.parameters import BeltProfile, ContactParameters, SupportParamete
 from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.scenario import BELT_SPEED, Adjustment, Posture, Walking, support_adjustment
-from twin_gait.worlds.standing import FALL_SHARE, SplitStance, soles_of, stand_on_both_feet
+from twin_gait.worlds.standing import FALL_SHARE, SplitStance, require_soles, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
@@ -117,30 +115,14 @@ class Treadmill(SplitStance):
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the treadmill; both legs, with a pelvis that moves."""
-        frames = soles_of(model, "a treadmill")
-        weight = model.total_mass * gravity
-        support_force = self.support.share * weight
-        pelvis = model.pelvis_index
+        require_soles(model, "a treadmill")
+        ropes, pelvis, weight = self.support, model.pelvis_index, model.total_mass * gravity
         assert pelvis is not None  # the pelvis of this scenario moves
-        plant[pelvis].spring.damping, plant[pelvis].spring.force = self.support.damping, support_force
+        plant[pelvis].spring.damping, plant[pelvis].spring.force = ropes.damping, ropes.share * weight
         if model.forward_index is not None:
             harness = plant[model.forward_index].spring
-            harness.stiffness, harness.damping = self.support.forward_stiffness, self.support.forward_damping
+            harness.stiffness, harness.damping = ropes.forward_stiffness, ropes.forward_damping
         q = start_posture(model, self.postures(self.slope), ankle_rest)
         q[pelvis] = stand_on_both_feet(model, q, math.tan(self.slope))
-        return World(
-            model=model,
-            plant=plant,
-            start_q=q,
-            start_v=np.zeros(model.nv),
-            initial_phases=self.phases,
-            belt=self._belt(),
-            contact=self.contact,
-            slope=self.slope,
-            support_force=support_force,
-            catch_stiffness=self.support.catch_stiffness,
-            catch_dissipation=self.support.catch_dissipation,
-            body_weight=weight,
-            fall_height=FALL_SHARE * q[pelvis],
-            contact_frames=frames,
-        )
+        more = {"belt": self._belt(), "slope": self.slope, "fall_height": FALL_SHARE * q[pelvis]}
+        return self.standing(model, plant, q, ropes, weight, **more)

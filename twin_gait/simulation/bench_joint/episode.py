@@ -13,15 +13,8 @@ from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.simulation.episode import COMPLETED, Recording
 from twin_gait.simulation.log import Columns
-from twin_gait.worlds.bench_joint import (
-    BenchJoint,
-    CatalogueEfficiency,
-    CosinePath,
-    InertialUnit,
-    OldFrictionModel,
-    TorqueControl,
-    Torsion,
-)
+from twin_gait.worlds.bench_control import CosinePath, OldFrictionModel, TorqueControl
+from twin_gait.worlds.bench_joint import BenchJoint, CatalogueEfficiency, InertialUnit, Torsion
 
 # What drives the winding.
 OPEN, IDEAL, PI, DUTY = range(4)
