@@ -190,7 +190,7 @@ def everything() -> BenchJoint:
         friction=BenchFriction(law=KNEE_FRICTION, coulomb_per_load=0.1, viscous_per_kelvin=-0.01, ripple=0.3),
         imposed_motion=ImposedMotionParameters(amplitude=0.1),
         sensors=SensorParameters(ideal=False, angle_noise=1e-6),
-        drive=DriveParameters(inductance=L, resolution=0.02, delay=2),
+        drive=DriveParameters(inductance=L, delay=2),
         duration=0.06,
     )
 

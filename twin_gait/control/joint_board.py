@@ -100,10 +100,8 @@ class BoardState:
     command: Command = field(default_factory=Command)  # Of this tick.
     model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N m].
     cause: int = NO_TRIP  # First one of a trip that the board has found itself.
-    # Whether it holds its joint without the gait controller, which it then does for good.
-    alone: bool = False
-    alone_ticks: int = 0  # Since when.
-    carried: float = 0.0  # Torque in [N m] that was fed forward then.
+    alone_ticks: int = 0  # For how long it has held its joint without the gait controller, then for good.
+    carried: float = 0.0  # Torque in [N m] that was fed forward as that began.
     silent_ticks: int = 0  # Since the gait controller was heard.
 
 
@@ -131,7 +129,6 @@ def model_friction(board: BoardState) -> None:
 def watch_drive(board: BoardState, rates: Rates) -> None:
     """Note the cause of a trip that is found on joint and drive; cut off a drive that does not obey."""
     cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
-    board.watched.cause = cause
     board.cause = cause if board.cause == NO_TRIP else board.cause
     # Whatever else was found first.
     broken = board.watched.drive_streak >= board.bounds.drive_ticks
@@ -214,9 +211,7 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
     if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
         board.cause = BUS_TRIP  # so that the gait controller, if it hears the board, does not walk on
     if board.cause != NO_TRIP:
-        stand_alone(board)
-    if board.alone:
-        let_down(board, limits)
+        hold_alone(board, limits)
     elif heard:
         copy_demand(demand, board.demand)
 
@@ -234,20 +229,15 @@ def refuse(board: BoardState, limits: Limits) -> None:
     board.cause = board.command.cause
     if not command_is_plausible(board.demand.gravity, board.bounds.highest_command):
         board.demand.gravity = 0.0
-    stand_alone(board)
-    let_down(board, limits)
+    hold_alone(board, limits)
     ask(board)
     sum_up(board)
 
 
-def stand_alone(board: BoardState) -> None:
-    """From now on hold the joint without the gait controller."""
-    if not board.alone:
-        board.alone, board.alone_ticks, board.carried = True, 0, board.demand.gravity
-
-
-def let_down(board: BoardState, limits: Limits) -> None:
-    """Demand of oneself to brake, and to carry less and less of what was fed forward."""
+def hold_alone(board: BoardState, limits: Limits) -> None:
+    """Demand of oneself to brake, and to carry less and less of what was fed forward last."""
+    if board.alone_ticks == 0:
+        board.carried = board.demand.gravity
     share = support_share(board.alone_ticks, limits.lowering_ticks)
     demand_rest(board.demand, limits, board.encoder.angle, share, board.carried)
     board.alone_ticks += 1

@@ -57,7 +57,6 @@ class Watched:
     frozen_streak: int = 0  # Consecutive ticks in which the encoder stood still while the motor turned.
     torque_streak: int = 0  # Consecutive ticks with a command above the limit.
     drive_streak: int = 0  # Consecutive ticks with a current that deviates.
-    cause: int = NO_TRIP  # What :func:`watch_joint` found in this tick.
 
 
 def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:

@@ -141,7 +141,6 @@ class DriveParameters(quantities.Parameters):
         ripple: Relative first harmonic of the commutation. A sine of back-EMF over 60° varies by 13.4 % from
             end to end, a cosine of 0.067; the loop sees that as current. An assumption: a tenth is left.
         delay: Periods of the loop between a sample and its use; an assumption.
-        resolution: Of the current converter in [A]; 0 for none.
     """
 
     inductance: Annotated[float, quantities.Unit("H"), quantities.POSITIVE]
@@ -153,7 +152,6 @@ class DriveParameters(quantities.Parameters):
     noise: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.011
     ripple: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0067
     delay: Annotated[int, quantities.Range(0, 100, words="0 to 100 periods of the loop")] = 1
-    resolution: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -177,13 +175,8 @@ class CatalogueEfficiency(quantities.Parameters):
 
     temperature: Annotated[float, quantities.Unit("degC"), CATALOGUE] = 25.0
     coefficients: tuple[float, float, float, float, float, float] = (
-        0.688878205,
-        9.24475524e-3,
-        -1.18764569e-4,
-        -1.47423702e-3,
-        1.06902515e-5,
-        1.57005966e-6,
-    )
+        0.688878205, 9.24475524e-3, -1.18764569e-4, -1.47423702e-3, 1.06902515e-5, 1.57005966e-6,
+    )  # fmt: skip
     transition_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = 0.02
 
 

@@ -15,24 +15,11 @@ from twin_gait.core.plant import Plant, Stop, free_coordinate
 from twin_gait.core.trunk import Harness, Trunk
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
-from twin_gait.parameters import (
-    ArmParameters,
-    ChairParameters,
-    ContactParameters,
-    CrutchParameters,
-    quantities,
-)
-from twin_gait.parameters.crutches import LEANS
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import Adjustment, Posture, Walking, support_adjustment
-from twin_gait.worlds.standing import (
-    FALL_SHARE,
-    Sitting,
-    SplitStance,
-    require_soles,
-    seat_of,
-    stand_on_both_feet,
-)
+from twin_gait.parameters import ChairParameters, ContactParameters, quantities
+from twin_gait.parameters.crutches import LEANS, ArmParameters, CrutchParameters
+from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
+from twin_gait.worlds.scenario import Adjustment, Posture, Walking, starting_at
+from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
@@ -84,6 +71,7 @@ class Overground(SplitStance):
     kind: ClassVar[str] = "overground"
     step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
     surroundings: ClassVar[Surroundings] = Surroundings.WALKWAY
+    pelvis = PelvisGuide.FREE
 
     speed: Annotated[quantities.Speed, SPEEDS] = 0.3
     crutches: Annotated[CrutchParameters | None, quantities.Word("none", "forearm", implied=True)] = field(
@@ -101,19 +89,10 @@ class Overground(SplitStance):
     )
     fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, above=True)] = math.radians(60.0)
     leading: Side = Side.LEFT
-    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = field(
-        default_factory=lambda: {JointName.HIP: math.radians(26.0), JointName.KNEE: math.radians(8.0)}
-    )
-    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = field(
-        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: math.radians(10.0)}
-    )
+    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = starting_at(26.0, 8.0)
+    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = starting_at(0.0, 10.0)
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
-
-    @property
-    def pelvis(self) -> PelvisGuide:
-        """Nothing holds it."""
-        return PelvisGuide.FREE
 
     @property
     def walking(self) -> Walking:
@@ -127,11 +106,11 @@ class Overground(SplitStance):
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
         """Support."""
-        return (support_adjustment(self.harness.share, "harness.share", "harness carries"),)
+        return (Adjustment.of_support(self.harness.share, "harness.share", "harness carries"),)
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the floor; both legs, and a wearer if there are crutches."""
-        require_soles(model, "the floor")
+        self.require_soles(model, "the floor")
         height, pitch, weight = model.pelvis_index, model.pitch_index, model.total_mass * gravity
         assert height is not None and pitch is not None  # it is free
         tall = 0.0 if model.patient is None else model.patient.height

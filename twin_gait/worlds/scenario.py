@@ -15,6 +15,14 @@ from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.world import World
 
 Posture = Annotated[Mapping[JointName, Angle], UnitInside()]  # angles of the joints of a leg in [rad]
+
+
+def starting_at(hip: float, knee: float) -> Any:
+    """A field of a world that has angles of hip and knee in [deg] for a default."""
+    angles = {JointName.HIP: math.radians(hip), JointName.KNEE: math.radians(knee)}
+    return field(default_factory=angles.copy)
+
+
 # Names of adjustments that tuning and comparing ask a world for.
 BELT_SPEED, SUPPORT_SHARE = "belt_speed", "support_share"
 
@@ -59,20 +67,20 @@ class Adjustment(NamedTuple):
         """Present value in the unit."""
         return self.value / self.scale
 
-
-def support_adjustment(share: float, place: str, ropes: str) -> Adjustment:
-    """Of the share of the weight that something carries, at a place in a world and in its file."""
-    return Adjustment(
-        name=SUPPORT_SHARE,
-        value=share,
-        place=place,
-        key=place,
-        label="body-weight support",
-        least=0.0,
-        largest=1.0,
-        step=0.01,
-        help=f"Share of the weight of wearer and device that the {ropes}.",
-    )
+    @classmethod
+    def of_support(cls, share: float, place: str, ropes: str) -> Self:
+        """Of the share of the weight that something carries, at a place in a world and in its file."""
+        return cls(
+            name=SUPPORT_SHARE,
+            value=share,
+            place=place,
+            key=place,
+            label="body-weight support",
+            least=0.0,
+            largest=1.0,
+            step=0.01,
+            help=f"Share of the weight of wearer and device that the {ropes}.",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,6 +61,13 @@ class SplitStance(Scenario):
         """Phases of both legs at the start."""
         return {side: self.leading_phase if side is self.leading else self.trailing_phase for side in Side}
 
+    def require_soles(self, model: LegModel, ground: str) -> None:
+        """Refuse, by a ParameterError, to put on some ground what has no two legs with heels and toes."""
+        require(len(model.legs) == 2, "legs", f"two legs on {ground}", len(model.legs))
+        require(model.up_axis == "z", "up_axis", f"z on {ground}", model.up_axis)
+        for side, leg in model.legs.items():
+            require(bool(leg.contact_frames), f"leg.{side}.contact_frames", f"heel and toe on {ground}", ())
+
     def standing(
         self, model: LegModel, plant: tuple[Plant, ...], q: np.ndarray, ropes: Any, weight: float, **more: Any
     ) -> World:
@@ -83,14 +90,6 @@ class SplitStance(Scenario):
             body_weight=weight,
             **more,
         )
-
-
-def require_soles(model: LegModel, ground: str) -> None:
-    """Refuse, by a ParameterError, to put on some ground what has no two legs with heels and toes."""
-    require(len(model.legs) == 2, "legs", f"two legs on {ground}", len(model.legs))
-    require(model.up_axis == "z", "up_axis", f"z on {ground}", model.up_axis)
-    for side, leg in model.legs.items():
-        require(bool(leg.contact_frames), f"leg.{side}.contact_frames", f"heel and toe on {ground}", ())
 
 
 def stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:

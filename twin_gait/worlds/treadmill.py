@@ -8,10 +8,10 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import BELT_SPEED, Adjustment, Posture, Walking, support_adjustment
-from twin_gait.worlds.standing import FALL_SHARE, SplitStance, require_soles, stand_on_both_feet
+from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
+from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
+from twin_gait.worlds.scenario import BELT_SPEED, Adjustment, Posture, Walking, starting_at
+from twin_gait.worlds.standing import FALL_SHARE, SplitStance, stand_on_both_feet
 from twin_gait.worlds.world import World, start_posture
 
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
@@ -58,12 +58,8 @@ class Treadmill(SplitStance):
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
     # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
-    leading_angles: Annotated[Posture, Key("leading_start")] = field(
-        default_factory=lambda: {JointName.HIP: 18.0 * DEGREE, JointName.KNEE: 10.0 * DEGREE}
-    )
-    trailing_angles: Annotated[Posture, Key("trailing_start")] = field(
-        default_factory=lambda: {JointName.HIP: -8.0 * DEGREE, JointName.KNEE: 11.0 * DEGREE}
-    )
+    leading_angles: Annotated[Posture, Key("leading_start")] = starting_at(18.0, 10.0)
+    trailing_angles: Annotated[Posture, Key("trailing_start")] = starting_at(-8.0, 11.0)
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
 
@@ -110,12 +106,12 @@ class Treadmill(SplitStance):
                 step=0.05,
                 help="The table's hip angles follow it by the table's own law.",
             ),
-            support_adjustment(self.support.share, "support.share", "ropes carry"),
+            Adjustment.of_support(self.support.share, "support.share", "ropes carry"),
         )
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the treadmill; both legs, with a pelvis that moves."""
-        require_soles(model, "a treadmill")
+        self.require_soles(model, "a treadmill")
         ropes, pelvis, weight = self.support, model.pelvis_index, model.total_mass * gravity
         assert pelvis is not None  # the pelvis of this scenario moves
         plant[pelvis].spring.damping, plant[pelvis].spring.force = ropes.damping, ropes.share * weight

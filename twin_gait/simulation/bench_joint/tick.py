@@ -8,7 +8,7 @@ nothing at constant speed.
 
 from twin_gait.core.actuator import dead_zone, sagged_bus_voltage
 from twin_gait.core.control_tick import measure_joint, target_current
-from twin_gait.core.estimation import delayed_sample, first_order_step, quantise
+from twin_gait.core.estimation import delayed_sample, first_order_step
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
 from twin_gait.core.impedance import impedance_torque
@@ -183,5 +183,4 @@ def sample_current(e: BenchEpisode, tick: int, number: int) -> None:
     stray = e.variation.current_offset + drive.noise * noise(e, tick, CURRENT_NOISE + number)
     motor_angle = e.motor.gear_ratio * e.rotor.angle
     sample = six_step_current(winding.current, motor_angle, drive.pole_pairs, drive.ripple, stray)
-    taken = quantise(sample, drive.resolution)
-    winding.sample = delayed_sample(winding.line, tick * winding.periods + number, taken)
+    winding.sample = delayed_sample(winding.line, tick * winding.periods + number, sample)
