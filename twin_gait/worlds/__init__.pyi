@@ -29,11 +29,11 @@ from .faults import FaultKind as FaultKind
 from .faults import parse_fault as parse_fault
 from .registry import world_kinds as world_kinds
 from .registry import world_of as world_of
-from .scenario import Adjustment as Adjustment
-from .scenario import Posture as Posture
-from .scenario import Scenario as Scenario
-from .scenario import Walking as Walking
 from .treadmill import Treadmill as Treadmill
+from .world import Adjustment as Adjustment
 from .world import LegSource as LegSource
+from .world import Posture as Posture
+from .world import Scenario as Scenario
+from .world import Walking as Walking
 from .world import World as World
 from .world import start_posture as start_posture

@@ -11,8 +11,7 @@ from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import Posture, Scenario, starting_at
-from twin_gait.worlds.world import World, start_posture
+from twin_gait.worlds.world import Posture, Scenario, World, start_posture, starting_at
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,9 +18,8 @@ from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, quantities
 from twin_gait.parameters.crutches import LEANS, ArmParameters, CrutchParameters
 from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import Adjustment, Posture, Walking, starting_at
 from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, stand_on_both_feet
-from twin_gait.worlds.world import World, start_posture
+from twin_gait.worlds.world import Adjustment, Posture, Walking, World, start_posture, starting_at
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
 SPEEDS = quantities.Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")

@@ -15,8 +15,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, require
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.scenario import Posture, Scenario
-from twin_gait.worlds.world import World
+from twin_gait.worlds.world import Posture, Scenario, World
 
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75

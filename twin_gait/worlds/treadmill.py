@@ -10,9 +10,8 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
 from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
 from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import BELT_SPEED, Adjustment, Posture, Walking, starting_at
 from twin_gait.worlds.standing import FALL_SHARE, SplitStance, stand_on_both_feet
-from twin_gait.worlds.world import World, start_posture
+from twin_gait.worlds.world import BELT_SPEED, Adjustment, Posture, Walking, World, start_posture, starting_at
 
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
 SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
