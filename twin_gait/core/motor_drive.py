@@ -45,22 +45,17 @@ def current_loop_gains(resistance: float, inductance: float, bandwidth: float) -
 
 
 def current_loop_step(
-    error: float,
-    integral: float,
-    proportional_gain: float,
-    integral_gain: float,
-    period: float,
-    voltage_limit: float,
+    error: float, integral: float, proportional_gain: float, integral_gain: float, period: float, limit: float
 ) -> tuple[float, float]:
     r"""One step of the PI current loop of figure 2.13 of the thesis, with anti-windup.
 
-    :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, limited to what the bus gives. The integral
+    :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, with the ``limit`` of what the bus gives in [V]. The integral
     stands still while the limit holds and the error would drive it further in. Returns voltage and integral
     part in [V].
     """
     grown = integral + integral_gain * period * error
     wanted = proportional_gain * error + grown
-    voltage = saturate(wanted, voltage_limit)
+    voltage = saturate(wanted, limit)
     if (wanted - voltage) * error > 0.0:
         return voltage, integral
     return voltage, grown

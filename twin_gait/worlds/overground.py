@@ -11,8 +11,7 @@ from twin_gait.core.arm_policy import SITS, ArmPolicy, new_sense, plant_crutch
 from twin_gait.core.arms import Arm, Grip, turn_grip
 from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.plant import Plant, Stop, free_coordinate
-from twin_gait.core.trunk import Harness, Trunk
+from twin_gait.core.plant import Harness, Plant, Stop, Trunk, free_coordinate
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, quantities

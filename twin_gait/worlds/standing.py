@@ -8,9 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from twin_gait.core.contact import contact_normal_force
-from twin_gait.core.plant import Plant
-from twin_gait.core.seat import Pad, Seat, seat_the_hips, seat_the_thigh
-from twin_gait.core.trunk import pitching_moment
+from twin_gait.core.plant import Pad, Plant, Seat, pitching_moment, seat_the_hips, seat_the_thigh
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, require
 from twin_gait.parameters.quantities import taken_from

@@ -17,9 +17,7 @@ from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
-from twin_gait.core.plant import Brace, ImposedMotion, Plant
-from twin_gait.core.seat import Seat
-from twin_gait.core.trunk import Trunk
+from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import ContactParameters, require
 from twin_gait.parameters.quantities import Angle, Inline, Parameters, UnitInside, taken_from

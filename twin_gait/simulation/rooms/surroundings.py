@@ -10,9 +10,7 @@ from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import delayed_sample
-from twin_gait.core.plant import Stop
-from twin_gait.core.seat import seat_the_hips, seat_the_thigh
-from twin_gait.core.trunk import harness_pull, pitching_moment
+from twin_gait.core.plant import Stop, harness_pull, pitching_moment, seat_the_hips, seat_the_thigh
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
 from twin_gait.simulation.interface import (
