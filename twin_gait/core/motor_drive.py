@@ -49,9 +49,9 @@ def current_loop_step(
 ) -> tuple[float, float]:
     r"""One step of the PI current loop of figure 2.13 of the thesis, with anti-windup.
 
-    :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, with the ``limit`` of what the bus gives in [V]. The integral
-    stands still while the limit holds and the error would drive it further in. Returns voltage and integral
-    part in [V].
+    :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, within the ``limit`` of what the bus gives in
+    [V]. The integral stands still while the limit holds and the error would drive it further in. Returns
+    voltage and integral part in [V].
     """
     grown = integral + integral_gain * period * error
     wanted = proportional_gain * error + grown
