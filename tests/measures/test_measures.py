@@ -530,5 +530,4 @@ def test_energy_that_comes_from_nowhere_is_found() -> None:
     balance = energy_balance(energy, work[None, :])
     assert balance.largest_residual == pytest.approx(0.3)
     assert balance.relative_residual == pytest.approx(0.3 / 50.0)
-    assert_allclose(balance.residual[:60], 0.0, atol=1e-12)
     assert math.isnan(energy_balance(np.full(3, 5.0), np.zeros((1, 3))).relative_residual)

@@ -21,7 +21,6 @@ from twin_gait.worlds import (
     BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
-    CompensationVelocity,
     CosinePath,
     CurrentLoop,
     DriveParameters,
@@ -186,7 +185,7 @@ def test_reference_compensation_is_that_of_the_path() -> None:
         stiffness=600.0,
         damping=60.0,
         path=path,
-        compensation_velocity=CompensationVelocity.REFERENCE,
+        follows_path=True,
     )
     run = simulate_bench(knee(control=control, duration=1.0))
     velocity = -0.35 * math.pi * np.sin(math.pi * run.column("time_s"))

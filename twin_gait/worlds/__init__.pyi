@@ -1,6 +1,5 @@
 from .bench_control import LOWEST_VELOCITIES as LOWEST_VELOCITIES
 from .bench_control import TRANSPARENCY_STEPS as TRANSPARENCY_STEPS
-from .bench_control import CompensationVelocity as CompensationVelocity
 from .bench_control import CosinePath as CosinePath
 from .bench_control import DutyControl as DutyControl
 from .bench_control import OldFrictionModel as OldFrictionModel

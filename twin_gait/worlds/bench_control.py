@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Annotated
 
 from twin_gait import parameters
@@ -15,13 +14,6 @@ TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
 # joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
 LOWEST_OF_KNEE, LOWEST_OF_HIP = 0.11, 0.07
 LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: LOWEST_OF_KNEE, JointName.HIP: LOWEST_OF_HIP}
-
-
-class CompensationVelocity(StrEnum):
-    """At which velocity the friction is compensated."""
-
-    MEASURED = "measured"  # the slow estimate, equation (2.16)
-    REFERENCE = "reference"  # that of the path: nothing is fed back
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +96,8 @@ class TorqueControl(quantities.Parameters):
         friction_model: The compensator's own friction model.
         old_model: Takes the place of the friction model if given.
         friction_compensation_gain: G.
-        compensation_velocity: At which velocity the friction is compensated.
+        follows_path: Whether friction is compensated at the velocity of the path, so that nothing is fed
+            back; else at the slow estimate, equation (2.16).
         dead_zone: Speed below which it is not, in [rad] / [s]; taken off the speeds above it.
         target_torque: In [N m].
         stiffness: k in [N m] / [rad].
@@ -117,7 +110,7 @@ class TorqueControl(quantities.Parameters):
     friction_model: parameters.FrictionParameters
     old_model: OldFrictionModel | None = None
     friction_compensation_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.35
-    compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED
+    follows_path: bool = False
     dead_zone: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 0.0
     target_torque: quantities.Torque = 0.0
     stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 0.0

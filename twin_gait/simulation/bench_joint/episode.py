@@ -165,7 +165,6 @@ class BenchEpisode:
     path: CosinePath  # Of its equilibrium angle.
     old_model: OldFrictionModel  # TWIN's old friction model.
     old: bool  # Whether it takes the place of the compensator's friction model.
-    follows_path: bool  # Whether friction is compensated at the velocity of the path.
     transparency: Transparency  # What the control of duties asks for.
     ticks_at_stop: int = 0  # Since the upper stop was reached.
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
