@@ -155,9 +155,7 @@ def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     law, old = e.torque_control, e.old_model
     model = law.friction_model
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
-    velocity = dead_zone(
-        path_velocity if e.torque_control.follows_path else measured, e.torque_control.dead_zone
-    )
+    velocity = dead_zone(path_velocity if law.follows_path else measured, law.dead_zone)
     if e.old:
         return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
