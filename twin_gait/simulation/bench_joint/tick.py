@@ -152,18 +152,13 @@ def _control_torque(e: BenchEpisode) -> None:
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     """Friction torque of the compensator's model; the old one knew no slow velocity."""
-    law, old = e.torque_control, e.old_model
-    model = law.friction_model
+    law, old, own = e.torque_control, e.old_model, e.torque_control.friction_model
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if law.follows_path else measured, law.dead_zone)
     if e.old:
         return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
-        velocity,
-        model.breakaway_torque,
-        model.coulomb_friction,
-        model.breakaway_velocity,
-        model.viscous_friction,
+        velocity, own.breakaway_torque, own.coulomb_friction, own.breakaway_velocity, own.viscous_friction
     )
 
 
