@@ -84,25 +84,19 @@ class Controller:
             joint stand the setpoint and what is fed forward, see
             :class:`twin_gait.control.joint_board.Demand`; it changes them in place. After a trip of the
             safety monitor it is not called.
+        by_phases: Whether it is the phases that move the legs on; the monitor limits the time in one then.
+        unprinted: Why the firmware does not have it, with key, value and way out; empty if it does.
     """
 
     mode = ""
     tick: TickFunction | None = None
+    by_phases = True
+    unprinted = ""
 
     @property
     def name(self) -> str:
         """What messages call it."""
         return type(self).__name__
-
-    @property
-    def by_phases(self) -> bool:
-        """Whether it is the phases that move the legs on; the monitor limits the time in one then."""
-        return True
-
-    @property
-    def unprinted(self) -> str:
-        """Why the firmware does not have it, with key, value and way out; empty if it does."""
-        return ""
 
     def refusal(self, joints: tuple[JointName, ...]) -> str:
         """Why it cannot drive some joints, with key and way out; empty if it can."""
