@@ -40,7 +40,7 @@ from twin_gait.checking import largest_stable, spectral_radius, transition_matri
 from twin_gait.gait import TICK
 from twin_gait.parameters import FrictionParameters, SensorParameters
 from twin_gait.simulation import simulate_bench
-from twin_gait.worlds import BenchFriction, BenchJoint, CompensationVelocity, CosinePath, LinkParameters
+from twin_gait.worlds import BenchFriction, BenchJoint, CosinePath, LinkParameters
 
 # Decimation and window of the slow velocity: none, half of the thesis's, the thesis's, four times as long.
 FILTERS = ((1, 1), (10, 1), (10, 10), (10, 40))
@@ -101,7 +101,7 @@ def bench_of(setting: Setting) -> BenchJoint:
     reference = setting.compensation is Compensation.REFERENCE
     control = controlled(
         friction_compensation_gain=setting.gain,
-        compensation_velocity=CompensationVelocity.REFERENCE if reference else CompensationVelocity.MEASURED,
+        follows_path=reference,
         dead_zone=DEAD_ZONE if setting.compensation is Compensation.DEAD_ZONE else 0.0,
         target_torque=holding_torque(bench),
         stiffness=setting.spring,

@@ -34,10 +34,9 @@ from whatif.bench import (
 from twin_gait.checking import friction_slope, largest_stable
 from twin_gait.core import first_order_gain
 from twin_gait.gait import TICK
-from twin_gait.parameters import FrictionParameters, SensorParameters
+from twin_gait.parameters import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, FrictionParameters, SensorParameters
 from twin_gait.simulation import BenchRun, simulate_bench
 from twin_gait.worlds import (
-    INERTIAL_NOISE,
     BenchFriction,
     BenchJoint,
     ImposedMotionParameters,
@@ -111,7 +110,8 @@ def unit_of(setting: Setting) -> InertialUnit | None:
     if setting.source is Source.ENCODER:
         return None
     sensor = SENSORS[setting.source]
-    noise = setting.noise * INERTIAL_NOISE[sensor]
+    sample = GYROSCOPE_NOISE if sensor is InertialSensor.GYROSCOPE else ACCELEROMETER_NOISE  # at 1 kHz
+    noise = setting.noise * sample
     return InertialUnit(sensor=sensor, noise=noise, delay=setting.delay, time_constant=setting.time_constant)
 
 

@@ -63,7 +63,7 @@ def viscous_loss_per_kelvin() -> float:
     """Share of the viscous friction that a kelvin takes away at 25 °C, as the catalogue's losses fall."""
     coefficients = CatalogueEfficiency().coefficients
     colder, mean, warmer = (
-        1.0 - drive_efficiency(REFERENCE_TEMPERATURE + step, INPUT_SPEED, *coefficients)
+        1.0 - drive_efficiency(REFERENCE_TEMPERATURE + step, INPUT_SPEED, coefficients)
         for step in (-1.0, 0.0, 1.0)
     )
     return 0.5 * (colder - warmer) / mean

@@ -30,9 +30,10 @@ from twin_gait.checking.linear_loop import (
     transition_matrix,
 )
 from twin_gait.configuration import load_experiment
-from twin_gait.core.control_tick import EQUILIBRIUM, controller_torques, measure_joint, new_encoder
+from twin_gait.core.control_tick import EQUILIBRIUM, measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
 
@@ -75,18 +76,9 @@ def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray
         torque = item.feed_forward @ [encoder.angle for encoder in encoders]
         for joint, encoder in enumerate(encoders):
             # A viscous law of coefficient d is linear: d stands for the slope of the model.
-            torque[joint] += sum(
-                controller_torques(
-                    encoder.angle,
-                    encoder.velocity_fast,
-                    encoder.velocity_slow,
-                    item.stiffness[joint],
-                    item.damping[joint],
-                    0.0,
-                    item.gain[joint],
-                    rotational_friction_torque(encoder.velocity_slow, 0.0, 0.0, 1.0, MODEL[joint]),
-                )
-            )
+            spring, fast = (item.stiffness[joint], item.damping[joint], 0.0), encoder.velocity_fast
+            friction = rotational_friction_torque(encoder.velocity_slow, 0.0, 0.0, 1.0, MODEL[joint])
+            torque[joint] += impedance_torque(encoder.angle, fast, *spring) + item.gain[joint] * friction
 
         on_the_way.append(torque)
         arrived = on_the_way.popleft()

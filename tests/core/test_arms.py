@@ -29,8 +29,7 @@ from twin_gait.core.arm_policy import (
 )
 from twin_gait.core.arms import Arm, Grip, arm_force, turn_grip
 from twin_gait.core.estimation import delayed_sample, new_delay_line
-from twin_gait.core.plant import Stop
-from twin_gait.core.trunk import Harness, harness_pull, pitching_moment
+from twin_gait.core.plant import Harness, Stop, harness_pull, pitching_moment
 
 SHOULDER = 0.5  # [m] above the hips
 HABIT = ArmPolicy(

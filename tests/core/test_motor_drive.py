@@ -155,7 +155,7 @@ def test_inverter_rounds_to_counts_within_the_bus_voltage(duty: float) -> None:
 
 def test_efficiency_fits_the_catalogue() -> None:
     coefficients = CatalogueEfficiency().coefficients
-    fitted = np.array([[drive_efficiency(t, w, *coefficients) for w in SPEEDS] for t in CATALOGUE])
+    fitted = np.array([[drive_efficiency(t, w, coefficients) for w in SPEEDS] for t in CATALOGUE])
     error = fitted - np.array(list(CATALOGUE.values())) / 100
     assert np.sqrt(np.mean(error**2)) < 0.013
     assert np.abs(error).max() < 0.025

@@ -154,9 +154,7 @@ def test_a_command_that_is_no_number_or_out_of_all_proportion_is_refused(command
 
 
 def test_names_of_causes_and_kinds_have_the_numbers_of_the_laws():
-    names = (
-        "MISSING JUMP FROZEN MODEL SPEED RANGE COMMAND TORQUE CURRENT HEAT DRIVE PHASE_TIME_OUT LOAD SUPPLY"
-    )
+    names = "MISSING JUMP FROZEN MODEL SPEED RANGE COMMAND TORQUE CURRENT HEAT DRIVE PHASE LOAD SUPPLY"
     in_order = f"{names} OPERATOR BUS"
     assert [getattr(safety, f"{name}_TRIP") for name in in_order.split()] == list(range(1, len(TripCause)))
     assert safety.NO_TRIP == TripCause.NONE.code == 0

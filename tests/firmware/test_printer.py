@@ -25,13 +25,13 @@ from twin_gait.core.blending import blend_share
 from twin_gait.core.control_tick import (
     Setpoint,
     blend_setpoint,
-    controller_torques,
     measure_joint,
     new_encoder,
     target_current,
 )
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import guard_holds, next_transition
+from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import NO_TRIP, Bounds, Watched, watch_joint
 from twin_gait.firmware import Program, TranslationUnit, print_units, units
 from twin_gait.gait.program import compile_guards
@@ -51,7 +51,7 @@ LAWS = [
     guard_holds,
     blend_setpoint,
     blend_share,
-    controller_torques,
+    impedance_torque,
     watch_joint,
     target_current,
     rotational_friction_torque,

@@ -227,8 +227,9 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
         phases.add(told.decision.phases[0])
         for number, command in enumerate(outputs.commands):
             demand, given = told.demands[number], found[number].command
+            heeded = whole.boards[number].demand
             for name in ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target"):
-                assert getattr(command, name) == getattr(demand, name), (tick, number, name)
+                assert getattr(heeded, name) == getattr(demand, name), (tick, number, name)
             if bits(demand) == before[number]:
                 assert bits(given) == bits(command), (tick, number)
                 same += 1
@@ -252,7 +253,7 @@ def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_a
     inputs.surroundings.bus_voltage = 28.8
     library.call("exoskeleton_step", whole, inputs, outputs)
     assert outputs.decision.trip_cause == COMMAND_TRIP
-    assert [command.damping for command in outputs.commands] == [settings.limits.hold_damping] * 4
+    assert [board.demand.damping for board in whole.boards] == [settings.limits.hold_damping] * 4
     board = library.structure(units.JointBoard(settings, copied(linked.record.boards[0])))
     demand = units.Demand(target=1e4, gravity=float("nan"))
     apart, found = (
@@ -260,7 +261,7 @@ def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_a
         units.JointBoardOutputs(),
     )
     library.call("joint_board_step", board, apart, found)
-    assert found.command.damping == settings.limits.hold_damping
+    assert board.state.demand.damping == settings.limits.hold_damping
     assert found.command.target_current == 0.0  # no weight is carried that is no number
     library.call("joint_board_step", board, apart, found)
     assert found.measurement.cause == COMMAND_TRIP
@@ -312,7 +313,7 @@ def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmil
         assert found.measurement.cause == NO_TRIP and found.command.target_current > 0.5
         read.heard = False
     library.call("joint_board_step", board, read, found)
-    assert found.measurement.cause == BUS_TRIP and found.command.stiffness == 0.0
+    assert found.measurement.cause == BUS_TRIP and board.state.demand.stiffness == 0.0
     linked = treadmill.linked
     central = library.structure(
         units.GaitController(linked.record.settings, copied(linked.record.controller))

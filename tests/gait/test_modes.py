@@ -16,7 +16,6 @@ from twin_gait.control.supervisor import (
     ModeCommand,
     Supervisor,
     choose_mode,
-    hear_request,
 )
 from twin_gait.exceptions import GaitTableError, MeasurementError, ParameterError
 from twin_gait.gait import GaitStateMachine, Mode, Transition, compile_guards, why_refused
@@ -107,7 +106,7 @@ def test_a_refusal_says_what_is_measured():
 def test_a_request_is_refused_by_what_would_have_happened_anyway_just_as_well():
     """A transition that is due without the request is no answer to it."""
     supervisor = new_supervisor("sit_down")
-    hear_request(supervisor, code("stand"))
+    supervisor.request = code("stand")
     choose_mode(supervisor, 12000, False)
     assert name_of(supervisor) == "sitting" and supervisor.refused == code("stand")
 
@@ -166,7 +165,7 @@ def test_what_is_not_measured_opens_nothing():
     assert lean([math.nan] * 1000) == []
     supervisor = new_supervisor("walk_manual")
     measure(supervisor, 1, legs_in_swing=math.nan)
-    hear_request(supervisor, code("step"))
+    supervisor.request = code("step")
     choose_mode(supervisor, 1, False)
     assert name_of(supervisor) == "walk_manual" and supervisor.refused == code("step")
     with pytest.raises(MeasurementError, match=r"supervisor: the trunk\.pitch_deg is nan"):
@@ -179,7 +178,7 @@ def test_a_trip_leads_to_the_hold_for_good(mode):
     choose_mode(supervisor, 7, True)
     assert name_of(supervisor) == "hold" and supervisor.entry_tick == (0 if mode == "hold" else 7)
     for tick, request in enumerate(TWIN.requests, start=8):
-        hear_request(supervisor, code(request))
+        supervisor.request = code(request)
         choose_mode(supervisor, tick, True)
         assert name_of(supervisor) == "hold" and not supervisor.entered
         assert supervisor.refused == code(request)
@@ -204,7 +203,7 @@ def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect(
         values[time] = 1e-3 * ticks
         switch = machine.advance(tick, values, code(request) - 1)
         supervisor.signals[:] = values
-        hear_request(supervisor, code(request))
+        supervisor.request = code(request)
         choose_mode(supervisor, tick, False)
         assert name_of(supervisor) == machine.phase and supervisor.entered == (switch is not None)
         assert supervisor.entry_tick == machine.entry_tick

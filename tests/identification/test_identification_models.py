@@ -80,7 +80,7 @@ def test_table_3_1_of_the_knee_is_the_same_law_in_both_signs():
 
 def test_stribeck_runs_from_breakaway_to_coulomb_friction():
     w = np.array([1e-12, 0.1, 50.0])
-    torque = over_arrays.stribeck_torque(w, 2.0, 3.0, 0.0, 0.1, 2.0)
+    torque = over_arrays.coulomb_viscous_torque(w, over_arrays.stribeck_level(w, 2.0, 3.0, 0.1, 2.0), 0.0)
     assert_allclose(torque, [3.0, 2.0 + math.exp(-1.0), 2.0], rtol=1e-9)
 
 
@@ -103,7 +103,8 @@ def test_conditioned_friction_falls_with_warmth_and_grows_with_load():
 
 
 def test_asymmetric_friction_contains_the_symmetric_laws():
-    plain = over_arrays.asymmetric_torque(SPEEDS, 0.0, 3.0, 3.0, 2.0, 2.0, 1 / 40, 1.0, 1.0, 1.0)
+    viscous = over_arrays.directional_viscous_torque(SPEEDS, 2.0, 2.0, 1.0)
+    plain = over_arrays.asymmetric_torque(SPEEDS, 0.0, 3.0, 1 / 40, viscous)
     assert_allclose(plain, over_arrays.coulomb_viscous_tanh_torque(SPEEDS, 3.0, 2.0, 40.0), atol=1e-12)
     backward = over_arrays.directional_viscous_torque(np.array([-2.0, 2.0]), 1.0, 3.0, 0.5)
     assert_allclose(backward, [-3.0 * math.sqrt(2.0), math.sqrt(2.0)])
@@ -138,7 +139,7 @@ def test_lugre_slides_as_stribeck_friction():
     z = bristle_deflection(w, np.full(4000, 0.001), time < 0.0005, level, 1e4)
     rate = np.array([bristle_rate(*item, 1e4) for item in zip(w, z, level, strict=True)])
     torque = over_arrays.lugre_torque(w, z, rate, 1e4, 100.0, 0.4)
-    assert_allclose(torque[-1], over_arrays.stribeck_torque(w[-1:], 1.0, 1.5, 0.4, 0.1, 2.0)[0], rtol=1e-9)
+    assert_allclose(torque[-1:], over_arrays.coulomb_viscous_torque(w[-1:], level[-1:], 0.4), rtol=1e-9)
 
 
 def test_dahl_loop_of_small_motion_is_the_closed_form():

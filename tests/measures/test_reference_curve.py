@@ -20,13 +20,10 @@ def test_the_curve_has_the_bits_of_scipy(joint: JointName) -> None:
         draw.uniform(SLOWEST, FASTEST, size=30), draw.uniform(1.45, 2.0, size=30), strict=True
     ):
         events = key_events(joint, speed=speed, height=height)
-        around = (*events, events[0]._replace(percent=CYCLE))
-        spline = BPoly.from_derivatives(
-            [event.percent for event in around],
-            [(event.angle, event.velocity, event.acceleration) for event in around],
-        )
+        around = np.vstack((events, [CYCLE, *events[0, 1:]]))
+        spline = BPoly.from_derivatives(around[:, 0], around[:, 1:])
         percent = np.concatenate((np.linspace(-CYCLE, CYCLE, 201), draw.uniform(0.0, CYCLE, size=200)))
-        percent = np.append(percent, [event.percent for event in around])
+        percent = np.append(percent, around[:, 0])
         curve = reference_curve(joint, percent.reshape(3, -1), speed=speed, height=height)
         assert np.array_equal(curve.ravel(), spline(np.mod(percent, CYCLE)))
 

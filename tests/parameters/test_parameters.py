@@ -31,15 +31,8 @@ from twin_gait.parameters import (
     SupportParameters,
 )
 from twin_gait.studies.campaign import TwoWayProtocol
-from twin_gait.worlds.bench_joint import (
-    CatalogueEfficiency,
-    CosinePath,
-    DriveParameters,
-    DutyControl,
-    LinkParameters,
-    OldFrictionModel,
-    Torsion,
-)
+from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel
+from twin_gait.worlds.bench_joint import CatalogueEfficiency, DriveParameters, LinkParameters, Torsion
 
 # Every parameter with a value just outside its range.
 OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [

@@ -28,22 +28,19 @@ from twin_gait.simulation.keeping import source_files
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
 from twin_gait.worlds.bench_joint import (
     BENCH_ACTUATORS,
     BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
     CatalogueEfficiency,
-    CosinePath,
     CurrentLoop,
     DriveParameters,
-    DutyControl,
     InertialSensor,
     InertialUnit,
     LinkParameters,
     LoadAngle,
-    OldFrictionModel,
-    TorqueControl,
     Torsion,
     bench_joint,
 )
@@ -194,7 +191,7 @@ def everything() -> BenchJoint:
         friction=BenchFriction(law=KNEE_FRICTION, coulomb_per_load=0.1, viscous_per_kelvin=-0.01, ripple=0.3),
         imposed_motion=ImposedMotionParameters(amplitude=0.1),
         sensors=SensorParameters(ideal=False, angle_noise=1e-6),
-        drive=DriveParameters(inductance=L, resolution=0.02, delay=2),
+        drive=DriveParameters(inductance=L, delay=2),
         duration=0.06,
     )
 

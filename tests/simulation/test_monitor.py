@@ -233,7 +233,7 @@ def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
         look(e, tick)
     assert e.controller.trip.tick < 0
     look(e, 71)
-    assert kept(e) == (71, safety.PHASE_TIME_OUT_TRIP, 4 + 1)
+    assert kept(e) == (71, safety.PHASE_TRIP, 4 + 1)
 
 
 def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
@@ -241,7 +241,7 @@ def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
     look(e, 150)
     assert e.controller.trip.tick < 0
     look(e, 151)
-    assert kept(e) == (151, safety.PHASE_TIME_OUT_TRIP, 4 + 0)
+    assert kept(e) == (151, safety.PHASE_TRIP, 4 + 0)
 
 
 # ------------------------------------------------------------------ several in one tick
@@ -403,10 +403,10 @@ def test_in_the_tick_of_a_wrong_command_joints_before_it_walk_and_those_after_it
 
 
 def test_after_a_trip_the_controller_is_not_asked(e, laid):
-    def never(*measured: float) -> tuple[float, float]:
+    def never(*measured: float) -> float:
         raise AssertionError("asked in the hold")
 
-    asked = bind(control, {**laid[1], "controller_torques": never})
+    asked = bind(control, {**laid[1], "impedance_torque": never})
     with pytest.raises(AssertionError, match="in the hold"):
         asked(e, 100)
     e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part = 100, safety.SUPPLY_TRIP, -1

@@ -13,7 +13,7 @@ import pytest
 from twin_gait import Experiment, load_experiment, simulate
 from twin_gait.control import TripCause
 from twin_gait.control.gait_controller import trip_on_causes
-from twin_gait.control.supervisor import choose_mode, hear_request
+from twin_gait.control.supervisor import choose_mode
 from twin_gait.core.inertial import follow_pitch, trunk_specific_force
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.binding import bind
@@ -104,7 +104,7 @@ class Device:
 
     def tick(self, tick: int, request: int) -> None:
         e = self.engine.episode
-        hear_request(self.supervisor, request)
+        self.supervisor.request = request
         trip_on_causes(e.controller, tick)
         self.choose(e, tick)
         if e.controller.trip.tick < 0:

@@ -28,13 +28,11 @@ from twin_gait.worlds import Fault, FaultKind, parse_fault
 @st.composite
 def any_fault(draw):
     kind = draw(st.sampled_from(list(FaultKind)))
-    placed = kind is not FaultKind.SUPPLY_DIP
-    joint = placed and kind is not FaultKind.FOOT_LOAD_STUCK
+    side, joint = draw(st.sampled_from(list(Side))), draw(st.sampled_from(list(JointName)))
     return Fault(
         kind=kind,
         time=draw(st.floats(0.0, 1e3)),
-        side=draw(st.sampled_from(list(Side))) if placed else None,
-        joint=draw(st.sampled_from([JointName.HIP, JointName.KNEE])) if joint else None,
+        place=kind.place(side, joint),
         magnitude=draw(st.none() | st.floats(-1e6, 1e6)) if kind.units else None,
     )
 

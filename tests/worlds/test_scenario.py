@@ -12,7 +12,7 @@ import twin_gait
 from twin_gait import load_experiment
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import BenchLeg, Treadmill, world_kinds, world_of
-from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
+from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 
 # Its own module, and the list of public names.
 MAY_NAME = {

@@ -2,7 +2,7 @@
 
 A frame is the time between two samples of the slow velocity: ten ticks of 1 ms. In each tick the firmware
 measures (:func:`twin_gait.core.control_tick.measure_joint`), answers with a torque
-(:func:`twin_gait.core.control_tick.controller_torques`) and holds it, while the leg moves on. Linearised,
+(:func:`twin_gait.control.joint_board.ask`) and holds it, while the leg moves on. Linearised,
 each of these is a matrix; their product over the ticks of a frame is exact, with nothing averaged.
 """
 

@@ -84,25 +84,19 @@ class Controller:
             joint stand the setpoint and what is fed forward, see
             :class:`twin_gait.control.joint_board.Demand`; it changes them in place. After a trip of the
             safety monitor it is not called.
+        by_phases: Whether it is the phases that move the legs on; the monitor limits the time in one then.
+        unprinted: Why the firmware does not have it, with key, value and way out; empty if it does.
     """
 
     mode = ""
     tick: TickFunction | None = None
+    by_phases = True
+    unprinted = ""
 
     @property
     def name(self) -> str:
         """What messages call it."""
         return type(self).__name__
-
-    @property
-    def by_phases(self) -> bool:
-        """Whether it is the phases that move the legs on; the monitor limits the time in one then."""
-        return True
-
-    @property
-    def unprinted(self) -> str:
-        """Why the firmware does not have it, with key, value and way out; empty if it does."""
-        return ""
 
     def refusal(self, joints: tuple[JointName, ...]) -> str:
         """Why it cannot drive some joints, with key and way out; empty if it can."""
@@ -141,25 +135,25 @@ class UncompiledControllerError(ParameterError):
     """numba cannot compile the tick of a controller."""
 
 
+def mistake(name: str, expected: str, got: str) -> ParameterError:
+    """What to raise of a controller that is not as it should be."""
+    return ParameterError(f"controller {name!r}: expected {expected}, got {got}")
+
+
 def require_controller(controller: Any) -> None:
     """Refuse, by a ParameterError, what is no controller, or whose tick does not take what it is handed."""
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
         got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
-        raise ParameterError(
-            f"controller {name!r}: expected an instance of a class derived from "
-            f"twin_gait.control.Controller, got {got}"
-        )
+        raise mistake(name, "an instance of a class derived from twin_gait.control.Controller", got)
     if controller.tick is None:
         return
     expected, signature = inspect.signature(controller_tick).parameters, inspect.signature(controller.tick)
     try:
         signature.bind(*expected)
     except TypeError as error:
-        raise ParameterError(
-            f"controller {controller.name!r}: expected a static method tick({', '.join(expected)}), "
-            f"got tick{signature}"
-        ) from error
+        takes = f"a static method tick({', '.join(expected)})"
+        raise mistake(controller.name, takes, f"tick{signature}") from error
 
 
 def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
@@ -170,10 +164,8 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
     except (TypeError, ValueError):
         found = np.empty(0)
     if found.shape != shape or not np.isfinite(found).all():
-        raise ParameterError(
-            f"controller {controller.name!r}: expected setpoints of finite numbers of shape {shape}, "
-            f"got {' '.join(reprlib.repr(given).split())}"
-        )
+        expected = f"setpoints of finite numbers of shape {shape}"
+        raise mistake(controller.name, expected, " ".join(reprlib.repr(given).split()))
     return found
 
 
@@ -191,9 +183,7 @@ def checked(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]
             for key in _DEMANDED:
                 value = getattr(joint.demand, key)
                 if not isinstance(value, Real):
-                    raise ParameterError(
-                        f"controller {name!r}: expected a number in demand.{key}, got {reprlib.repr(value)}"
-                    )
+                    raise mistake(name, f"a number in demand.{key}", reprlib.repr(value))
 
     return checked_tick
 
@@ -201,16 +191,12 @@ def checked(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]
 def require_no_answer(name: str, answer: Any) -> None:
     """Refuse, by a ParameterError, a tick that returns something, which nobody would read."""
     if answer is not None:
-        raise ParameterError(
-            f"controller {name!r}: expected a tick that changes demands in place and returns nothing, "
-            f"got {reprlib.repr(answer)}"
-        )
+        expected = "a tick that changes demands in place and returns nothing"
+        raise mistake(name, expected, reprlib.repr(answer))
 
 
 def require_whole_numbers(name: str, field: str | None) -> None:
     """Refuse, by a ParameterError, a memory with a float in a field of whole numbers; None says none has."""
     if field is not None:
-        raise ParameterError(
-            f"controller {name!r}: expected a whole number in {field}, which its class declares as int, "
-            "got a float; declare it as float"
-        )
+        expected = f"a whole number in {field}, which its class declares as int"
+        raise mistake(name, expected, "a float; declare it as float")

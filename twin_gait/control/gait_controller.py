@@ -7,22 +7,14 @@ functions, and the C firmware is printed from them.
 """
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates, demand_rest
-from twin_gait.control.supervisor import Supervisor, choose_mode
+from twin_gait.control.supervisor import NO_POSTURE, Supervisor, choose_mode
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, is_among
-from twin_gait.core.safety import (
-    BUS_TRIP,
-    LOAD_TRIP,
-    NO_TRIP,
-    PHASE_TIME_OUT_TRIP,
-    SUPPLY_TRIP,
-    support_share,
-)
+from twin_gait.core.safety import BUS_TRIP, LOAD_TRIP, NO_TRIP, PHASE_TRIP, SUPPLY_TRIP, support_share
 from twin_gait.gait import signals as declared
 from twin_gait.gait.signals import DEVICE_SIGNALS, JOINT_SIGNALS, LEG_SIGNALS
 
@@ -36,9 +28,7 @@ PER_JOINT, PER_LEG = len(JOINT_SIGNALS), len(LEG_SIGNALS)
 ANGLE, VELOCITY = map(JOINT_SIGNALS.index, (declared.ANGLE, declared.VELOCITY))
 LOAD, TIME_IN_PHASE = map(LEG_SIGNALS.index, (declared.LOAD, declared.TIME_IN_PHASE))
 TRUNK_PITCH, WALK, STEP = map(DEVICE_SIGNALS.index, (declared.TRUNK_PITCH, declared.WALK, declared.STEP))
-MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(
-    len(declared.MODE_SIGNALS)
-)  # behind both legs, of the supervisor
+MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(len(declared.MODE_SIGNALS))  # of the supervisor, likewise
 
 
 @dataclass(slots=True)
@@ -156,14 +146,9 @@ def hear_board(controller: ControllerState, limits: Limits, number: int, heard: 
 
 def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
     """Take all that is heard of the device as a whole."""
-    hear_trunk(controller, heard.trunk_pitch)
-    hear_command(controller, heard.walk, tick)
+    controller.common.trunk_pitch = heard.trunk_pitch
     controller.common.step = heard.step
-
-
-def hear_trunk(controller: ControllerState, pitch: float) -> None:
-    """Take the pitch of the trunk in [rad]."""
-    controller.common.trunk_pitch = pitch
+    hear_command(controller, heard.walk, tick)
 
 
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
@@ -177,7 +162,7 @@ def watch_phase(controller: ControllerState, limits: Limits, number: int, tick: 
     """Note whether a leg stays in its phase for too long."""
     leg = controller.legs[number]
     late = tick - max(leg.entry_tick, controller.last_rest) > limits.phase_ticks
-    leg.phase_cause = PHASE_TIME_OUT_TRIP if late else NO_TRIP
+    leg.phase_cause = PHASE_TRIP if late else NO_TRIP
 
 
 def watch_foot(controller: ControllerState, limits: Limits, number: int) -> None:
@@ -219,10 +204,9 @@ def trip_on_causes(controller: ControllerState, tick: int) -> None:
 
 def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
     """Go to the safe hold if there is a cause; the first one is kept."""
-    if cause != NO_TRIP and controller.trip.tick < 0:
-        controller.trip.tick = tick
-        controller.trip.cause = cause
-        controller.trip.part = part
+    noted = controller.trip
+    if cause != NO_TRIP and noted.tick < 0:
+        noted.tick, noted.cause, noted.part = tick, cause, part
         for joint in controller.joints:
             # The angles of this tick may be what the monitor tripped on.
             joint.hold_angle = joint.measurement.last_angle
@@ -231,8 +215,7 @@ def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
 def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
     """Keep the phase of a leg as it is now, which both legs' guards read."""
     leg = controller.legs[number]
-    leg.ticks = tick - leg.entry_tick
-    leg.before = leg.phase
+    leg.ticks, leg.before = tick - leg.entry_tick, leg.phase
 
 
 def write_signals(controller: ControllerState, rates: Rates, number: int) -> None:
@@ -246,27 +229,18 @@ def write_signals(controller: ControllerState, rates: Rates, number: int) -> Non
     controller.signals[2 * other + STEP] = controller.common.step
 
 
-def write_leg(
-    controller: ControllerState, rates: Rates, number: int, first: int, signals: list[float]
-) -> None:
+def write_leg(controller: ControllerState, rates: Rates, number: int, first: int, into: list[float]) -> None:
     """Write what is measured on a leg from a place in a list of signals on."""
     leg, behind = controller.legs[number], first + PER_JOINT * JOINTS_PER_LEG
     for position in range(JOINTS_PER_LEG):
         measured = controller.joints[number * JOINTS_PER_LEG + position].measurement
-        signals[first + PER_JOINT * position + ANGLE] = measured.angle
-        signals[first + PER_JOINT * position + VELOCITY] = measured.velocity
-    signals[behind + LOAD] = leg.load
-    signals[behind + TIME_IN_PHASE] = leg.ticks * rates.period
+        into[first + PER_JOINT * position + ANGLE] = measured.angle
+        into[first + PER_JOINT * position + VELOCITY] = measured.velocity
+    into[behind + LOAD] = leg.load
+    into[behind + TIME_IN_PHASE] = leg.ticks * rates.period
 
 
-def enter_phase(controller: ControllerState, number: int, tick: int) -> None:
-    """Take the transition that was chosen for a leg."""
-    begin_phase(
-        controller, number, controller.program.transitions[controller.legs[number].chosen].target, tick
-    )
-
-
-def begin_phase(controller: ControllerState, number: int, phase: int, tick: int) -> None:
+def enter_phase(controller: ControllerState, number: int, phase: int, tick: int) -> None:
     """Let a leg be in a phase from now on."""
     leg = controller.legs[number]
     leg.phase = phase
@@ -291,19 +265,17 @@ def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> N
 
 
 def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
-    """Choose the mode, and tell the legs what it sets; :func:`send_to_posture` follows for each leg."""
-    supervisor = controller.supervisor
+    """Choose the mode, and tell the legs what it sets but for its posture, see :func:`sent_to`."""
+    supervisor, signals, behind = controller.supervisor, controller.supervisor.signals, 0
     swinging = 0
     for number in range(LEGS):
         begin_tick(controller, number, tick)
         swinging += is_among(supervisor.swing, controller.legs[number].phase)
-        write_leg(
-            controller, rates, number, number * (PER_JOINT * JOINTS_PER_LEG + PER_LEG), supervisor.signals
-        )
-    behind = 2 * (PER_JOINT * JOINTS_PER_LEG + PER_LEG)
-    supervisor.signals[behind + MODE_TIME] = (tick - supervisor.entry_tick) * rates.period
-    supervisor.signals[behind + MODE_PITCH] = controller.common.trunk_pitch
-    supervisor.signals[behind + LEGS_IN_SWING] = float(swinging)
+        write_leg(controller, rates, number, behind, signals)
+        behind += PER_JOINT * JOINTS_PER_LEG + PER_LEG
+    signals[behind + MODE_TIME] = (tick - supervisor.entry_tick) * rates.period
+    signals[behind + MODE_PITCH] = controller.common.trunk_pitch
+    signals[behind + LEGS_IN_SWING] = float(swinging)
     choose_mode(supervisor, tick, controller.trip.tick >= 0)
     told = supervisor.modes[supervisor.mode]
     hear_command(controller, told.walk, tick)
@@ -312,17 +284,11 @@ def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
         controller.last_rest = tick
 
 
-def is_sent(controller: ControllerState, number: int) -> bool:
-    """Whether a mode that begins now sends a leg into a phase that it is not in."""
+def sent_to(controller: ControllerState, number: int) -> int:
+    """Phase that a leg is not in and enters with a mode that begins now, or ``NO_POSTURE``."""
     supervisor = controller.supervisor
     posture = supervisor.modes[supervisor.mode].posture
-    return supervisor.entered and posture >= 0 and controller.legs[number].phase != posture
-
-
-def send_to_posture(controller: ControllerState, number: int, tick: int) -> None:
-    """Send a leg into the posture of the mode."""
-    supervisor = controller.supervisor
-    begin_phase(controller, number, supervisor.modes[supervisor.mode].posture, tick)
+    return posture if supervisor.entered and posture != controller.legs[number].phase else NO_POSTURE
 
 
 def wants_gravity(controller: ControllerState) -> bool:
@@ -348,7 +314,7 @@ def estimate_acceleration(controller: ControllerState, rates: Rates, number: int
     controller.model.a[joint.control_place] = joint.rate
 
 
-def controller_tick(memory: Any, device: Any, tick: int, period: float) -> None:
+def controller_tick(memory: object, device: ControllerState, tick: int, period: float) -> None:
     """What the controller does in a tick, see :class:`twin_gait.control.controller.Controller`."""
     raise NotImplementedError
 
@@ -365,7 +331,8 @@ def demand(controller: ControllerState, limits: Limits, number: int, tick: int) 
     joint = controller.joints[number]
     if controller.trip.tick >= 0:
         share = support_share(tick - controller.trip.tick, limits.lowering_ticks)
-        demand_hold(joint, limits, share, controller.model.gravity_torque[joint.control_place])
+        weight = controller.model.gravity_torque[joint.control_place]
+        demand_rest(joint.demand, limits, joint.hold_angle, share, weight)
     elif not CONTROLLED:
         demand_setpoint(controller, number)
 
@@ -380,11 +347,3 @@ def demand_setpoint(controller: ControllerState, number: int) -> None:
     asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
     asked.inertia = controller.model.inertia_gain * inertia
     asked.target = joint.target
-
-
-def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: float) -> None:
-    """Ask a board to brake its joint and let it down slowly.
-
-    ``support``: share of the weight that is still carried. ``weight``: gravity torque in [N m].
-    """
-    demand_rest(joint.demand, limits, joint.hold_angle, support, weight)

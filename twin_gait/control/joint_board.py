@@ -7,14 +7,9 @@ of them. The rooms of the simulation's tick call these functions, and the C firm
 from dataclasses import dataclass, field
 
 from twin_gait.core.actuator import Motor
-from twin_gait.core.control_tick import (
-    Encoder,
-    controller_torques,
-    measure_angle,
-    sample_slowly,
-    target_current,
-)
+from twin_gait.core.control_tick import Encoder, measure_angle, sample_slowly, target_current
 from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import (
     BUS_TRIP,
     COMMAND_TRIP,
@@ -82,18 +77,11 @@ class Demand:
 
 @dataclass(slots=True)
 class Command:
-    """What a board asks of its drive in a tick, in the walk or in the hold."""
+    """What a board makes of a demand in a tick, in the walk or in the hold, and asks of its drive."""
 
-    stiffness: float = 0.0  # k in [N m] / [rad].
-    damping: float = 0.0  # b in [N m s] / [rad].
-    equilibrium: float = 0.0  # θ0 in [rad].
-    gain: float = 0.0  # G, of the friction compensation.
-    impedance: float = 0.0  # Torque in [N m], as all of them.
-    friction: float = 0.0  # Compensation.
-    gravity: float = 0.0  # Compensation.
-    inertia: float = 0.0  # Compensation.
-    target: float = 0.0  # That is added.
-    torque: float = 0.0  # Sum of these, before limits.
+    impedance: float = 0.0  # Torque of spring and damper, or of the brake, in [N m].
+    friction: float = 0.0  # Compensation in [N m].
+    torque: float = 0.0  # Sum of these and of what is fed forward, before limits, in [N m].
     target_current: float = 0.0  # That the drive is asked for in [A].
     drive_off: bool = False  # Whether the drive is cut off for good, since it has not obeyed.
     cause: int = NO_TRIP  # Of a trip, if no drive may be asked for what is demanded.
@@ -112,10 +100,8 @@ class BoardState:
     command: Command = field(default_factory=Command)  # Of this tick.
     model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N m].
     cause: int = NO_TRIP  # First one of a trip that the board has found itself.
-    # Whether it holds its joint without the gait controller, which it then does for good.
-    alone: bool = False
-    alone_ticks: int = 0  # Since when.
-    carried: float = 0.0  # Torque in [N m] that was fed forward then.
+    alone_ticks: int = 0  # For how long it has held its joint without the gait controller, then for good.
+    carried: float = 0.0  # Torque in [N m] that was fed forward as that began.
     silent_ticks: int = 0  # Since the gait controller was heard.
 
 
@@ -134,20 +120,15 @@ def sample_velocity(board: BoardState, rates: Rates, tick: int) -> None:
 
 def model_friction(board: BoardState) -> None:
     """Friction of the compensator's model, which changes only with the slow velocity."""
-    law = board.friction_model
+    velocity, law = board.encoder.velocity_slow, board.friction_model
     board.model_friction = rotational_friction_torque(
-        board.encoder.velocity_slow,
-        law.breakaway_torque,
-        law.coulomb_friction,
-        law.breakaway_velocity,
-        law.viscous_friction,
+        velocity, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
     )
 
 
 def watch_drive(board: BoardState, rates: Rates) -> None:
     """Note the cause of a trip that is found on joint and drive; cut off a drive that does not obey."""
     cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
-    board.watched.cause = cause
     board.cause = cause if board.cause == NO_TRIP else board.cause
     # Whatever else was found first.
     broken = board.watched.drive_streak >= board.bounds.drive_ticks
@@ -189,15 +170,8 @@ def copy_demand(source: Demand, target: Demand) -> None:
 
 def copy_command(source: Command, target: Command) -> None:
     """Give a command the values of another; ``target`` is changed in place."""
-    target.stiffness = source.stiffness
-    target.damping = source.damping
-    target.equilibrium = source.equilibrium
-    target.gain = source.gain
     target.impedance = source.impedance
     target.friction = source.friction
-    target.gravity = source.gravity
-    target.inertia = source.inertia
-    target.target = source.target
     target.torque = source.torque
     target.target_current = source.target_current
     target.drive_off = source.drive_off
@@ -205,30 +179,21 @@ def copy_command(source: Command, target: Command) -> None:
 
 
 def ask(board: BoardState) -> None:
-    """Impedance on friction compensation and what is fed forward, or the brake of a held joint."""
+    """Impedance on friction compensation, or the brake of a held joint."""
     asked, demand, encoder = board.command, board.demand, board.encoder
-    asked.stiffness, asked.damping = demand.stiffness, demand.damping
-    asked.equilibrium, asked.gain = demand.equilibrium, demand.gain
-    asked.gravity, asked.inertia, asked.target = demand.gravity, demand.inertia, demand.target
     if demand.held:
         asked.impedance, asked.friction = hold_torque(board.watched.motor_speed, demand.damping), 0.0
     else:
-        asked.impedance, asked.friction = controller_torques(
-            encoder.angle,
-            encoder.velocity_fast,
-            encoder.velocity_slow,
-            demand.stiffness,
-            demand.damping,
-            demand.equilibrium,
-            demand.gain,
-            board.model_friction,
+        asked.impedance = impedance_torque(
+            encoder.angle, encoder.velocity_fast, demand.stiffness, demand.damping, demand.equilibrium
         )
+        asked.friction = demand.gain * board.model_friction
 
 
 def sum_up(board: BoardState) -> None:
     """Sum the torques of the command up."""
-    asked = board.command
-    asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
+    asked, demand = board.command, board.demand
+    asked.torque = asked.impedance + asked.friction + demand.gravity + demand.inertia + demand.target
 
 
 def check(board: BoardState, watching: bool) -> None:
@@ -246,9 +211,7 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
     if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
         board.cause = BUS_TRIP  # so that the gait controller, if it hears the board, does not walk on
     if board.cause != NO_TRIP:
-        stand_alone(board)
-    if board.alone:
-        let_down(board, limits)
+        hold_alone(board, limits)
     elif heard:
         copy_demand(demand, board.demand)
 
@@ -266,20 +229,15 @@ def refuse(board: BoardState, limits: Limits) -> None:
     board.cause = board.command.cause
     if not command_is_plausible(board.demand.gravity, board.bounds.highest_command):
         board.demand.gravity = 0.0
-    stand_alone(board)
-    let_down(board, limits)
+    hold_alone(board, limits)
     ask(board)
     sum_up(board)
 
 
-def stand_alone(board: BoardState) -> None:
-    """From now on hold the joint without the gait controller."""
-    if not board.alone:
-        board.alone, board.alone_ticks, board.carried = True, 0, board.demand.gravity
-
-
-def let_down(board: BoardState, limits: Limits) -> None:
-    """Demand of oneself to brake, and to carry less and less of what was fed forward."""
+def hold_alone(board: BoardState, limits: Limits) -> None:
+    """Demand of oneself to brake, and to carry less and less of what was fed forward last."""
+    if board.alone_ticks == 0:
+        board.carried = board.demand.gravity
     share = support_share(board.alone_ticks, limits.lowering_ticks)
     demand_rest(board.demand, limits, board.encoder.angle, share, board.carried)
     board.alone_ticks += 1

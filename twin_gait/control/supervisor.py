@@ -39,11 +39,6 @@ class Supervisor:
     entered: bool = False  # Whether a mode has been entered in this tick.
 
 
-def hear_request(supervisor: Supervisor, request: int) -> None:
-    """Take what is asked for in this tick, by its code."""
-    supervisor.request = request
-
-
 def choose_mode(supervisor: Supervisor, tick: int, tripped: bool) -> None:
     """Go to another mode if a transition is due, or to the hold; note a request that is refused."""
     supervisor.refused = supervisor.request

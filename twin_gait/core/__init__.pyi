@@ -41,7 +41,6 @@ from .friction_models import directional_viscous_torque as directional_viscous_t
 from .friction_models import lugre_torque as lugre_torque
 from .friction_models import ripple_torque as ripple_torque
 from .friction_models import stribeck_level as stribeck_level
-from .friction_models import stribeck_torque as stribeck_torque
 from .friction_models import two_velocity_torque as two_velocity_torque
 from .impedance import damping_from_ratio as damping_from_ratio
 from .impedance import damping_ratio_of as damping_ratio_of

@@ -15,7 +15,6 @@ _POLYNOMIAL, _CRC_BITS = 0x4599, 15  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^
 _LONGEST_RUN = 5  # equal bits after which a complementary one is stuffed
 _HEADER_BITS = 19  # start of frame, identifier, RTR, IDE, r0, length
 _UNSTUFFED_BITS = 13  # CRC delimiter, acknowledge slot and delimiter, end of frame (7), interframe space (3)
-_HALF_BYTES = 4
 
 
 @dataclass(slots=True)
@@ -81,13 +80,14 @@ def frame_crc(header: Header, halves: Sequence[int]) -> int:
 
     ``halves``: bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
     """
-    crc, rest = header.crc, halves[0]
+    crc = header.crc
     for number in range(header.length):
-        if number == _HALF_BYTES:
-            rest = halves[1]
-        crc = ((crc << 8) & 0x7FFF) ^ int(_CRC[((crc >> 7) ^ rest) & 0xFF])
-        rest >>= 8
+        crc = ((crc << 8) & 0x7FFF) ^ int(_CRC[(crc >> 7) ^ _byte(halves, number)])
     return crc
+
+
+def _byte(halves: Sequence[int], number: int) -> int:
+    return (halves[number >> 2] >> 8 * (number & 3)) & 0xFF
 
 
 def frame_bits(header: Header, halves: Sequence[int]) -> int:
@@ -96,12 +96,9 @@ def frame_bits(header: Header, halves: Sequence[int]) -> int:
     :math:`8n + 47` and one for each stuff bit, of which there are at most :func:`most_stuff_bits`.
     ``halves``: as in :func:`frame_crc`.
     """
-    crc, run, stuffed, rest = frame_crc(header, halves), header.run, header.stuffed, halves[0]
+    crc, run, stuffed = frame_crc(header, halves), header.run, header.stuffed
     for number in range(header.length):
-        if number == _HALF_BYTES:
-            rest = halves[1]
-        entry = int(_RUN[(run << 8) | (rest & 0xFF)])
-        rest >>= 8
+        entry = int(_RUN[(run << 8) | _byte(halves, number)])
         run, stuffed = entry & 7, stuffed + (entry >> 3)
     entry = int(_RUN[(run << 8) | (crc >> 7)])
     run, stuffed = entry & 7, stuffed + (entry >> 3)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from twin_gait.core.elementary import hyperbolic_tangent
 
 LEAST_FORCE = 1e-6  # [N]; a lighter contact has no centre of pressure
+Pair = tuple[float, float]  # parts forwards and upwards
 
 
 def contact_normal_force(
@@ -182,11 +183,7 @@ def along_slope(sine: float, cosine: float, forward: float, upward: float) -> tu
 
 
 def sloped_contact_force(
-    sine: float,
-    cosine: float,
-    place: tuple[float, float],
-    velocity: tuple[float, float],
-    press: Callable[[float, float, float], tuple[float, float]],
+    sine: float, cosine: float, place: Pair, velocity: Pair, press: Callable[[float, float, float], Pair]
 ) -> tuple[float, float, float]:
     """Force of a plane through the origin, or a belt along it, on a point of the sole.
 

@@ -16,7 +16,6 @@ from twin_gait.core.actuator import (
 )
 from twin_gait.core.blending import blend
 from twin_gait.core.estimation import first_order_step, quantise
-from twin_gait.core.impedance import impedance_torque
 
 # Columns of the parameters of a phase as a gait table is resolved: four per joint, then the share of gravity
 # compensation.
@@ -117,29 +116,6 @@ def copy_setpoint(source: Setpoint, target: Setpoint) -> None:
     target.damping = source.damping
     target.equilibrium = source.equilibrium
     target.gain = source.gain
-
-
-def controller_torques(
-    angle: float,
-    velocity_fast: float,
-    velocity_slow: float,
-    stiffness: float,
-    damping: float,
-    equilibrium_angle: float,
-    friction_compensation_gain: float,
-    model_friction_torque: float,
-) -> tuple[float, float]:
-    r"""Impedance and friction compensation in [N m], equations (2.17) and (2.18) of the thesis.
-
-    .. math::
-
-        \tau_{imp} = -[k(\theta-\theta_0) + b\,\hat\omega_{fast}], \qquad
-        \tau_{fc} = G\,T_{fr}(\hat\omega_{slow})
-
-    This law needs the slow velocity only through T_fr, the friction of the compensator's model at it.
-    """
-    impedance = impedance_torque(angle, velocity_fast, stiffness, damping, equilibrium_angle)
-    return impedance, friction_compensation_gain * model_friction_torque
 
 
 def target_current(motor: Motor, command: float, torque_limit: float, current_limit: float) -> float:

@@ -46,11 +46,7 @@ class PlantFriction:
 
 
 def rotational_friction_torque(
-    velocity: float,
-    breakaway_torque: float,
-    coulomb_friction: float,
-    breakaway_velocity: float,
-    viscous_friction: float,
+    velocity: float, breakaway: float, coulomb: float, breakaway_velocity: float, viscous: float
 ) -> float:
     r"""Magnitude of the rotational friction torque in [N m], with the sign of the velocity; odd in it.
 
@@ -66,8 +62,8 @@ def rotational_friction_torque(
     in table 3.1, the first term is a dip near 0.13 rad/s instead of a Stribeck peak.
     """
     x = velocity / breakaway_velocity
-    stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * exponential(-(x * x)) * x
-    return stribeck + coulomb_friction * hyperbolic_tangent(10.0 * x) + viscous_friction * velocity
+    stribeck = _SQRT_2E * (breakaway - coulomb) * exponential(-(x * x)) * x
+    return stribeck + coulomb * hyperbolic_tangent(10.0 * x) + viscous * velocity
 
 
 def gear_loss_torque(velocity: float, load: float, efficiency: float, transition_velocity: float) -> float:
@@ -105,22 +101,20 @@ def _gear_loss(turning: float, load: float, efficiency: float) -> float:
 
 def geared_friction_torque(
     velocity: float,
-    breakaway_torque: float,
-    coulomb_friction: float,
+    breakaway: float,
+    coulomb: float,
     breakaway_velocity: float,
-    viscous_friction: float,
+    viscous: float,
     load: float,
-    gear_efficiency: float,
+    efficiency: float,
 ) -> float:
     """:func:`rotational_friction_torque` and what the gear loses under load, which turn over together.
 
     They share their hyperbolic tangent, and a compiler finds it. Load in [N m], efficiency in (0, 1].
     """
-    friction = rotational_friction_torque(
-        velocity, breakaway_torque, coulomb_friction, breakaway_velocity, viscous_friction
-    )
+    friction = rotational_friction_torque(velocity, breakaway, coulomb, breakaway_velocity, viscous)
     turning = hyperbolic_tangent(10.0 * (velocity / breakaway_velocity))
-    return friction + _gear_loss(turning, load, gear_efficiency)
+    return friction + _gear_loss(turning, load, efficiency)
 
 
 def friction_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
@@ -169,34 +163,20 @@ def whole_friction_torque(
     return rotational
 
 
-def _directional_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
+def _directional_torque(law: PlantFriction, velocity: float, deflection: float, load: float) -> float:
     """Friction by the laws with directions of their own, with or without bristles."""
-    if friction.law == ASYMMETRIC:
-        loss = gear_loss_torque(velocity, load, friction.gear_efficiency, friction.transition_velocity)
-        return loss + asymmetric_torque(
-            velocity,
-            friction.offset,
-            friction.coulomb_friction,
-            friction.breakaway_torque,
-            friction.viscous_friction_forward,
-            friction.viscous_friction_backward,
-            friction.transition_velocity,
-            friction.stribeck_velocity,
-            friction.stribeck_exponent,
-            friction.viscous_exponent,
-        )
-    stiffness = friction.bristle_stiffness
-    rate = bristle_rate(velocity, deflection, _level(friction, velocity), stiffness)
+    level = _level(law, velocity)
     viscous = directional_viscous_torque(
-        velocity,
-        friction.viscous_friction_forward,
-        friction.viscous_friction_backward,
-        friction.viscous_exponent,
+        velocity, law.viscous_friction_forward, law.viscous_friction_backward, law.viscous_exponent
     )
-    bristles = lugre_torque(velocity, deflection, rate, stiffness, friction.bristle_damping, 0.0)
+    if law.law == ASYMMETRIC:
+        loss = gear_loss_torque(velocity, load, law.gear_efficiency, law.transition_velocity)
+        return loss + asymmetric_torque(velocity, law.offset, level, law.transition_velocity, viscous)
+    rate = bristle_rate(velocity, deflection, level, law.bristle_stiffness)
+    bristles = lugre_torque(velocity, deflection, rate, law.bristle_stiffness, law.bristle_damping, 0.0)
     # Beside the bristles, not in their level: their damper would multiply a load that comes a little late.
-    loss = gear_loss_torque(velocity, load, friction.gear_efficiency, 0.1 * friction.stribeck_velocity)
-    return loss + bristles + friction.offset + viscous
+    loss = gear_loss_torque(velocity, load, law.gear_efficiency, 0.1 * law.stribeck_velocity)
+    return loss + bristles + law.offset + viscous
 
 
 def advanced_deflection(
@@ -211,8 +191,7 @@ def advanced_deflection(
     """
     if friction.law != BRISTLE:
         return deflection
-    level = _level(friction, velocity)
-    return bristle_step(displacement, deflection, level, friction.bristle_stiffness, 1.0)
+    return bristle_step(displacement, deflection, _level(friction, velocity), friction.bristle_stiffness, 1.0)
 
 
 def steady_deflection(friction: PlantFriction, velocity: float) -> float:
@@ -222,12 +201,8 @@ def steady_deflection(friction: PlantFriction, velocity: float) -> float:
     return sign_of(velocity) * _level(friction, velocity) / friction.bristle_stiffness
 
 
-def _level(friction: PlantFriction, velocity: float) -> float:
+def _level(law: PlantFriction, velocity: float) -> float:
     """Torque that sliding bristles hold: the Stribeck curve."""
     return stribeck_level(
-        velocity,
-        friction.coulomb_friction,
-        friction.breakaway_torque,
-        friction.stribeck_velocity,
-        friction.stribeck_exponent,
+        velocity, law.coulomb_friction, law.breakaway_torque, law.stribeck_velocity, law.stribeck_exponent
     )

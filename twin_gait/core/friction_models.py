@@ -46,36 +46,16 @@ def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float,
 def stribeck_level(
     velocity: float, coulomb: float, breakaway: float, stribeck_velocity: float, exponent: float
 ) -> float:
-    r"""Magnitude of the friction without its viscous part, with the exponent δ.
+    r"""Magnitude of the friction without its viscous part, with an exponent δ that is often 2.
 
-    :math:`h(\omega) = T_c + (T_b - T_c)\,e^{-|\omega/\omega_{st}|^\delta}`.
+    :math:`h(\omega) = T_c + (T_b - T_c)\,e^{-|\omega/\omega_{st}|^\delta}`; in the place of T_c in
+    :func:`coulomb_viscous_torque` it makes the Stribeck friction of the thesis, equation (1.2).
     """
     return coulomb + (breakaway - coulomb) * exponential(-(abs(velocity / stribeck_velocity) ** exponent))
 
 
-def stribeck_torque(
-    velocity: float,
-    coulomb: float,
-    breakaway: float,
-    viscous: float,
-    stribeck_velocity: float,
-    exponent: float,
-) -> float:
-    r"""Stribeck friction, equation (1.2) of the thesis, with an exponent δ that is often 2.
-
-    :math:`[T_c + (T_b - T_c)\,e^{-|\omega/\omega_{st}|^\delta}]\,\mathrm{sgn}\,\omega + d\,\omega`.
-    """
-    level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, exponent)
-    return level * sign_of(velocity) + viscous * velocity
-
-
 def two_velocity_torque(
-    velocity: float,
-    breakaway: float,
-    coulomb: float,
-    viscous: float,
-    stribeck_velocity: float,
-    coulomb_velocity: float,
+    velocity: float, breakaway: float, coulomb: float, viscous: float, velocity_1: float, velocity_2: float
 ) -> float:
     r"""Rotational friction with a threshold of its own for each term, equation (2.13) of the thesis.
 
@@ -89,9 +69,9 @@ def two_velocity_torque(
     :math:`\omega_1 = \sqrt2\,\omega_b` and :math:`\omega_2 = \omega_b/10`, the Rotational
     Friction block of Simscape. Neither velocity may be 0.
     """
-    x = velocity / stribeck_velocity
+    x = velocity / velocity_1
     bump = _SQRT_2E * (breakaway - coulomb) * x * exponential(-(x * x))
-    return bump + coulomb * hyperbolic_tangent(velocity / coulomb_velocity) + viscous * velocity
+    return bump + coulomb * hyperbolic_tangent(velocity / velocity_2) + viscous * velocity
 
 
 def conditioned_torque(
@@ -132,25 +112,15 @@ def directional_viscous_torque(velocity: float, forward: float, backward: float,
 
 
 def asymmetric_torque(
-    velocity: float,
-    offset: float,
-    coulomb: float,
-    breakaway: float,
-    forward: float,
-    backward: float,
-    transition_velocity: float,
-    stribeck_velocity: float,
-    stribeck_exponent: float,
-    viscous_exponent: float,
+    velocity: float, offset: float, level: float, transition_velocity: float, viscous: float
 ) -> float:
     r"""Stribeck friction with an offset and a viscous friction of its own in each direction.
 
     :math:`T_0 + h(\omega)\tanh(\omega/\omega_t) + d_\pm|\omega|^\alpha\,\mathrm{sgn}\,\omega`, with
-    :math:`h` of :func:`stribeck_level`. The Coulomb friction is :math:`T_c + T_0` forwards and
+    the ``level`` :math:`h` of :func:`stribeck_level` and the ``viscous`` friction of
+    :func:`directional_viscous_torque`. The Coulomb friction is :math:`T_c + T_0` forwards and
     :math:`T_c - T_0` backwards: a difference in it and an offset are one and the same.
     """
-    level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, stribeck_exponent)
-    viscous = directional_viscous_torque(velocity, forward, backward, viscous_exponent)
     return offset + level * hyperbolic_tangent(velocity / transition_velocity) + viscous
 
 

@@ -8,7 +8,8 @@ def impedance_torque(
 ) -> float:
     r"""Torque in [N m] of the virtual spring-damper, positive in the direction of increasing angle.
 
-    Equation (2.17) of the thesis with the damping of its chapter 5, as a torque *on the joint*:
+    Equation (2.17) of the thesis with the damping of its chapter 5, as a torque *on the joint*, to which
+    (2.18) adds :math:`G\,T_{fr}`:
 
     :math:`\tau = -\left[k\,(\theta - \theta_0) + b\,\omega\right]`
     """

@@ -5,6 +5,7 @@ Currents and voltages are those of the DC equivalent of the block-commutated mot
 """
 
 import math
+from collections.abc import Sequence
 
 from twin_gait.core.actuator import saturate
 from twin_gait.core.elementary import settled_share, sine_cosine
@@ -44,22 +45,17 @@ def current_loop_gains(resistance: float, inductance: float, bandwidth: float) -
 
 
 def current_loop_step(
-    error: float,
-    integral: float,
-    proportional_gain: float,
-    integral_gain: float,
-    period: float,
-    voltage_limit: float,
+    error: float, integral: float, proportional_gain: float, integral_gain: float, period: float, limit: float
 ) -> tuple[float, float]:
     r"""One step of the PI current loop of figure 2.13 of the thesis, with anti-windup.
 
-    :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, limited to what the bus gives. The integral
-    stands still while the limit holds and the error would drive it further in. Returns voltage and integral
-    part in [V].
+    :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, within the ``limit`` of what the bus gives in
+    [V]. The integral stands still while the limit holds and the error would drive it further in. Returns
+    voltage and integral part in [V].
     """
     grown = integral + integral_gain * period * error
     wanted = proportional_gain * error + grown
-    voltage = saturate(wanted, voltage_limit)
+    voltage = saturate(wanted, limit)
     if (wanted - voltage) * error > 0.0:
         return voltage, integral
     return voltage, grown
@@ -88,26 +84,16 @@ def inverter_voltage(duty: float, counts: float, bus_voltage: float) -> float:
     return saturate(math.floor(duty + 0.5), counts) / counts * bus_voltage
 
 
-def drive_efficiency(
-    temperature: float,
-    input_speed: float,
-    constant: float,
-    per_degree: float,
-    per_degree_squared: float,
-    per_speed: float,
-    per_degree_speed: float,
-    per_speed_squared: float,
-) -> float:
-    """Efficiency of a harmonic drive at rated torque, a quadratic fit, kept between 0.05 and 1.
+def drive_efficiency(temperature: float, input_speed: float, fit: Sequence[float]) -> float:
+    r"""Efficiency of a harmonic drive at rated torque, a quadratic fit, kept between 0.05 and 1.
 
-    Of the temperature of the grease in [°C] and the speed of the wave generator in [rad] / [s], either sign.
+    :math:`c_0 + \vartheta\,(c_1 + c_2\vartheta + c_4|\omega|) + |\omega|\,(c_3 + c_5|\omega|)` with the six
+    numbers of the ``fit``, the temperature ϑ of the grease in [°C] and the speed ω of the wave generator in
+    [rad] / [s], either sign.
     """
     speed = abs(input_speed)
-    efficiency = (
-        constant
-        + temperature * (per_degree + per_degree_squared * temperature + per_degree_speed * speed)
-        + speed * (per_speed + per_speed_squared * speed)
-    )
+    heated = temperature * (fit[1] + fit[2] * temperature + fit[4] * speed)
+    efficiency = fit[0] + heated + speed * (fit[3] + fit[5] * speed)
     return min(max(efficiency, LOWEST_EFFICIENCY), 1.0)
 
 

@@ -15,7 +15,7 @@ from twin_gait.core.control_tick import Encoder
 
 # Causes of a trip, as the log and the engines number them.
 NO_TRIP, MISSING_TRIP, JUMP_TRIP, FROZEN_TRIP, MODEL_TRIP, SPEED_TRIP, RANGE_TRIP, COMMAND_TRIP = range(8)
-TORQUE_TRIP, CURRENT_TRIP, HEAT_TRIP, DRIVE_TRIP, PHASE_TIME_OUT_TRIP, LOAD_TRIP = range(8, 14)
+TORQUE_TRIP, CURRENT_TRIP, HEAT_TRIP, DRIVE_TRIP, PHASE_TRIP, LOAD_TRIP = range(8, 14)
 SUPPLY_TRIP, OPERATOR_TRIP, BUS_TRIP = range(14, 17)
 
 
@@ -57,7 +57,6 @@ class Watched:
     frozen_streak: int = 0  # Consecutive ticks in which the encoder stood still while the motor turned.
     torque_streak: int = 0  # Consecutive ticks with a command above the limit.
     drive_streak: int = 0  # Consecutive ticks with a current that deviates.
-    cause: int = NO_TRIP  # What :func:`watch_joint` found in this tick.
 
 
 def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:

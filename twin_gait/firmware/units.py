@@ -18,7 +18,6 @@ from twin_gait.control.gait_controller import (
     begin_tick,
     change_demands,
     demand,
-    demand_hold,
     enter_phase,
     estimate_acceleration,
     fade,
@@ -26,10 +25,8 @@ from twin_gait.control.gait_controller import (
     hear_board,
     hear_device,
     hear_load,
-    hear_trunk,
-    is_sent,
     pose,
-    send_to_posture,
+    sent_to,
     supervise,
     trip,
     trip_on_causes,
@@ -51,6 +48,7 @@ from twin_gait.control.joint_board import (
     copy_command,
     copy_demand,
     copy_measurement,
+    demand_rest,
     hear,
     model_friction,
     note_drive,
@@ -62,7 +60,7 @@ from twin_gait.control.joint_board import (
     sum_up,
     watch_drive,
 )
-from twin_gait.control.supervisor import NO_REQUEST, hear_request
+from twin_gait.control.supervisor import NO_POSTURE, NO_REQUEST
 from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.simulation.interface import control_gravity, control_inertia
@@ -204,8 +202,8 @@ def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None
         hear_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
     if SUPERVISED:
-        hear_trunk(controller, inputs.common.trunk_pitch)
-        hear_request(controller.supervisor, inputs.request)
+        controller.common.trunk_pitch = inputs.common.trunk_pitch
+        controller.supervisor.request = inputs.request
     else:
         hear_device(controller, inputs.common, tick)
 
@@ -224,8 +222,9 @@ def choose_modes(controller: ControllerState, rates: Rates, tick: int) -> None:
     """Let the supervisor choose the mode, and send the legs into its posture."""
     supervise(controller, rates, tick)
     for number in range(LEGS):
-        if is_sent(controller, number):
-            send_to_posture(controller, number, tick)
+        posture = sent_to(controller, number)
+        if posture != NO_POSTURE:
+            enter_phase(controller, number, posture, tick)
 
 
 def walk(controller: ControllerState, rates: Rates, tick: int) -> None:
@@ -242,7 +241,7 @@ def walk(controller: ControllerState, rates: Rates, tick: int) -> None:
             controller.program, leg.before, leg.ticks, signals, other_phase, leg.debounce
         )
         if leg.chosen != NO_TRANSITION:
-            enter_phase(controller, number, tick)
+            enter_phase(controller, number, controller.program.transitions[leg.chosen].target, tick)
     for number in range(LEGS):
         fade(controller, rates, number, tick)
 
@@ -341,7 +340,7 @@ def drive(board: BoardState, controller: ControllerState, settings: Settings, nu
     check(board, settings.watching)
     if board.command.cause != NO_TRIP:  # what was asked was a walk, whose weight is not carried in this tick
         trip(controller, tick, board.command.cause, number)
-        demand_hold(joint, limits, 0.0, 0.0)
+        demand_rest(joint.demand, limits, joint.hold_angle, 0.0, 0.0)
         copy_demand(joint.demand, board.demand)
         ask(board)
         sum_up(board)

@@ -155,9 +155,8 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
     if not experiment.control.safety.enabled:
         impossible.add(FaultKind.ENCODER_MISSING)
     for kind in (kind for kind in FaultKind if kind not in impossible):
-        side = None if kind is FaultKind.SUPPLY_DIP else next(iter(experiment.leg.legs))
-        joint = None if kind in (FaultKind.SUPPLY_DIP, FaultKind.FOOT_LOAD_STUCK) else experiment.joints[-1]
-        fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, side=side, joint=joint)
+        place = kind.place(next(iter(experiment.leg.legs)), experiment.joints[-1])
+        fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, place=place)
         yield replace(experiment, duration=length, faults=(fault,))
 
 

@@ -113,7 +113,8 @@ def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) ->
 )  # fmt: skip
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent."""
-    return over_arrays.stribeck_torque(samples.velocity, beta[1], beta[0] + beta[1], beta[2], *eta)
+    level = over_arrays.stribeck_level(samples.velocity, beta[1], beta[0] + beta[1], *eta)
+    return over_arrays.coulomb_viscous_torque(samples.velocity, level, beta[2])
 
 
 @_model(
@@ -174,9 +175,9 @@ def _conditioned(
 @_model("T_0 + T_c tanh(ω/ω_t) + d± ω", (_COULOMB, *_BOTH_WAYS, _OFFSET), _TRANSITION, two_way=True)
 def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity."""
-    coulomb, *viscous, offset = beta
-    parts = offset, coulomb, coulomb, *viscous
-    return over_arrays.asymmetric_torque(samples.velocity, *parts, eta[0], 1.0, 1.0, 1.0)
+    coulomb, *both_ways, offset = beta
+    viscous = over_arrays.directional_viscous_torque(samples.velocity, *both_ways, 1.0)
+    return over_arrays.asymmetric_torque(samples.velocity, offset, coulomb, eta[0], viscous)
 
 
 @_model(
@@ -186,8 +187,10 @@ def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 )  # fmt: skip
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind."""
-    excess, coulomb, *viscous, offset = beta
-    return over_arrays.asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, *viscous, *eta)
+    excess, coulomb, *both_ways, offset = beta
+    level = over_arrays.stribeck_level(samples.velocity, coulomb, coulomb + excess, *eta[1:3])
+    viscous = over_arrays.directional_viscous_torque(samples.velocity, *both_ways, eta[3])
+    return over_arrays.asymmetric_torque(samples.velocity, offset, level, eta[0], viscous)
 
 
 @_model(

@@ -22,7 +22,7 @@ from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import run_of
 from twin_gait.vocabulary import Outcome
-from twin_gait.worlds.scenario import BELT_SPEED
+from twin_gait.worlds.world import BELT_SPEED
 
 HORIZON = 20_000  # ticks that are looked ahead at most
 LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then

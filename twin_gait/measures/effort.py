@@ -111,9 +111,7 @@ def changes_at_switches(
 class EnergyBalance(NamedTuple):
     """Balance of a run."""
 
-    # change of energy less the work of all sources since the start in [J], shape ``(n,)``
-    residual: np.ndarray
-    largest_residual: float  # largest magnitude of it in [J]
+    largest_residual: float  # of the change of energy less the work of all sources since the start, in [J]
     throughput: float  # all work in and out: the sum over ticks and sources of its magnitude in [J]
     relative_residual: float  # largest residual over throughput
 
@@ -125,14 +123,14 @@ def energy_balance(energy: np.ndarray, works: np.ndarray) -> EnergyBalance:
     in [J], shape ``(n_sources, n)``. Returns the balance; NaN where the record is empty or nothing was done.
     """
     if len(energy) == 0:
-        return EnergyBalance(np.zeros(0), math.nan, math.nan, math.nan)
+        return EnergyBalance(math.nan, math.nan, math.nan)
     work = works.sum(axis=0)
     residual = (energy - energy[0]) - (work - work[0])
     largest = float(np.max(np.abs(residual)))
     steps = np.diff(works, axis=1)
     throughput = float(np.sum(np.abs(steps, out=steps)))
     relative = largest / throughput if throughput > 0.0 else math.nan
-    return EnergyBalance(residual, largest, throughput, relative)
+    return EnergyBalance(largest, throughput, relative)
 
 
 def interaction_torque(

@@ -21,13 +21,11 @@ import csv
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.exceptions import ParameterError
 from twin_gait.measures.effort import root_mean_square
 from twin_gait.parameters.quantities import POSITIVE, of_kind, require
 from twin_gait.vocabulary import JointName
@@ -41,15 +39,6 @@ _QUANTITIES = ("timing", "angle", "velocity", "acceleration")
 SLOWEST, FASTEST = 0.5 / KILOMETRES_PER_HOUR, 5.0 / KILOMETRES_PER_HOUR  # [m] / [s], range of the regression
 
 
-class KeyEvent(NamedTuple):
-    """One key event at a speed and body height."""
-
-    percent: float  # instant in [%] of the cycle
-    angle: float  # in [rad]
-    velocity: float  # in [rad] / [%]
-    acceleration: float  # in [rad] / [%]²
-
-
 def reference_covers(speed: float) -> bool:
     """Whether the regression was made for a walking speed.
 
@@ -58,34 +47,33 @@ def reference_covers(speed: float) -> bool:
     return SLOWEST <= speed <= FASTEST
 
 
-def key_events(joint: JointName, *, speed: float, height: float) -> tuple[KeyEvent, ...]:
+def key_events(joint: JointName, *, speed: float, height: float) -> np.ndarray:
     """Key events of a joint, in the order of the cycle.
 
-    Raises ParameterError for another joint, if the regression does not reach the speed, or the height is not
-    positive.
+    Returns a row for each with its instant in [%] of the cycle, angle in [rad], velocity in [rad] / [%] and
+    acceleration in [rad] / [%]², shape ``(n, 4)``. Raises ParameterError for another joint, if the regression
+    does not reach the speed, or the height is not positive.
     """
     _require_covered(speed, height)
-    degree = math.pi / 180.0
-    return tuple(
-        KeyEvent(
-            (_regress(timing, speed, height) - FIRST_SAMPLE) / SAMPLES_PER_PERCENT,
-            degree * _regress(angle, speed, height),
-            degree * _regress(velocity, speed, height) * SAMPLES_PER_PERCENT,
-            degree * _regress(acceleration, speed, height) * SAMPLES_PER_PERCENT**2,
-        )
-        for timing, angle, velocity, acceleration in _coefficients()[of_kind(JointName, "joint", joint)]
-    )
+    b0, b1, b2, b3 = _coefficients()[of_kind(JointName, "joint", joint)]
+    v = speed * KILOMETRES_PER_HOUR
+    events = b0 + b1 * v + b2 * v * v + b3 * height
+    events[:, 0] = (events[:, 0] - FIRST_SAMPLE) / SAMPLES_PER_PERCENT
+    events[:, 1:] *= math.pi / 180.0
+    events[:, 2] *= SAMPLES_PER_PERCENT
+    events[:, 3] *= SAMPLES_PER_PERCENT**2
+    return np.asarray(events)
 
 
 @lru_cache(maxsize=1)
-def _coefficients() -> dict[JointName, list[list[list[float]]]]:
-    """Coefficients b of timing, angle, velocity and acceleration of each key event, by joint."""
+def _coefficients() -> dict[JointName, np.ndarray]:
+    """Coefficients b of each key event by joint, shape ``(4, n, 4)``: b, event, quantity."""
     lines = Path(__file__).with_name("koopman2014.csv").read_text(encoding="utf-8").splitlines()
-    events: dict[JointName, list[list[list[float]]]] = {joint: [] for joint in JointName}
-    for row in csv.DictReader(line for line in lines if not line.startswith("#")):
-        values = [[float(row[f"{name}_b{power}"]) for power in range(4)] for name in _QUANTITIES]
-        events[JointName(row["joint"])].append(values)
-    return events
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    names = [f"{name}_b{power}" for power in range(4) for name in _QUANTITIES]
+    values = np.array([[float(row[name]) for name in names] for row in rows]).reshape(-1, 4, 4)
+    joints = np.array([row["joint"] for row in rows])
+    return {joint: values.swapaxes(0, 1)[:, joints == joint] for joint in JointName}
 
 
 def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, height: float) -> np.ndarray:
@@ -96,16 +84,10 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
     does not reach the speed, or the height is not positive.
     """
     events = key_events(joint, speed=speed, height=height)
-    around = (*events, events[0]._replace(percent=CYCLE))
-    return _quintic(around, np.mod(np.asarray(percent, dtype=float), CYCLE))
-
-
-def _quintic(events: Sequence[KeyEvent], percent: np.ndarray) -> np.ndarray:
-    r"""Piecewise polynomials of degree five through angles, velocities and accelerations."""
-    starts = np.array([event.percent for event in events])
-    pieces = np.array([_bernstein(*pair) for pair in pairwise(events)])
-    place = np.clip(np.searchsorted(starts, percent, side="right") - 1, 0, len(pieces) - 1)
-    share = (percent - starts[place]) / (starts[place + 1] - starts[place])
+    starts = np.append(events[:, 0], CYCLE)
+    pieces, at = _bernstein(starts, *events[:, 1:].T), np.mod(np.asarray(percent, dtype=float), CYCLE)
+    place = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(events) - 1)
+    share = (at - starts[place]) / (starts[place + 1] - starts[place])
     found = np.zeros_like(share)
     for j, binomial in enumerate((1.0, 5.0, 10.0, 10.0, 5.0, 1.0)):
         found = found + binomial * _power(share, j) * _power(1.0 - share, 5 - j) * pieces[place, j]
@@ -117,19 +99,18 @@ def _power(values: np.ndarray, exponent: int) -> np.ndarray:
     return np.array([math.pow(value, exponent) for value in values.flat]).reshape(values.shape)
 
 
-def _bernstein(start: KeyEvent, end: KeyEvent) -> list[float]:
-    """Coefficients of the polynomial between two events."""
-    span = end.percent - start.percent
-    first = start.velocity / 5.0 * span + start.angle
-    last = end.angle - end.velocity / 5.0 * span
-    return [
-        start.angle,
-        first,
-        start.acceleration / 20.0 * span**2 - start.angle + 2.0 * first,
-        end.acceleration / 20.0 * span**2 + 2.0 * last - end.angle,
-        last,
-        end.angle,
-    ]
+def _bernstein(
+    starts: np.ndarray, angle: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+) -> np.ndarray:
+    """Coefficients of the polynomials of degree five between events and their successors, a row each."""
+    span = np.diff(starts)
+    squared = _power(span, 2)
+    end_angle, end_velocity, end_acceleration = np.roll((angle, velocity, acceleration), -1, axis=1)
+    first = velocity / 5.0 * span + angle
+    last = end_angle - end_velocity / 5.0 * span
+    second = acceleration / 20.0 * squared - angle + 2.0 * first
+    last_but_one = end_acceleration / 20.0 * squared + 2.0 * last - end_angle
+    return np.column_stack((angle, first, second, last_but_one, last, end_angle))
 
 
 def reference_cycle_time(speed: float, height: float) -> float:
@@ -147,16 +128,8 @@ def reference_cycle_time(speed: float, height: float) -> float:
 
 def _require_covered(speed: float, height: float) -> None:
     POSITIVE.require("height", height)
-    if not reference_covers(speed):
-        raise ParameterError(
-            f"speed: the reference curves hold from {SLOWEST:.2f} to {FASTEST:.2f} m/s, got {speed!r}"
-        )
-
-
-def _regress(coefficients: Sequence[float], speed: float, height: float) -> float:
-    constant, linear, quadratic, with_height = coefficients
-    v = speed * KILOMETRES_PER_HOUR
-    return constant + linear * v + quadratic * v * v + with_height * height
+    expected = f"{SLOWEST:.2f} to {FASTEST:.2f} m/s, for which there are reference curves"
+    require(reference_covers(speed), "speed", expected, speed)
 
 
 def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:

@@ -218,15 +218,11 @@ def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> n
     return np.asarray((strikes - begin)[begin > last] * tick)
 
 
-def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, strides: np.ndarray) -> float:
+def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, bounds: np.ndarray) -> float:
     """Share of the time in which both feet carry.
 
     ``loaded``: whether one foot carries, one value a tick, shape ``(n_ticks,)``; ``other_loaded`` of the
-    other foot, same shape; ``strides``: first tick of each stride and of the next one, shape ``(n, 2)``.
-    Returns share in [0, 1]; NaN without strides.
+    other foot, same shape; ``bounds``: strides. Returns share in [0, 1]; NaN without strides.
     """
-    if len(strides) == 0:
-        return float("nan")
-    both = loaded & other_loaded
-    inside = np.concatenate([both[start:end] for start, end in strides])
-    return float(np.mean(inside))
+    both = over_strides(loaded & other_loaded, bounds)
+    return float(both.mean()) if len(both) else math.nan

@@ -187,7 +187,7 @@ class BraceParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class ChairParameters(quantities.Parameters):
-    """A seat without a back; :mod:`twin_gait.core.seat` has the law. Shanks do not meet it.
+    """A seat without a back; :mod:`twin_gait.core.plant` has the law. Shanks do not meet it.
 
     Attributes:
         height: Of the seat in [m]; 0.43 in a chair of OpenSim, 0.48 to 0.53 as a rule in wheelchairs.

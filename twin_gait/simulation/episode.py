@@ -23,9 +23,7 @@ from twin_gait.core.contact import Ground, Point
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
 from twin_gait.core.inertial import TrunkUnit
-from twin_gait.core.plant import Brace, ImposedMotion, Plant
-from twin_gait.core.seat import Seat
-from twin_gait.core.trunk import Trunk
+from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
 from twin_gait.core.wearer import Condition
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from twin_gait.control import gait_controller as ccu
-from twin_gait.control.controller import Controller, Plan, require_whole_numbers
+from twin_gait.control.controller import Controller, Plan, mistake, require_whole_numbers
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
@@ -18,7 +18,6 @@ from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, Transitio
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.safety import Bounds
-from twin_gait.exceptions import ParameterError
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
@@ -104,10 +103,8 @@ def memory_of(controller: Controller, plan: Plan) -> Any:
     """
     memory = controller.memory(plan)
     if not is_record(memory):
-        raise ParameterError(
-            f"controller {controller.name!r}: expected a memory that is a dataclass with slots, of numbers, "
-            f"such dataclasses and lists of them, got {reprlib.repr(memory)}"
-        )
+        expected = "a memory that is a dataclass with slots, of numbers, such dataclasses and lists of them"
+        raise mistake(controller.name, expected, reprlib.repr(memory))
     require_whole_numbers(controller.name, float_in(memory))
     return memory
 

@@ -42,7 +42,8 @@ PHASE = Columns(phase=("e.controller.legs[n].phase", ""))
 
 # Of a controlled joint; torques act on the joint, positive in flexion.
 JOINT = Columns(
-    "joint, asked, place = e.joints[n], e.joints[n].board.command, e.joints[n].place",
+    "joint, asked, demand, place = "
+    "e.joints[n], e.joints[n].board.command, e.joints[n].board.demand, e.joints[n].place",
     angle_rad=("e.q[place]", "true angle; of the device, if braces bind the wearer to it"),
     velocity_rad_per_s=("e.v[place]", "true velocity"),
     measured_angle_rad=("joint.board.encoder.angle", "encoder angle"),
@@ -50,9 +51,9 @@ JOINT = Columns(
     velocity_slow_rad_per_s=("joint.board.encoder.velocity_slow", "averaged, for friction compensation"),
     impedance_torque_Nm=("asked.impedance", "of spring and damper, with a runaway; in the hold of the brake"),
     friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
-    gravity_compensation_torque_Nm=("asked.gravity", "share of the gravity torque that the controller gives"),
-    inertia_compensation_torque_Nm=("asked.inertia", "share of the inertia torque that it gives"),
-    target_torque_Nm=("asked.target", "added to the command"),
+    gravity_compensation_torque_Nm=("demand.gravity", "share of the gravity torque that is given"),
+    inertia_compensation_torque_Nm=("demand.inertia", "share of the inertia torque that is given"),
+    target_torque_Nm=("demand.target", "added to the command"),
     motor_command_torque_Nm=("asked.torque", "sum of the five, before limits"),
     motor_torque_Nm=("e.motor[place]", "of the motor times the gear ratio, before the losses of the gear"),
     friction_torque_Nm=("e.plant[place].friction_torque", "of motor and gear, with its losses under load"),
@@ -60,10 +61,10 @@ JOINT = Columns(
     patient_torque_Nm=("joint.outside", "of the wearer, a push or an imposed motion"),
     target_current_A=("asked.target_current", "that the drive is asked for"),
     measured_current_A=("joint.current", "that flows"),
-    stiffness_Nm_per_rad=("asked.stiffness", "k of the impedance, blended"),
-    damping_Nms_per_rad=("asked.damping", "b of the impedance, blended"),
-    equilibrium_rad=("asked.equilibrium", "θ0 of the impedance, blended"),
-    friction_compensation_gain=("asked.gain", "G of the friction compensation, blended"),
+    stiffness_Nm_per_rad=("demand.stiffness", "k of the impedance, blended"),
+    damping_Nms_per_rad=("demand.damping", "b of the impedance, blended"),
+    equilibrium_rad=("demand.equilibrium", "θ0 of the impedance, blended"),
+    friction_compensation_gain=("demand.gain", "G of the friction compensation, blended"),
 )
 # Of a joint that is not controlled, and one more of an ankle that is.
 PASSIVE = Columns(

@@ -76,9 +76,7 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
         magnitude = math.exp(float(generator.uniform(math.log(least), math.log(most))))
         if kind is not FaultKind.SUPPLY_DIP and generator.random() < 0.5:
             magnitude = -magnitude
-    struck: dict[str, Any] = {"side": side, "joint": joint}
-    struck = {FaultKind.SUPPLY_DIP: {}, FaultKind.FOOT_LOAD_STUCK: {"side": side}}.get(kind, struck)
-    return Fault(**{"side": None, "joint": None} | struck, kind=kind, time=time, magnitude=magnitude)
+    return Fault(kind=kind, time=time, place=kind.place(side, joint), magnitude=magnitude)
 
 
 def simulate_faults(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
@@ -11,8 +11,7 @@ from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import Posture, Scenario
-from twin_gait.worlds.world import World, start_posture
+from twin_gait.worlds.world import Posture, Scenario, World, start_posture, starting_at
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,17 +52,11 @@ class BenchLeg(Scenario):
 
     kind: ClassVar[str] = "bench_leg"
     surroundings: ClassVar[Surroundings] = Surroundings.STAND
+    pelvis = PelvisGuide.FIXED
 
-    start_angles: Annotated[Posture, quantities.Key("start")] = field(
-        default_factory=lambda: {JointName.HIP: math.radians(20.0), JointName.KNEE: math.radians(10.0)}
-    )
+    start_angles: Annotated[Posture, quantities.Key("start")] = starting_at(20.0, 10.0)
     initial_phase: Annotated[str | None, quantities.Key("start_phase")] = None
     imposed_motion: ImposedMotionParameters | None = None
-
-    @property
-    def pelvis(self) -> PelvisGuide:
-        """The stand is fixed."""
-        return PelvisGuide.FIXED
 
     def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
         """The same stand with a leg that starts in another posture."""

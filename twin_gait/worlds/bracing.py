@@ -9,7 +9,7 @@ from twin_gait.core.plant import Brace, Plant, free_coordinate
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters, SlidingSpringDamper, SpringDamper
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds.world import Braces, World
+from twin_gait.worlds.world import Braces, World, start_posture
 
 # Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.
 _ROUNDING = 1e-6
@@ -56,10 +56,12 @@ def carries(world: World, step: float, *, runge_kutta: bool) -> bool:
 
     ``step``: in [s]. ``runge_kutta``: which of the two it is.
     """
-    return all(
-        _largest_growth(step * _linear(world, q), runge_kutta) <= 1.0 + _ROUNDING
-        for q in (world.start_q[: world.model.nv], _bent(world))
+    model = world.model
+    bent = start_posture(model, {side: {JointName.KNEE: 1.0} for side in model.sides}, 0.0)
+    growths = (
+        _largest_growth(step * _linear(world, q), runge_kutta) for q in (world.start_q[: model.nv], bent)
     )
+    return max(growths) <= 1.0 + _ROUNDING
 
 
 def _largest_growth(system: np.ndarray, runge_kutta: bool) -> float:
@@ -76,13 +78,6 @@ def _largest_growth(system: np.ndarray, runge_kutta: bool) -> float:
             drift[:half] += system[:half]
             once = drift @ kick
     return float(np.abs(np.linalg.eigvals(once)).max()) if np.isfinite(once).all() else math.inf
-
-
-def _bent(world: World) -> np.ndarray:
-    q = np.zeros(world.model.nv)
-    for side in world.model.sides:
-        q[world.model.index(side, JointName.KNEE)] = 1.0
-    return q
 
 
 def _linear(world: World, q: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from twin_gait.exceptions import ParameterError
@@ -11,7 +11,7 @@ from twin_gait.vocabulary import Coded, JointName, Side
 
 FOOT = "foot"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
-_SHAPE = re.compile(rf"([a-z_]+)(?::([a-z]+)_([a-z]+))?@({_NUMBER})s(?:=({_NUMBER})([A-Za-z/]*))?")
+_SHAPE = re.compile(rf"([a-z_]+)(?::([a-z]+_[a-z]+))?@({_NUMBER})s(?:=({_NUMBER})([A-Za-z/]*))?")
 
 
 class FaultKind(Coded):
@@ -33,6 +33,17 @@ class FaultKind(Coded):
         """Units in which a magnitude may be given, with their factors to SI; SI first."""
         return _MAGNITUDES.get(self, (0.0, {}))[1]
 
+    def place(self, side: Side, joint: JointName) -> str:
+        """Where it strikes a leg, in the notation: a joint, the foot, or nothing for the supply."""
+        if self is FaultKind.SUPPLY_DIP:
+            return ""
+        return f"{side}_{FOOT if self is FaultKind.FOOT_LOAD_STUCK else joint}"
+
+    def places(self, joints: Iterable[JointName]) -> str:
+        """Where it may strike, in words."""
+        found = dict.fromkeys(self.place(side, joint) for joint in joints for side in Side)
+        return " or ".join(found) or "no place, as in supply_dip@4.2s"
+
 
 # Magnitude in SI units where none is given, and the units that it may have; not of a kind without one.
 _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
@@ -51,8 +62,7 @@ class Fault:
 
     kind: FaultKind  # What breaks.
     time: float  # When, in [s].
-    side: Side | None = None  # Leg; None for the supply.
-    joint: JointName | None = None  # Joint; None for a foot and the supply.
+    place: str = ""  # Where, in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
     # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], as the kind
     # has it; None takes the kind's own.
     magnitude: float | None = None
@@ -61,23 +71,23 @@ class Fault:
         """Check that kind, place and magnitude fit together."""
         NOT_NEGATIVE.require("time", self.time)
         kind, units = self.kind, self.kind.units
-        has = (self.side is not None, self.joint is not None)
-        wanted = (
-            kind is not FaultKind.SUPPLY_DIP,
-            kind not in (FaultKind.SUPPLY_DIP, FaultKind.FOOT_LOAD_STUCK),
-        )
-        require(has == wanted, f"place of {kind}", _expected_place(kind), self.place)
+        places = {kind.place(side, joint) for joint in JointName for side in Side}
+        require(self.place in places, "place", kind.places(JointName), self.place)
         if self.magnitude is not None:
             fits = bool(units) and math.isfinite(self.magnitude)
             expected = f"a number in {' or '.join(units)}" if units else "no magnitude"
             require(fits, f"magnitude of {kind}", expected, self.magnitude)
 
     @property
-    def place(self) -> str:
-        """Place as the notation has it: ``left_knee``, ``left_foot``, or nothing for the supply."""
-        if self.side is None:
-            return ""
-        return f"{self.side}_{FOOT if self.joint is None else self.joint}"
+    def side(self) -> Side | None:
+        """Leg; None for the supply."""
+        return Side(self.place.partition("_")[0]) if self.place else None
+
+    @property
+    def joint(self) -> JointName | None:
+        """Joint; None for a foot and the supply."""
+        part = self.place.partition("_")[2]
+        return JointName(part) if part in list(JointName) else None
 
     @property
     def strength(self) -> float:
@@ -89,14 +99,6 @@ class Fault:
         place = f":{self.place}" if self.place else ""
         size = "" if self.magnitude is None else f"={self.magnitude!r}{next(iter(self.kind.units))}"
         return f"{self.kind}{place}@{self.time!r}s{size}"
-
-
-def _expected_place(kind: FaultKind, joints: Collection[str] = tuple(JointName)) -> str:
-    """Where faults of a kind can be injected, in words."""
-    if kind is FaultKind.SUPPLY_DIP:
-        return "no place, as in supply_dip@4.2s"
-    names = [FOOT] if kind is FaultKind.FOOT_LOAD_STUCK else joints
-    return " or ".join(f"left_{name} or right_{name}" for name in names)
 
 
 def parse_fault(text: str) -> Fault:
@@ -113,19 +115,12 @@ def parse_fault(text: str) -> Fault:
         shape = "KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s"
         require(match is not None, "notation", shape, text)
         assert match is not None
-        name, leg, part, time, size, unit = match.groups()
+        name, place, time, size, unit = match.groups()
         require(name in list(FaultKind), "kind", ", ".join(FaultKind), name)
         kind = FaultKind(name)
-        placed = part is None or (leg in list(Side) and part in (FOOT, *JointName))
-        require(placed, "place", _expected_place(kind), f"{leg}_{part}")
         require(unit is None or unit in kind.units, "unit", " or ".join(kind.units) or "no magnitude", unit)
-        return Fault(
-            kind=kind,
-            time=float(time),
-            side=None if leg is None else Side(leg),
-            joint=None if part in (None, FOOT) else JointName(part),
-            magnitude=None if size is None else float(size) * kind.units[unit],
-        )
+        magnitude = None if size is None else float(size) * kind.units[unit]
+        return Fault(kind=kind, time=float(time), place=place or "", magnitude=magnitude)
     except ParameterError as error:
         raise ParameterError(f"fault {text!r}: {error}") from error
 
@@ -144,7 +139,7 @@ def check_faults(
     for fault in faults:
         there = {
             f"a leg among {', '.join(sides)}": fault.side in (None, *sides),
-            f"a controlled joint, {_expected_place(fault.kind, joints)}": fault.joint in (None, *joints),
+            f"a controlled joint, {fault.kind.places(joints)}": fault.joint in (None, *joints),
             "feet with load sensors": feet or fault.kind is not FaultKind.FOOT_LOAD_STUCK,
             f"a time before the end of the run at {duration:g} s": fault.time < duration,
         }

@@ -11,22 +11,14 @@ from twin_gait.core.arm_policy import SITS, ArmPolicy, new_sense, plant_crutch
 from twin_gait.core.arms import Arm, Grip, turn_grip
 from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.plant import Plant, Stop, free_coordinate
-from twin_gait.core.trunk import Harness, Trunk
+from twin_gait.core.plant import Harness, Plant, Stop, Trunk, free_coordinate
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
-from twin_gait.parameters import (
-    ArmParameters,
-    ChairParameters,
-    ContactParameters,
-    CrutchParameters,
-    quantities,
-)
-from twin_gait.parameters.crutches import LEANS
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import Adjustment, Posture, Walking, support_adjustment
-from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, soles_of, stand_on_both_feet
-from twin_gait.worlds.world import World, start_posture
+from twin_gait.parameters import ChairParameters, ContactParameters, quantities
+from twin_gait.parameters.crutches import LEANS, ArmParameters, CrutchParameters
+from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
+from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, stand_on_both_feet
+from twin_gait.worlds.world import Adjustment, Posture, Walking, World, start_posture, starting_at
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
 SPEEDS = quantities.Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
@@ -77,6 +69,7 @@ class Overground(SplitStance):
     kind: ClassVar[str] = "overground"
     step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
     surroundings: ClassVar[Surroundings] = Surroundings.WALKWAY
+    pelvis = PelvisGuide.FREE
 
     speed: Annotated[quantities.Speed, SPEEDS] = 0.3
     crutches: Annotated[CrutchParameters | None, quantities.Word("none", "forearm")] = field(
@@ -94,19 +87,10 @@ class Overground(SplitStance):
     )
     fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, above=True)] = math.radians(60.0)
     leading: Side = Side.LEFT
-    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = field(
-        default_factory=lambda: {JointName.HIP: math.radians(26.0), JointName.KNEE: math.radians(8.0)}
-    )
-    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = field(
-        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: math.radians(10.0)}
-    )
+    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = starting_at(26.0, 8.0)
+    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = starting_at(0.0, 10.0)
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
-
-    @property
-    def pelvis(self) -> PelvisGuide:
-        """Nothing holds it."""
-        return PelvisGuide.FREE
 
     @property
     def walking(self) -> Walking:
@@ -120,12 +104,12 @@ class Overground(SplitStance):
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
         """Support."""
-        return (support_adjustment(self.harness.share, "harness.share", "harness carries"),)
+        return (Adjustment.of_support(self.harness.share, "harness.share", "harness carries"),)
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the floor; both legs, and a wearer if there are crutches."""
-        frames, weight = soles_of(model, "the floor"), model.total_mass * gravity
-        height, pitch = model.pelvis_index, model.pitch_index
+        self.require_soles(model, "the floor")
+        height, pitch, weight = model.pelvis_index, model.pitch_index, model.total_mass * gravity
         assert height is not None and pitch is not None  # it is free
         tall = 0.0 if model.patient is None else model.patient.height
         seat = None if self.chair is None else seat_of(model, self.chair)
@@ -139,26 +123,11 @@ class Overground(SplitStance):
             q[pitch] = self.lean
             q[height] = stand_on_both_feet(model, q, 0.0)
         rope = self.harness
-        support_force, slack = rope.share * weight, Stop(0.0, 0.0, 0.0, 0.0)
-        world = World(
-            model=model,
-            plant=plant,
-            start_q=q,
-            start_v=np.zeros(len(q)),
-            initial_phases=self.phases,
-            contact=self.contact,
-            support_force=support_force,
-            catch_stiffness=rope.catch_stiffness,
-            catch_dissipation=rope.catch_dissipation,
-            body_weight=weight,
-            fall_height=FALL_SHARE * (q[height] if seat is None else seat.height),
-            contact_frames=frames,
-            trunk=Trunk(
-                SHOULDER_HEIGHT * tall, Harness(rope.height * tall, support_force, rope.damping, slack)
-            ),
-            seat=seat,
-            fall_pitch=self.fall_lean,
-        )
+        harness = Harness(rope.height * tall, rope.share * weight, rope.damping, Stop(0.0, 0.0, 0.0, 0.0))
+        trunk = Trunk(SHOULDER_HEIGHT * tall, harness)
+        low = FALL_SHARE * (q[height] if seat is None else seat.height)
+        more = {"fall_height": low, "fall_pitch": self.fall_lean, "trunk": trunk, "seat": seat}
+        world = self.standing(model, plant, q, rope, weight, **more)
         return world if self.crutches is None else self._with_crutches(world, self.crutches)
 
     def _with_crutches(self, world: World, crutches: CrutchParameters) -> World:

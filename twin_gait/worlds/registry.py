@@ -12,8 +12,7 @@ from typing import Any
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import require
-from twin_gait.worlds.scenario import Scenario
-from twin_gait.worlds.world import World
+from twin_gait.worlds.world import Scenario, World
 
 GROUP = "twin_gait.worlds"  # of entry points, each under the kind of its world
 

@@ -3,19 +3,17 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from twin_gait.core.contact import contact_normal_force
-from twin_gait.core.plant import Plant
-from twin_gait.core.seat import Pad, Seat, seat_the_hips, seat_the_thigh
-from twin_gait.core.trunk import pitching_moment
+from twin_gait.core.plant import Pad, Plant, Seat, pitching_moment, seat_the_hips, seat_the_thigh
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, require
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.scenario import Posture, Scenario
+from twin_gait.worlds.world import Posture, Scenario, World
 
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75
@@ -34,6 +32,8 @@ class SplitStance(Scenario):
     trailing_angles: Posture  # Of the joints of the other leg in [rad].
     leading_phase: str  # Of the leading leg at the start.
     trailing_phase: str  # Of the other one.
+
+    contact: ContactParameters  # Of heels and toes.
 
     def leading_of(self, sides: Sequence[Side]) -> Side:
         """Leg that starts in front."""
@@ -58,15 +58,35 @@ class SplitStance(Scenario):
         """Phases of both legs at the start."""
         return {side: self.leading_phase if side is self.leading else self.trailing_phase for side in Side}
 
+    def require_soles(self, model: LegModel, ground: str) -> None:
+        """Refuse, by a ParameterError, to put on some ground what has no two legs with heels and toes."""
+        require(len(model.legs) == 2, "legs", f"two legs on {ground}", len(model.legs))
+        require(model.up_axis == "z", "up_axis", f"z on {ground}", model.up_axis)
+        for side, leg in model.legs.items():
+            require(bool(leg.contact_frames), f"leg.{side}.contact_frames", f"heel and toe on {ground}", ())
 
-def soles_of(model: LegModel, ground: str) -> dict[Side, tuple[str, ...]]:
-    """Frames of heels and toes of two legs that are put on some ground; ParameterError without them."""
-    require(len(model.legs) == 2, "legs", f"two legs on {ground}", len(model.legs))
-    require(model.up_axis == "z", "up_axis", f"z on {ground}", model.up_axis)
-    frames = {side: leg.contact_frames for side, leg in model.legs.items()}
-    for side, names in frames.items():
-        require(bool(names), f"leg.{side}.contact_frames", f"heel and toe on {ground}", ())
-    return frames
+    def standing(
+        self, model: LegModel, plant: tuple[Plant, ...], q: np.ndarray, ropes: Any, weight: float, **more: Any
+    ) -> World:
+        """A world with both legs on the ground.
+
+        ``ropes``: of body-weight support, with the share of the ``weight`` in [N] that they carry, and what
+        locks in them at a trip. ``more``: of the world.
+        """
+        return taken_from(
+            World,
+            ropes,
+            model=model,
+            plant=plant,
+            start_q=q,
+            start_v=np.zeros(model.nv),
+            initial_phases=self.phases,
+            contact=self.contact,
+            contact_frames={side: leg.contact_frames for side, leg in model.legs.items()},
+            support_force=ropes.share * weight,
+            body_weight=weight,
+            **more,
+        )
 
 
 def stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:

@@ -4,17 +4,14 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
-import numpy as np
-
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.parameters.quantities import DEGREE, KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.scenario import BELT_SPEED, Adjustment, Posture, Walking, support_adjustment
-from twin_gait.worlds.standing import FALL_SHARE, SplitStance, soles_of, stand_on_both_feet
-from twin_gait.worlds.world import World, start_posture
+from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
+from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
+from twin_gait.worlds.standing import FALL_SHARE, SplitStance, stand_on_both_feet
+from twin_gait.worlds.world import BELT_SPEED, Adjustment, Posture, Walking, World, start_posture, starting_at
 
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
 SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
@@ -60,12 +57,8 @@ class Treadmill(SplitStance):
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
     # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
-    leading_angles: Annotated[Posture, Key("leading_start")] = field(
-        default_factory=lambda: {JointName.HIP: 18.0 * DEGREE, JointName.KNEE: 10.0 * DEGREE}
-    )
-    trailing_angles: Annotated[Posture, Key("trailing_start")] = field(
-        default_factory=lambda: {JointName.HIP: -8.0 * DEGREE, JointName.KNEE: 11.0 * DEGREE}
-    )
+    leading_angles: Annotated[Posture, Key("leading_start")] = starting_at(18.0, 10.0)
+    trailing_angles: Annotated[Posture, Key("trailing_start")] = starting_at(-8.0, 11.0)
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
 
@@ -112,35 +105,19 @@ class Treadmill(SplitStance):
                 step=0.05,
                 help="The table's hip angles follow it by the table's own law.",
             ),
-            support_adjustment(self.support.share, "support.share", "ropes carry"),
+            Adjustment.of_support(self.support.share, "support.share", "ropes carry"),
         )
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Put a model on the treadmill; both legs, with a pelvis that moves."""
-        frames = soles_of(model, "a treadmill")
-        weight = model.total_mass * gravity
-        support_force = self.support.share * weight
-        pelvis = model.pelvis_index
+        self.require_soles(model, "a treadmill")
+        ropes, pelvis, weight = self.support, model.pelvis_index, model.total_mass * gravity
         assert pelvis is not None  # the pelvis of this scenario moves
-        plant[pelvis].spring.damping, plant[pelvis].spring.force = self.support.damping, support_force
+        plant[pelvis].spring.damping, plant[pelvis].spring.force = ropes.damping, ropes.share * weight
         if model.forward_index is not None:
             harness = plant[model.forward_index].spring
-            harness.stiffness, harness.damping = self.support.forward_stiffness, self.support.forward_damping
+            harness.stiffness, harness.damping = ropes.forward_stiffness, ropes.forward_damping
         q = start_posture(model, self.postures(self.slope), ankle_rest)
         q[pelvis] = stand_on_both_feet(model, q, math.tan(self.slope))
-        return World(
-            model=model,
-            plant=plant,
-            start_q=q,
-            start_v=np.zeros(model.nv),
-            initial_phases=self.phases,
-            belt=self._belt(),
-            contact=self.contact,
-            slope=self.slope,
-            support_force=support_force,
-            catch_stiffness=self.support.catch_stiffness,
-            catch_dissipation=self.support.catch_dissipation,
-            body_weight=weight,
-            fall_height=FALL_SHARE * q[pelvis],
-            contact_frames=frames,
-        )
+        more = {"belt": self._belt(), "slope": self.slope, "fall_height": FALL_SHARE * q[pelvis]}
+        return self.standing(model, plant, q, ropes, weight, **more)

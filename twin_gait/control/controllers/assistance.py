@@ -5,13 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-import numpy as np
-
-from twin_gait.control.controller import Controller, Path, Plan, TickFunction
+from twin_gait.control.controller import Controller, Plan, TickFunction
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
 from twin_gait.core.assistance import Adaptation, adapted_assistance, cycle_place
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 
 # What a loop is bound to: whether the shares change from stride to stride, and the other controller has a
 # tick.
@@ -97,46 +95,23 @@ def assist(memory: AssistanceMemory, device: ControllerState, tick: int, period:
         asked.damping *= share
 
 
-@dataclass(frozen=True)
 class Assistance(Controller):
-    """Gives the joints a share of the impedance that another controller asks for."""
-
-    parameters: AssistanceParameters  # shares, and how they adapt
-    other: Controller  # the other controller
+    """A share of the impedance that another controller asks for; in all else it is that controller."""
 
     tick = staticmethod(assist)
+
+    def __init__(self, parameters: AssistanceParameters, other: Controller) -> None:
+        """Take ``parameters`` for the shares, and all that is not said here from the other controller."""
+        self.parameters, self.other = parameters, other
+        for name in ("by_phases", "refusal", "setpoints", "start", "walk"):
+            setattr(self, name, getattr(other, name))
+        adaptive = "control.assistance.adaptive: true is not printed; set false, and a share"
+        self.unprinted = other.unprinted or (adaptive if parameters.adaptive else "")
 
     @property
     def name(self) -> str:
         """That of the other controller."""
         return self.other.name
-
-    @property
-    def by_phases(self) -> bool:
-        """As the other controller."""
-        return self.other.by_phases
-
-    @property
-    def unprinted(self) -> str:
-        """Why the firmware does not have it."""
-        adaptive = "control.assistance.adaptive: true is not printed; set false, and a share"
-        return self.other.unprinted or (adaptive if self.parameters.adaptive else "")
-
-    def refusal(self, joints: tuple[JointName, ...]) -> str:
-        """As the other controller."""
-        return self.other.refusal(joints)
-
-    def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-        """Those of the other controller."""
-        return self.other.setpoints(plan, side, rows)
-
-    def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
-        """As the other controller."""
-        return self.other.start(plan)
-
-    def walk(self, plan: Plan) -> Path:
-        """That of the other controller."""
-        return self.other.walk(plan)
 
     def memory(self, plan: Plan) -> AssistanceMemory:
         """That of the other controller, the shares, and the walk against which the error is measured."""

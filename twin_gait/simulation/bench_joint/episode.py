@@ -6,7 +6,7 @@ What is said of motor and rotor is what the joint sees of them, behind the gear.
 from dataclasses import dataclass, field
 
 from twin_gait import worlds
-from twin_gait.control.joint_board import Command
+from twin_gait.control.joint_board import Command, Demand
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
@@ -24,14 +24,14 @@ ENCODER, GYROSCOPE, ACCELEROMETER = range(3)
 
 # The columns of the thesis's log files, then what no bench can see.
 BENCH = Columns(
-    "encoder, winding, torques, asked = e.encoder, e.winding, e.torques, e.asked",
+    "encoder, winding, torques, demand, asked = e.encoder, e.winding, e.torques, e.demand, e.asked",
     time_s=("e.time", "since the start"),
     position_rad=("encoder.angle", "encoder angle"),
-    target_position_rad=("asked.equilibrium", "of the path, or the equilibrium of the impedance"),
+    target_position_rad=("demand.equilibrium", "of the path, or the equilibrium of the impedance"),
     measured_current_A=("winding.sample", "sample of the shunts that the current loop works with"),
     target_current_A=("winding.target_current", "that the drive is asked for, or what a duty should drive"),
     bus_voltage_V=("e.bus_voltage", "of the drive"),
-    target_torque_Nm=("asked.target", "added to the command, with what the path's acceleration needs"),
+    target_torque_Nm=("demand.target", "added to the command, with what the path's acceleration needs"),
     velocity_rad_per_s=("(encoder.angle - encoder.last_angle) / TICK", "of the encoder angle over a tick"),
     duty=("winding.duty", "share of the bus voltage on the winding"),
     motor_angle_rad=("e.rotor.angle", "true angle of the rotor at the joint"),
@@ -45,7 +45,7 @@ BENCH = Columns(
     voltage_V=("winding.voltage", "on the winding"),
     impedance_torque_Nm=("asked.impedance", "of virtual spring and damper"),
     friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
-    inertia_compensation_torque_Nm=("asked.inertia", "share of the inertia torque that is compensated"),
+    inertia_compensation_torque_Nm=("demand.inertia", "share of the inertia torque that is compensated"),
     motor_command_torque_Nm=("asked.torque", "sum of the four, before limits"),
     motor_torque_Nm=("torques.motor", "of the current, before the losses of the gear"),
     friction_torque_Nm=("torques.friction", "of motor and gear on the rotor"),
@@ -152,13 +152,13 @@ class BenchEpisode:
     path: worlds.CosinePath  # Of its equilibrium angle.
     old_model: worlds.OldFrictionModel  # TWIN's old friction model.
     old: bool  # Whether it takes the place of the compensator's friction model.
-    follows_path: bool  # Whether friction is compensated at the velocity of the path.
     transparency: Transparency  # What the control of duties asks for.
     ticks_at_stop: int = 0  # Since the upper stop was reached.
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].
     deflection: float = 0.0
-    asked: Command = field(default_factory=Command)  # What the controller of torques wants.
+    demand: Demand = field(default_factory=Demand)  # What the control of torques feeds forward, and its θ0.
+    asked: Command = field(default_factory=Command)  # What it asks of the drive.
     torques: Torques = field(default_factory=Torques)
     time: float = 0.0  # Of the tick in [s].
     # Of the noise each number is a row, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.

@@ -176,7 +176,6 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
         path=torque.path or path,
         old_model=torque.old_model or worlds.OldFrictionModel(),
         old=torque.old_model is not None,
-        follows_path=torque.compensation_velocity is worlds.CompensationVelocity.REFERENCE,
         transparency=_transparency(test),
     )
 

@@ -114,8 +114,8 @@ def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> f
     ``load``: :math:`\tau_0`, what the gear would pass on without losses, in [N m]. ``velocity``: of the rotor
     at the joint in [rad] / [s]. ``share``: :math:`c` of the rotor in the inertia that turns with it.
     """
-    gear, fit, speed = e.efficiency, e.efficiency.coefficients, e.motor.gear_ratio * velocity
-    efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
+    gear = e.efficiency
+    efficiency = drive_efficiency(gear.temperature, e.motor.gear_ratio * velocity, gear.coefficients)
     if efficiency == 1.0 or load == 0.0:
         return 0.0
     loss = gear_loss_torque(velocity, load, efficiency, gear.transition_velocity)

@@ -7,10 +7,11 @@ nothing at constant speed.
 """
 
 from twin_gait.core.actuator import dead_zone, sagged_bus_voltage
-from twin_gait.core.control_tick import controller_torques, measure_joint, target_current
-from twin_gait.core.estimation import delayed_sample, first_order_step, quantise
+from twin_gait.core.control_tick import measure_joint, target_current
+from twin_gait.core.estimation import delayed_sample, first_order_step
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
+from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.core.motor_drive import cosine_path, inverter_voltage, six_step_current
 from twin_gait.core.transparency import transparency_duty
@@ -117,31 +118,31 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
 
 def _control_torque(e: BenchEpisode) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
-    law, limits, encoder, asked, path = e.torque_control, e.test.limits, e.encoder, e.asked, e.path
-    inertia, gain = e.rotor.inertia + e.link.inertia, law.friction_compensation_gain
+    law, limits, encoder, path = e.torque_control, e.test.limits, e.encoder, e.path
+    demand, asked = e.demand, e.asked
+    inertia = e.rotor.inertia + e.link.inertia
     place, path_velocity, path_acceleration = cosine_path(
         e.time, path.start_angle, path.amplitude, path.frequency
     )
-    fast, model = encoder.velocity_fast - path_velocity, _model_friction(e, path_velocity)
-    asked.equilibrium = place
-    asked.impedance, asked.friction = controller_torques(
-        encoder.angle, fast, encoder.velocity_slow, law.stiffness, law.damping, place, gain, model
-    )
-    asked.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
-    asked.target = law.target_torque + inertia * path_acceleration
-    asked.torque = asked.impedance + asked.friction + asked.inertia + asked.target
+    velocity = encoder.velocity_fast - path_velocity
+    demand.equilibrium = place
+    asked.impedance = impedance_torque(encoder.angle, velocity, law.stiffness, law.damping, place)
+    asked.friction = law.friction_compensation_gain * _model_friction(e, path_velocity)
+    demand.inertia = law.inertia_compensation * inertia * e.acceleration.estimate
+    demand.target = law.target_torque + inertia * path_acceleration
+    asked.torque = asked.impedance + asked.friction + demand.inertia + demand.target
     e.winding.target_current = target_current(e.motor, asked.torque, limits.torque, limits.current)
 
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     """Friction torque of the compensator's model; the old one knew no slow velocity."""
-    law, old = e.torque_control.friction_model, e.old_model
+    law, old, own = e.torque_control, e.old_model, e.torque_control.friction_model
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
-    velocity = dead_zone(path_velocity if e.follows_path else measured, e.torque_control.dead_zone)
+    velocity = dead_zone(path_velocity if law.follows_path else measured, law.dead_zone)
     if e.old:
         return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
-        velocity, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
+        velocity, own.breakaway_torque, own.coulomb_friction, own.breakaway_velocity, own.viscous_friction
     )
 
 
@@ -162,5 +163,4 @@ def sample_current(e: BenchEpisode, tick: int, number: int) -> None:
     stray = e.variation.current_offset + drive.noise * noise(e, tick, CURRENT_NOISE + number)
     motor_angle = e.motor.gear_ratio * e.rotor.angle
     sample = six_step_current(winding.current, motor_angle, drive.pole_pairs, drive.ripple, stray)
-    taken = quantise(sample, drive.resolution)
-    winding.sample = delayed_sample(winding.line, tick * winding.periods + number, taken)
+    winding.sample = delayed_sample(winding.line, tick * winding.periods + number, sample)

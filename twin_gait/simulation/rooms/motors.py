@@ -3,13 +3,21 @@
 from twin_gait.control.gait_controller import (
     INERTIA_WANTED,
     demand,
-    demand_hold,
     estimate_acceleration,
     pose,
     trip,
     wants_gravity,
 )
-from twin_gait.control.joint_board import ask, check, copy_demand, note_drive, refuse, set_current, sum_up
+from twin_gait.control.joint_board import (
+    ask,
+    check,
+    copy_demand,
+    demand_rest,
+    note_drive,
+    refuse,
+    set_current,
+    sum_up,
+)
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
 from twin_gait.core.control_tick import driven_motor, target_current
 from twin_gait.core.estimation import delayed_sample
@@ -89,8 +97,9 @@ def _command(e: Episode, number: int, tick: int) -> None:
     board = joint.board
     if not NETWORKED and board.command.cause != NO_TRIP:
         # What was asked was a walk, whose weight is not carried in this tick.
-        demand_hold(e.controller.joints[number], e.limits, 0.0, 0.0)
-        copy_demand(e.controller.joints[number].demand, board.demand)
+        held = e.controller.joints[number]
+        demand_rest(held.demand, e.limits, held.hold_angle, 0.0, 0.0)
+        copy_demand(held.demand, board.demand)
         ask(board)
         sum_up(board)
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)

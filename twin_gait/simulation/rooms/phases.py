@@ -5,11 +5,11 @@ from twin_gait.control.gait_controller import (
     begin_tick,
     enter_phase,
     fade,
-    is_sent,
-    send_to_posture,
+    sent_to,
     supervise,
     write_signals,
 )
+from twin_gait.control.supervisor import NO_POSTURE
 from twin_gait.core.guards import (
     NO_TRANSITION,
     OP_COMPARE,
@@ -40,8 +40,7 @@ def decide(e: Episode, tick: int) -> None:
             for one in each(e):
                 chosen = one.controller.legs[number].chosen
                 if chosen != NO_TRANSITION:
-                    _note(one, number, tick, one.controller.program.transitions[chosen].target, chosen)
-                    enter_phase(one.controller, number, tick)
+                    _enter(one, number, tick, one.controller.program.transitions[chosen].target, chosen)
     for number in range(LEGS):
         _blend(e, number, tick)
 
@@ -51,10 +50,9 @@ def choose_modes(e: Episode, tick: int) -> None:
     for one in each(e):
         supervise(one.controller, one.rates, tick)
         for number in range(LEGS):
-            if is_sent(one.controller, number):
-                supervisor = one.controller.supervisor
-                _note(one, number, tick, supervisor.modes[supervisor.mode].posture, NO_TRANSITION)
-                send_to_posture(one.controller, number, tick)
+            posture = sent_to(one.controller, number)
+            if posture != NO_POSTURE:
+                _enter(one, number, tick, posture, NO_TRANSITION)
 
 
 def advance(e: Episode, number: int, tick: int) -> None:
@@ -122,7 +120,8 @@ def _blend(e: Episode, number: int, tick: int) -> None:
             fade(one.controller, one.rates, number, tick)
 
 
-def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> None:
+def _enter(e: Episode, number: int, tick: int, target: int, transition: int) -> None:
+    """Let a leg enter a phase, and note it."""
     if e.recording.n_switches < e.recording.most_switches:
         row = switch_row(e, e.recording.n_switches)
         row.tick = tick
@@ -131,3 +130,4 @@ def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> N
         row.target = target
         row.transition = transition
     e.recording.n_switches += 1
+    enter_phase(e.controller, number, target, tick)

@@ -1,6 +1,5 @@
 """What the sensors read in a tick: encoders with their velocity estimates, loads of the feet, the trunk."""
 
-from twin_gait.control.gait_controller import hear_trunk
 from twin_gait.control.joint_board import model_friction, read_encoder, sample_velocity
 from twin_gait.core.contact import along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
@@ -25,7 +24,7 @@ def measure(e: Episode, tick: int) -> None:
         for one in lanes(e):
             _measure_pitch(one, tick)
     for one in lanes(e):
-        hear_trunk(one.controller, trunk_pitch(one))
+        one.controller.common.trunk_pitch = trunk_pitch(one)
 
 
 def trunk_pitch(one: Episode) -> float:

@@ -3,16 +3,14 @@
 import math
 
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
-from twin_gait.control.supervisor import NO_REQUEST, hear_request
+from twin_gait.control.supervisor import NO_REQUEST
 from twin_gait.core.arm_policy import REACHES, move_arm
 from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, dragged_anchor
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import delayed_sample
-from twin_gait.core.plant import Stop
-from twin_gait.core.seat import seat_the_hips, seat_the_thigh
-from twin_gait.core.trunk import harness_pull, pitching_moment
+from twin_gait.core.plant import Stop, harness_pull, pitching_moment, seat_the_hips, seat_the_thigh
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
 from twin_gait.simulation.interface import lanes, noise_row
@@ -29,11 +27,11 @@ def command(e: Episode, tick: int) -> None:
     if e.belt.ramp > 0.0:
         hear_command(e.controller, walk_command(time, e.belt.start, e.belt.stop), tick)
     if SUPERVISED:
-        request = NO_REQUEST
+        supervisor = e.controller.supervisor
+        supervisor.request = NO_REQUEST
         for number in range(len(e.requests)):
             if e.requests[number].tick == tick:
-                request = e.requests[number].request
-        hear_request(e.controller.supervisor, request)
+                supervisor.request = e.requests[number].request
 
 
 def catch(e: Episode, tick: int) -> None:

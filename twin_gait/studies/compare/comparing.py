@@ -21,7 +21,7 @@ from twin_gait.simulation import Run
 from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.studies.jobs import Watch
-from twin_gait.worlds.scenario import BELT_SPEED
+from twin_gait.worlds.world import BELT_SPEED
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
 # luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.

@@ -19,7 +19,7 @@ from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.walks import cases_of, in_case, standing, table_of, walker, weighted_cost
 from twin_gait.studies.workers import Workers
-from twin_gait.worlds.scenario import BELT_SPEED
+from twin_gait.worlds.world import BELT_SPEED
 
 # Share of the minutes for the search; the robust set and the report take the rest.
 SEARCH_SHARE = 0.75

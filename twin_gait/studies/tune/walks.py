@@ -25,7 +25,7 @@ from twin_gait.studies.jobs import Watch
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds import Walking
-from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
+from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)

@@ -1,0 +1,120 @@
+"""The controllers of the joint test bench: duties that follow a moved joint, and torques."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+from twin_gait import parameters
+from twin_gait.parameters import quantities
+from twin_gait.vocabulary import JointName
+
+DUTIES = quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
+TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
+# ω_min of (2.1) in [rad] / [s], which the thesis does not print: where A = 140 to 195 counts just break the
+# joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
+LOWEST_OF_KNEE, LOWEST_OF_HIP = 0.11, 0.07
+LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: LOWEST_OF_KNEE, JointName.HIP: LOWEST_OF_HIP}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DutyControl(quantities.Parameters):
+    """Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
+
+    K, A and f are the thesis's. It prints neither p0, p1, p2 nor ω_min; they are assumptions, chosen so that
+    the falls go as its appendix B tells: with K = 1 the joint creeps and may stick, with 1.15 it runs freely
+    and stays near 0.6 rad/s. With counts of 6000, A from 140 to 195 makes up for the difference between 3 kg
+    and 1 kg: 55 counts are 5.4 N m at the knee, the weights 5.9 N m.
+
+    Attributes:
+        amplitude: A in counts.
+        frequency: f in [Hz].
+        transparency_gain: K.
+        lowest_velocity: ω_min in [rad] / [s].
+        static_voltage: p0 in [V].
+        back_emf_share: p1 over the back-EMF constant at the joint.
+        braking_torque: p2 as torque on the standing motor, in [N m s²] / [rad²].
+        duty_limit: As a share of full duty.
+    """
+
+    amplitude: Annotated[float, quantities.Unit("counts"), quantities.NOT_NEGATIVE] = 170.0
+    frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 3.0
+    transparency_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 1.10
+    lowest_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = LOWEST_OF_KNEE
+    static_voltage: Annotated[quantities.Voltage, quantities.NOT_NEGATIVE] = 0.05
+    back_emf_share: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.9
+    braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), quantities.NOT_NEGATIVE] = 18.0
+    duty_limit: Annotated[quantities.Ratio, DUTIES] = 0.9
+
+    def voltages(self, actuator: parameters.ActuatorParameters) -> tuple[float, float, float]:
+        """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] of equation (2.1b) for a motor."""
+        torque_per_current = actuator.torque_constant * actuator.gear_ratio
+        return (
+            self.static_voltage,
+            self.back_emf_share * torque_per_current,
+            self.braking_torque * actuator.resistance / torque_per_current,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OldFrictionModel(quantities.Parameters):
+    """TWIN's old friction model, equation (2.5) of the thesis.
+
+    Attributes:
+        coulomb: T_c in [N m], F_s in the thesis; an assumption, b of table 3.1 for the knee.
+        viscous: d (there F_v) in [N m s] / [rad]; likewise.
+        steepness: κ in [s] / [rad]; 40 in the thesis.
+    """
+
+    coulomb: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 3.193
+    viscous: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 2.06
+    steepness: Annotated[quantities.RotaryDissipation, quantities.POSITIVE] = 40.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CosinePath(quantities.Parameters):
+    """A path of the equilibrium angle, there and back.
+
+    Attributes:
+        start_angle: In [rad].
+        amplitude: End to end in [rad].
+        frequency: In [Hz].
+    """
+
+    start_angle: quantities.Angle
+    amplitude: quantities.Angle
+    frequency: Annotated[quantities.Frequency, quantities.POSITIVE]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueControl(quantities.Parameters):
+    """Torque control, equations (2.7), (2.16) and (2.18) of the thesis.
+
+    With stiffness and damping of zero it is friction compensation with a target torque (2.16); with a
+    stiffness, impedance control (2.18); with the old model and an inertia compensation of 1, (2.7).
+
+    Attributes:
+        friction_model: The compensator's own friction model.
+        old_model: Takes the place of the friction model if given.
+        friction_compensation_gain: G.
+        follows_path: Whether friction is compensated at the velocity of the path, so that nothing is fed
+            back; else at the slow estimate, equation (2.16).
+        dead_zone: Speed below which it is not, in [rad] / [s]; taken off the speeds above it.
+        target_torque: In [N m].
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium_angle: θ0 in [rad].
+        inertia_compensation: Share of the known inertia times the measured acceleration that is added.
+        path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
+    """
+
+    friction_model: parameters.FrictionParameters
+    old_model: OldFrictionModel | None = None
+    friction_compensation_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.35
+    follows_path: bool = False
+    dead_zone: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 0.0
+    target_torque: quantities.Torque = 0.0
+    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 0.0
+    damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
+    equilibrium_angle: quantities.Angle = 0.0
+    inertia_compensation: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    path: CosinePath | None = None
