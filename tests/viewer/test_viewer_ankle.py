@@ -74,6 +74,30 @@ def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
     assert columns["ankle_torque"] == "left_ankle_motor_torque_Nm" and columns["force"] in walk.log
 
 
+def test_live_curves_have_the_extremes_of_every_five_ticks_and_no_line_where_a_block_is_missing(
+    walk: Run,
+) -> None:
+    model, log = walk.experiment.build_world().model, walk.log
+    figure = LiveFigure(
+        model, drives=walk.experiment.joints, about={"title": "t"}, phases=walk.table.phase_names
+    )
+    columns = {str(name): log[name].to_numpy() for name in log}
+    spans = [(first, first + 10) for first in range(0, 100, 10) if first != 50]
+    blocks = [(first, {name: column[first:end] for name, column in columns.items()}) for first, end in spans]
+    figure.show(0.1, np.zeros(model.nv).tolist(), log.iloc[99].to_dict(), blocks=blocks)
+    curve = figure.window.commands()[-1]["sample"]["curves"][0]["knee_torque"]
+    assert [time for time, value in zip(*curve.values(), strict=True) if value is None] == [0.06]
+    for first in (*range(0, 50, 5), *range(60, 100, 5)):
+        span = columns["left_knee_motor_torque_Nm"][first : first + 5]
+        ticks = np.round(np.array(curve["times"]) / TICK)
+        found = [
+            value
+            for tick, value in zip(ticks, curve["values"], strict=True)
+            if first <= tick < first + 5 and value is not None
+        ]
+        assert (min(found), max(found)) == (span.min(), span.max())
+
+
 def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:
     long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
     rows = [row[0] for row in shown_run(long, summarise(long)).about["walk"]]

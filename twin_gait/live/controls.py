@@ -6,7 +6,7 @@ at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefuse
 from twin_gait.live.settings import HELD_PHASE, MODES, Place, Settings, first_settings, places
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
+from twin_gait.worlds.faults import FOOT, FaultKind
 
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
@@ -26,50 +26,32 @@ LEAST_DAMPING = 20.0  # [N m s] / [rad] that the range of a damping has at least
 TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
 
 
-class Actions:
-    """What can be done in one experiment, beside setting controls.
+def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:
+    """Values of an action's fields, those left out as they begin.
 
-    Attributes:
-        joint_names: Actuated joints in the order of the arrays, such as ``left_knee``.
-        specs: All actions with their fields.
+    Raises MessageRefused if a value is unknown or out of its range.
     """
-
-    def __init__(self, problem: Problem) -> None:
-        """Find the fields of all actions."""
-        self._experiment = problem.experiment
-        self.joint_names = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
-        self.specs = tuple(_specs(problem, self.joint_names))
-
-    def values_of(self, message: DoAction) -> dict[str, Value]:
-        """Values of an action's fields, those left out as they begin.
-
-        Raises MessageRefused if a value is unknown or out of its range.
-        """
-        spec = next((item for item in self.specs if item.action == message.action), None)
-        if spec is None:
-            raise MessageRefused(f"{message.action}: there is nothing like it in this experiment")
-        known = {item.name: item for item in spec.fields}
-        for name in message.values:
-            if name not in known:
-                has = ", ".join(known) or "no values"
-                raise MessageRefused(f"{message.action}: no value {name!r}; it has {has}")
-        return {name: checked(item, message.values.get(name, item.value)) for name, item in known.items()}
-
-    def fault_of(self, values: dict[str, Value]) -> Fault:
-        """The fault that the fields of the action ask for.
-
-        Raises ParameterError if kind, place and size do not fit together.
-        """
-        place, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
-        written = f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
-        fault = parse_fault(written)
-        # The experiment knows which faults it can have.
-        replace(self._experiment, faults=(fault,))
-        return fault
+    spec = next((item for item in specs if item.action == message.action), None)
+    if spec is None:
+        raise MessageRefused(f"{message.action}: there is nothing like it in this experiment")
+    known = {item.name: item for item in spec.fields}
+    for name in message.values:
+        if name not in known:
+            has = ", ".join(known) or "no values"
+            raise MessageRefused(f"{message.action}: no value {name!r}; it has {has}")
+    return {name: checked(item, message.values.get(name, item.value)) for name, item in known.items()}
 
 
-def _specs(problem: Problem, joints: tuple[str, ...]) -> Iterator[ActionSpec]:
+def fault_text(values: Mapping[str, Value]) -> str:
+    """The fault that the fields of the action ask for, as an experiment has it."""
+    place, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
+    return f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
+
+
+def action_specs(problem: Problem) -> Iterator[ActionSpec]:
+    """What can be done in an experiment, beside setting controls."""
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
+    joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
     yield ActionSpec("walk", "walk", "walk" if modes is None else "go on", "Let the time go on.")
     yield ActionSpec("pause", "walk", "pause", "Let the time stand still.")
     if modes is None:  # else steps are theirs

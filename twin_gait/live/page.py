@@ -14,6 +14,7 @@ from typing import Any
 from tornado.web import RequestHandler
 
 from twin_gait.experiment import Experiment
+from twin_gait.gait.table import TICK
 from twin_gait.live import protocol
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import describe, modes_of, setting_of
@@ -73,7 +74,7 @@ class LivePage(SceneServer):
         self._modes = modes_of(experiment)
         self._sides = tuple(map(str, experiment.leg.legs))
         self._controls: tuple[protocol.Control, ...] = ()  # that the panels have been told of
-        self._short: dict[str, Any] = {}
+        self._told: dict[str, Any] = {}  # the last frame as the panels have it
         self._frame = session.news.frame  # the last one
         self._serial = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
@@ -104,17 +105,20 @@ class LivePage(SceneServer):
 
     def _show(self, frame: Message) -> None:
         """Show a moment on all pages."""
-        log = frame["log"]
+        log, time = frame["log"], frame["tick"] * TICK
         if log:  # empty before the first tick
-            traces = self._session.news.traces()
+            blocks = [(block.first, block.columns) for block in self._session.news.blocks()]
             q = [log[name] for name in self._coordinates]
-            self.figure.show(frame["time_s"], q, log, traces=traces, events=frame["events"])
+            self.figure.show(time, q, log, blocks=blocks, events=frame["events"])
             self.show(self.figure.window.changes())
-        phases = {side: None if log.get("safety_state") else log.get(f"{side}_phase") for side in self._sides}
-        mode = self._modes[int(log["mode"])] if self._modes and "mode" in log else None
-        read_out = {key: value for key, value in frame.items() if key != "log"}  # the scene has that
-        self._short = {**read_out, "phases": phases, "mode": mode}
-        self.tell(self._short, key="frame")
+        held = log.get("safety_state")
+        self._told = protocol.Frame(
+            tick=frame["tick"], time_s=time, status=frame["status"],
+            phases={side: None if held else log.get(f"{side}_phase") for side in self._sides},
+            mode=self._modes[int(log["mode"])] if self._modes and log else None,
+            deadlines=protocol.DeadlineStatistics(**frame["deadlines"]), events=tuple(frame["events"]),
+        ).to_dict()  # fmt: skip
+        self.tell(self._told, key="frame")
 
     # ------------------------------------------------------------------ what the server asks
 
@@ -144,8 +148,8 @@ class LivePage(SceneServer):
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         yield self._session.state().to_dict()
         yield from (event.to_dict() for event in self._session.book.after(0))
-        if self._short:
-            yield self._short
+        if self._told:
+            yield self._told
 
     def hear(self, panel: Panel, text: str | bytes) -> None:
         """Make a message of the session of what a page says."""

@@ -171,10 +171,10 @@ class Frame(ToPage):
     # ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or a trip), ``fell``,
     # ``diverged``, ``ended`` or ``died`` (the process, not the wearer)
     status: str
-    log: Mapping[str, float | str]  # the row of the log, by column; phases are names
+    phases: Mapping[str, str | None]  # of gait, by leg; null in a hold and before the first tick
+    mode: str | None  # operating mode; null in a walk without modes
     deadlines: DeadlineStatistics  # how well the blocks kept to the clock
-    # what befell the walk: kind, time in [s] and words each, see event_entries
-    events: tuple[Mapping[str, Any], ...] = ()
+    events: tuple[Mapping[str, Any], ...] = ()  # what befell the walk: kind, time in [s] and words each
 
 
 @dataclass(frozen=True, kw_only=True)

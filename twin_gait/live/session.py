@@ -2,7 +2,7 @@
 
 The walk runs in a process of its own (:mod:`twin_gait.live.process`). Here a message of a page is
 understood, held to the rules of the check in a thread of this process, and handed over as numbers; the walk
-waits for none of it. Stop, pause and the other actions that need no check do not wait for one either.
+waits for none of it. Stop, pause and the other actions that need no check have a thread of their own.
 """
 
 from __future__ import annotations
@@ -16,18 +16,17 @@ from typing import Any
 
 from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.experiments import LoadedExperiment
-from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
+from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
-from twin_gait.live.controls import Actions
+from twin_gait.live.controls import Panel, action_specs, fault_text, values_of
 from twin_gait.live.journal import complete, summary_of
-from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import DoAction, Message, SetControl, State, one_line
+from twin_gait.live.news import EventBook, WalkNews, answered
+from twin_gait.live.protocol import DoAction, Message, SetControl, State, Value, one_line
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
-from twin_gait.simulation.problem import ticks
 
 # Actions that wait for changes that are being checked; others go straight to the walk.
 CHECKED = ("revert", "save")
@@ -77,10 +76,11 @@ class LiveSession:
         self._force, self._pictures, self._can, self._on_step = force, pictures, can, on_step
         self._link: CanLink | None = None
         self.book = EventBook()
-        self.news = WalkNews(self.book, on_compile=on_compile)
-        self.tuning = Tuning(loaded, self.news, self.book)
-        self._actions = Actions(self.tuning.panel.problem)
-        self._worker = ThreadPoolExecutor(1, "live worker")
+        panel = Panel(loaded.experiment)
+        self.news = WalkNews(self.book, panel.problem, on_compile=on_compile)
+        self.tuning = Tuning(panel, self.news, self.book)
+        self._actions = tuple(action_specs(panel.problem))
+        self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ beginning and end
 
@@ -96,15 +96,15 @@ class LiveSession:
     def start(self) -> None:
         """Start the process and wait until it walks.
 
-        Raises RunDirectoryError if the run folder may not be used. Raises ParameterError if the experiment
-        cannot be walked live, or the bus cannot be opened. Raises MissingOptionalDependency if a bus is asked
-        for without python-can.
+        Raises RunDirectoryError if the run folder may not be used. Raises MessageRefused if the experiment
+        cannot be walked live, ParameterError if the bus cannot be opened, MissingOptionalDependency if one is
+        asked for without python-can.
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self._force)
         document = self._loaded.document
-        setup = {"document": document, "folder": str(self.folder), "force": self._force, "can": self._can}
+        setup = {"document": document, "folder": str(self.folder), "force": self._force}
         with contextlib.ExitStack() as undo:
             undo.callback(self._close_processes)
             self._begin(setup)
@@ -115,12 +115,10 @@ class LiveSession:
         """Start the process; while it gets ready, check what the session begins with."""
         if self._can is not None:
             self._link = CanLink(self._can, self.tuning.panel.problem, book=self.book, submit=self.submit)
-            self.news.on_rows = self._link.take
-        self.news.start(setup)
+            self.news.on_block = self._link.take
+        coming = self.news.start(setup)
         self.tuning.check_first()
-        self.news.ready.wait()
-        if self.news.failure:
-            raise ParameterError(self.news.failure)
+        answered(coming)
         self._worker.submit(lambda: self.tuning.ahead)  # before the first forecast is asked for
         if self._records is not None:
             name = self._loaded.experiment.name
@@ -132,7 +130,8 @@ class LiveSession:
         if self._link is not None:
             self._link.close()
         self.news.close()
-        self._worker.shutdown(cancel_futures=True)
+        for worker in (self._worker, self._hands):
+            worker.shutdown(cancel_futures=True)
 
     def close(self) -> None:
         """End the walk, write the run folders, and close the record."""
@@ -152,64 +151,48 @@ class LiveSession:
 
     # ------------------------------------------------------------------ what pages ask for
 
-    def submit(self, message: Message) -> None:
-        """Take a message of a page; an event tells what became of it."""
-        if isinstance(message, DoAction) and message.action not in CHECKED:
-            self._guarded(message, self._do_directly)
-            return
+    def submit(self, message: Message) -> Future[None] | None:
+        """Take a message of a page; an event tells what became of it, and then what is returned is done."""
+        checked = isinstance(message, SetControl) or message.action in CHECKED
+        worker = self._worker if checked else self._hands
         with contextlib.suppress(RuntimeError):  # it has been closed
+            coming = worker.submit(self._work, message)
             # What the work does not expect is an error of the program: it is printed, not lost.
-            self._worker.submit(self._guarded, message, self._handle).add_done_callback(Future.result)
+            coming.add_done_callback(Future.result)
+            return coming
+        return None
 
     def state(self) -> State:
         """The panel with its present values."""
-        problem = self.tuning.panel.problem
+        table = self.tuning.panel.problem.table
         return State(
-            experiment=self._loaded.experiment.name, phases=problem.table.phase_names,
-            joints=tuple(problem.table.joints),
-            controls=self.tuning.controls, actions=self._actions.specs,
+            experiment=self._loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
+            controls=self.tuning.controls, actions=self._actions,
         )  # fmt: skip
 
     # ------------------------------------------------------------------ working them off
 
-    def _guarded(self, message: Message, handle: Callable[[Any], None]) -> None:
+    def _work(self, message: Message) -> None:
         try:
-            handle(message)
+            if isinstance(message, SetControl):
+                self.tuning.set(message)
+            elif message.action == "revert":
+                self.tuning.revert(message, str(values_of(self._actions, message)["control"]))
+            elif message.action == "save":
+                self._save(message)
+            else:
+                self._do(message, values_of(self._actions, message))
         except TwinGaitError as error:
-            value = getattr(message, "value", None)
-            self.book.answer(message, "refused", one_line(error), value=value)
+            self.book.answer(message, "refused", one_line(error), value=getattr(message, "value", None))
 
-    def _handle(self, message: Message) -> None:
-        if isinstance(message, SetControl):
-            self.tuning.set(message)
-        elif message.action == "revert":
-            self.tuning.revert(message, str(self._actions.values_of(message)["control"]))
-        else:
-            self._save(message)
-
-    def _do_directly(self, message: DoAction) -> None:
-        values, name = self._actions.values_of(message), str(message.action)
-        note = {"user": message.user, "subject": name, "text": name}
-        command: dict[str, Any] = {"command": name, "note": note}
-        if message.action == "push":
-            joint, torque, duration = str(values["joint"]), float(values["torque"]), float(values["duration"])
-            number = self._actions.joint_names.index(joint)
-            command |= {"joint": number, "torque": torque, "ticks": ticks(duration)}
-            note["text"] = f"push {joint}: {torque:g} Nm for {duration:g} s"
-        elif message.action == "request":
-            command["request"] = str(values["request"])
-        elif message.action == "fault":
-            command["fault"] = str(self._actions.fault_of(values))
-            note["text"] = f"fault {command['fault'].partition('@')[0]}"
-
-        def tell(answer: Mapping[str, Any]) -> None:
-            text = answer.get("text", note["text"])
-            self.book.answer(message, "applied", text, tick=answer["tick"])
-
-        coming = self.news.command(command)
-        coming.add_done_callback(
-            lambda answered: self._guarded(message, lambda _: tell(self.news.answer(answered)))
-        )
+    def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
+        """Have an action done by the process of the walk."""
+        name = str(message.action)
+        if name == "fault":
+            values = {"fault": fault_text(values)}
+        note = {"user": message.user, "subject": name}
+        answer = self.news.ask({"command": name, "note": note, **values})
+        self.book.answer(message, "applied", answer["text"], tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""

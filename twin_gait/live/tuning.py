@@ -9,7 +9,6 @@ from twin_gait.checking import leaving, stability, torques
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Finding, Rule, Severity
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.live.controls import EVERYTHING, Panel
 from twin_gait.live.forecast import foresee
 from twin_gait.live.news import EventBook, WalkNews
@@ -46,12 +45,11 @@ class Tuning:
         controls: Of the panel with the present values.
     """
 
-    def __init__(self, loaded: LoadedExperiment, loop: WalkNews, book: EventBook) -> None:
-        """Begin with the settings of an experiment."""
-        self._loop, self._book = loop, book
-        self.panel = Panel(loaded.experiment)
-        self.settings = self.panel.preset
-        self.controls = self.panel.controls(self.settings)
+    def __init__(self, panel: Panel, loop: WalkNews, book: EventBook) -> None:
+        """Begin with the settings of a panel."""
+        self.panel, self._loop, self._book = panel, loop, book
+        self.settings = panel.preset
+        self.controls = panel.controls(self.settings)
         self._known: Mapping[Place, str] = {}  # errors that are there, and so not the fault of a change
 
     def check_first(self) -> None:

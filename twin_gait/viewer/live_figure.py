@@ -7,22 +7,21 @@ from typing import Any, Unpack
 import numpy as np
 
 from twin_gait.control import SafetyState
+from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Window
-from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, leg_columns
+from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, extremes, leg_columns
 from twin_gait.viewer.page import About, leg_entry, page_data
 from twin_gait.viewer.staging import Setting, build_scene
-from twin_gait.vocabulary import HOLD, JointName
+from twin_gait.vocabulary import HOLD, JointName, Side
 
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 
-
-# What curves did over some ticks: the ``first`` one, the ``end`` after the last one, and under ``columns``
-# ticks and values by the columns of the log, in the units of the log; None is not a number.
-Trace = Mapping[str, Any]
+# Some ticks of a walk: the first one, and the columns of the log by name.
+Block = tuple[int, Mapping[str, np.ndarray]]
 
 
 class LiveFigure:
@@ -50,7 +49,7 @@ class LiveFigure:
         self.window = Window()
         self._phases = (*phases, HOLD)
         self._scene = build_scene(self.window, model, drives=drives, **setting)
-        self._time, self._travelled, self._traced = 0.0, 0.0, 0
+        self._time, self._travelled, self._next = 0.0, 0.0, 0
         left_out = {f"{joint}_{_UNUSED}" for joint in drives}
         left_out |= set() if self._scene.arrows else {"force"}
         left_out |= set() if setting.get("crutches") else {"crutch"}
@@ -76,13 +75,13 @@ class LiveFigure:
         q: Sequence[float],
         row: Mapping[str, Any],
         *,
-        traces: Iterable[Trace] = (),
+        blocks: Iterable[Block] = (),
         events: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         """Move everything to a moment.
 
         ``time`` in [s]; ``q``: coordinates of the model, shape ``(nv,)``; ``row``: row of the log of that
-        moment, by column; a phase is a name; ``traces``: what the curves did since the last moment, in order.
+        moment, by column; a phase is a name; ``blocks``: the walk since the last moment, in order.
         """
         posture = np.asarray(q, dtype=float)  # null is not a number
         if not np.isfinite(posture).all():
@@ -101,7 +100,7 @@ class LiveFigure:
             | {"phase": code}
             for side, code in phases.items()
         ]
-        sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}
+        sample = {"time": time, "legs": numbers, "curves": self._curves(blocks), "events": list(events)}
         sample |= {"mode": int(row[MODE])} if MODE in row else {}
         self.window.sample(sample)
 
@@ -112,18 +111,21 @@ class LiveFigure:
             offset = surroundings.belt_offset(self._travelled)
             self.window.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
 
-    def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
-        """Times in [s] and values of every curve of every leg; no line where a trace is missing."""
-        curves: list[dict[str, Any]] = [
-            {key: {"times": [], "values": []} for key in columns} for columns in self._columns.values()
-        ]
-        for trace in traces:
-            missing, self._traced = trace["first"] != self._traced, trace["end"]
-            for leg, columns in zip(curves, self._columns.values(), strict=True):
-                for key, (column, factor) in columns.items():
-                    ticks, values = trace["columns"][column]
-                    if missing:
-                        ticks, values = [trace["first"], *ticks], [None, *values]
-                    leg[key]["times"] += [round(tick * TICK, 3) for tick in ticks]
-                    leg[key]["values"] += [None if item is None else item * factor for item in values]
-        return curves
+    def _curves(self, blocks: Iterable[Block]) -> list[dict[str, Any]]:
+        """Times in [s] and values of every curve of every leg; no line where a block is missing."""
+        shown = [(leg, key, *column) for leg in self._columns for key, column in self._columns[leg].items()]
+        curves: dict[Side, dict[str, Any]] = {leg: {} for leg in self._columns}
+        for leg, key, *_ in shown:
+            curves[leg][key] = {"times": [], "values": []}
+        for first, columns in blocks:
+            rows, found = extremes(np.column_stack([columns[name] for _, _, name, _ in shown]))
+            times, values = np.round(TICK * (first + rows), 3).T.tolist(), found.T.tolist()
+            for place, (leg, key, _, factor) in enumerate(shown):
+                curve = curves[leg][key]
+                if first != self._next:
+                    curve["times"].append(first * TICK)
+                    curve["values"].append(None)
+                curve["times"] += times[place]
+                curve["values"] += [finite_or_none(factor * value) for value in values[place]]
+            self._next = first + len(columns["safety_state"])
+        return list(curves.values())
