@@ -43,13 +43,9 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Manage live sessions and killed runs.
 
-    The record of twin-gait live: who changed what, when, and where the run is. Sessions whose processes were
-    killed are completed first, up to the last second that they wrote.
+    The record of twin-gait live: who changed what, when, and where the run is.
     """
     records = arguments.records or live.session_records.default_records()
-    if arguments.act not in (_clean, _complete):
-        for told in live.journal.recover(records):
-            print(f"twin-gait sessions: {told}", file=sys.stderr)
     status: int | None = arguments.act(arguments, records)
     return DONE if status is None else status
 
@@ -129,6 +125,6 @@ _ACTIONS: dict[str, tuple[Callable[[argparse.Namespace, Path], int | None], str]
     "export": (_export, "one session as JSON, table versions included"),
     "show": (_show, "one session with every change"),
     "delete": (_delete, "take a session out of the record; its run folders stay"),
-    "complete": (_complete, "complete a killed run that was kept out of the record"),
+    "complete": (_complete, "make the run directory of a session that was killed, up to its last second"),
     "clean": (_clean, "list and remove the incomplete folders that killed runs have left behind"),
 }

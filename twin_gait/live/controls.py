@@ -135,12 +135,9 @@ class Panel:
         self.preset: Settings = first_settings(experiment)
         self.problem: Problem = build_problem(experiment)
         self._stops = build_case(experiment.table, experiment).limits
-        self._places = tuple(places(experiment.table, self.problem.sides))
-        monitored = [Place("", joint, side, side) for side, joint in self.preset.monitor]
-        bindings = list(self._own_bindings())
-        for group, there in (("table", self._places), ("monitor", monitored)):
-            bindings += [binding for place in there for binding in self._joint_bindings(place, group)]
-        self._bindings = {binding.control.name: binding for binding in bindings}
+        self._places = tuple(places(self.preset, self.problem.sides))
+        of_joints = (binding for place in self._places for binding in self._joint_bindings(place))
+        self._bindings = {item.control.name: item for item in (*self._own_bindings(), *of_joints)}
         self._begun = self._values(self.preset)
 
     # ------------------------------------------------------------------ drawing
@@ -156,7 +153,9 @@ class Panel:
     def _values(self, settings: Settings) -> dict[str, Value]:
         shown = {name: binding.shown(settings) for name, binding in self._bindings.items()}
         problem = build_problem(settings.experiment)
-        return shown | {f"{place.prefix}.damping": place.damping(problem) for place in self._places}
+        return shown | {
+            f"{place.name}.damping": place.damping(problem) for place in self._places if place.phase
+        }
 
     def _own_bindings(self) -> Iterator[Binding]:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
@@ -182,17 +181,17 @@ class Panel:
             )  # fmt: skip
             yield Binding(control, partial(_adjustment, item.name), partial(_adjusted, item.name), item.scale)
 
-    def _joint_bindings(self, place: Place, group: str) -> Iterator[Binding]:
+    def _joint_bindings(self, place: Place) -> Iterator[Binding]:
         """All quantities that can be set in a place."""
-        record = place.record(self.preset)
+        record, group = place.record(self.preset), "table" if place.phase else "monitor"
         for name, quantity in QUANTITIES.items():
             if not hasattr(record, quantity.field):
                 continue
             least, largest = self.range_of(name, JointName(place.joint))
             control = Control(
-                name=f"{place.prefix}.{name}", label=quantity.label, group=group, kind="number",
+                name=f"{place.name}.{name}", label=quantity.label, group=group, kind="number",
                 unit=quantity.unit, least=least, largest=largest, step=quantity.step,
-                phase=place.phase or None, joint=place.joint, side=place.side,
+                phase=place.phase, joint=place.joint, side=place.side,
             )  # fmt: skip
             read, write = partial(place.read, quantity.field), partial(place.write, quantity.field)
             yield Binding(control, read, write, quantity.scale)
@@ -204,7 +203,8 @@ class Panel:
         Stiffness: the published range, or what the table has if that is more. Damping: twice what the table
         has.
         """
-        own = [place.record(self.preset) for place in self._places if place.joint == joint]
+        there = [place for place in self._places if place.phase and place.joint == joint]
+        own = [place.record(self.preset) for place in there]
         if quantity == "equilibrium":
             angles = (*self._stops[joint], *(item.equilibrium_angle for item in own))
             return min(angles) / _DEGREE, max(angles) / _DEGREE
@@ -217,8 +217,8 @@ class Panel:
         stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
         if quantity == "stiffness":
             return 0.0, stiffness
-        dampings = [place.damping(self.problem) for place in self._places if place.joint == joint]
-        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * max(dampings)))
+        damping = max(place.damping(self.problem) for place in there)
+        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * damping))
 
     # ------------------------------------------------------------------ setting
 
