@@ -290,7 +290,7 @@ def rows_of(panel, first, end):
         run = SteppedRun(panel.problem)
         WALKED.update(zip(run.layout.names, run.advance(400).T, strict=True))
         WALKED["right_phase"] = np.array(panel.problem.table.phase_names)[WALKED["right_phase"].astype(int)]
-    return Block(first, {name: column[first:end] for name, column in WALKED.items()}, "")
+    return Block(first, end, {name: column[first:end] for name, column in WALKED.items()}, "")
 
 
 def test_frames_go_out_at_their_cycle_in_order_and_find_their_time_again_after_a_pause(rig):

@@ -613,7 +613,7 @@ def finished(tmp_path_factory):
         time.sleep(0.5)
         said["state"] = session.state()
         said["table"] = session.tuning.settings.table
-        said["frame"] = wait_for(lambda: session.news.frame)
+        said["block"] = wait_for(session.news.blocks)[-1]
         said["stop"] = say(session, kind="do", action="stop")
         wait_for(lambda: session.news.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
@@ -701,13 +701,12 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
     assert [item["tick"] for item in found["tables"]] == [said["k"].tick, said["zero"].tick]
 
 
-def test_frames_of_the_process_are_those_of_its_log(finished):
+def test_blocks_of_the_process_are_those_of_its_log(finished):
     _, said, folder = finished
-    frame, log = said["frame"], load_run(folder / "run").run.log
-    row = log.iloc[frame["tick"]]
-    assert frame["log"]["right_phase"] == row["right_phase"]
-    assert frame["log"]["right_knee_angle_rad"] == row["right_knee_angle_rad"]
-    assert frame["deadlines"]["blocks"] >= frame["tick"] // BLOCK_TICKS
+    block, rows = said["block"], load_run(folder / "run").run.log.iloc[said["block"].first :][:BLOCK_TICKS]
+    assert block.end == block.first + BLOCK_TICKS
+    for name in ("right_phase", "right_knee_angle_rad"):
+        assert block.columns[name].tolist() == rows[name].tolist()
 
 
 # ---------------------------------------------------------------------- the process

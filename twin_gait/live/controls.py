@@ -9,7 +9,10 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
+
+import yaml
 
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
@@ -24,6 +27,7 @@ EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
 LEAST_DAMPING = 20.0  # [N m s] / [rad] that the range of a damping has at least
 TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
+_SHOWN = yaml.safe_load(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
 
 
 def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:
@@ -52,34 +56,21 @@ def action_specs(problem: Problem) -> Iterator[ActionSpec]:
     """What can be done in an experiment, beside setting controls."""
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
     joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
-    yield ActionSpec("walk", "walk", "walk" if modes is None else "go on", "Let the time go on.")
-    yield ActionSpec("pause", "walk", "pause", "Let the time stand still.")
-    if modes is None:  # else steps are theirs
-        yield ActionSpec("step", "walk", "step", "In manual mode: let the leg at the end of stance swing.")
-    elif modes.requests:
-        text = "Ask the device for another mode, as the therapist does; it answers in the next tick."
-        request = Control(name="request", kind="choice", value=modes.requests[0], choices=modes.requests)
-        yield ActionSpec("request", "walk", "ask", text, (request,))
-    yield ActionSpec("restart", "walk", "start again", "Begin a new walk with the present settings.")
-    yield ActionSpec("save", "walk", "save the table", "Write the table as YAML that simulate runs.")
-    yield ActionSpec("stop", "walk", "stop", "Hold the legs with damping and lower them until a restart.")
-    control = Control(name="control", kind="text", value=EVERYTHING)
-    yield ActionSpec("revert", "table", "as it began", "Set controls back to the preset.", (control,))
-    push = (
-        Control(name="joint", kind="choice", value=joints[0], choices=joints),
-        Control(name="torque", kind="number", value=10.0, unit="Nm", least=-limit, largest=limit, step=1.0),
-        Control(name="duration", kind="number", value=0.2, unit="s", least=0.01, largest=2.0, step=0.01),
-    )
-    text = "Push a joint from outside, as a hand does; positive towards flexion."
-    yield ActionSpec("push", "push", "push", text, push)
-    kinds = tuple(map(str, FaultKind))
     feet = tuple(f"{side}_{FOOT}" for side in problem.sides if problem.experiment.scenario.grounded)
-    fault = (
-        Control(name="kind", kind="choice", value=kinds[0], choices=kinds),
-        Control(name="place", kind="choice", value="", choices=("", *joints, *feet)),
-        Control(name="size", kind="text", value="", label="size with unit, such as 20deg/s"),
-    )
-    yield ActionSpec("fault", "push", "break it", "Something breaks and stays broken until a restart.", fault)
+    requests = () if modes is None else tuple(modes.requests)
+    kinds = tuple(map(str, FaultKind))
+    choices = {"joint": joints, "kind": kinds, "place": ("", *joints, *feet), "request": requests}
+    without = {"step"} if modes is not None else set()  # steps are the modes'
+    without |= set() if requests else {"request"}
+    for action, shown in _SHOWN["actions"].items():
+        if action not in without:
+            fields = []
+            for name, field in shown.get("fields", {}).items():
+                own: dict[str, Any] = {"least": -limit, "largest": limit} if name == "torque" else {}
+                if field["kind"] == "choice":
+                    own = {"choices": choices[name], "value": choices[name][0]}
+                fields.append(Control(name=name, **field, **own))
+            yield ActionSpec(action, shown["group"], shown["label"], shown["help"], tuple(fields))
 
 
 class Quantity(NamedTuple):
@@ -99,8 +90,6 @@ QUANTITIES = {
     "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
     "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "target_torque"),
 }
-_DRIVES = "The gait table, or one of the monitor's three controls, for which the belt stands still."
-_WAITS = "A leg at the end of stance waits for the step button, and the belt waits with it."
 
 
 class Binding(NamedTuple):
@@ -161,16 +150,13 @@ class Panel:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
         experiment = self.preset.experiment
         yield Binding(
-            Control(
-                name="mode", label="what drives the joints", group="monitor", kind="choice",
-                choices=MODES, help=_DRIVES,
-            ),
+            Control(name="mode", choices=MODES, **_SHOWN["controls"]["mode"]),
             lambda settings: settings.mode,
             lambda settings, value: replace(settings, mode=value),
-        )  # fmt: skip
+        )
         if HELD_PHASE in experiment.table.phases and experiment.modes is None:
             yield Binding(
-                Control(name="manual", label="steps by hand", group="walk", kind="switch", help=_WAITS),
+                Control(name="manual", **_SHOWN["controls"]["manual"]),
                 lambda settings: settings.manual,
                 lambda settings, value: replace(settings, manual=value),
             )

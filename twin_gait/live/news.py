@@ -73,6 +73,7 @@ class Block(NamedTuple):
     """Some ticks of the walk."""
 
     first: int  # of them
+    end: int  # the one after the last
     columns: Mapping[str, np.ndarray]  # of the log by name, one row per tick; phases are names
     tripped: str  # board that the monitor tripped on, such as ``left_knee``; empty for none
 
@@ -85,14 +86,13 @@ class WalkNews:
 
     def __init__(self, book: EventBook, problem: Problem, *, on_compile: Callable[[], None]) -> None:
         """Prepare it. ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`."""
-        self.frame: Mapping[str, Any] = {}  # the newest news, its last row as ``log``; empty before the first
+        self.frame: Mapping[str, Any] = {}  # the newest news; empty before the first
         self.status = "starting"  # what the walk does
         self.death = ""  # how the process died
         self.on_block: Callable[[Block], None] = lambda block: None  # takes the walk, block by block
         self._book, self._on_compile = book, on_compile
         self._layout, self._phases = log_layout(problem), np.array(problem.table.phase_names)
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
-        self._log: Mapping[str, Any] = {}
         self.process: subprocess.Popen[str] | None = None  # None before the start
         self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
         self._pending: dict[int, Future[Answer]] = {}
@@ -181,12 +181,11 @@ class WalkNews:
             columns = dict(zip(names, rows.T, strict=True))
             for name in (f"{side}_phase" for side in self._layout.legs):
                 columns[name] = self._phases[columns[name].astype(int)]
-            block = Block(news["first"], columns, news["tripped"])
+            block = Block(news["first"], news["tick"], columns, news["tripped"])
             self._blocks.append(block)
             self.on_block(block)
-            self._log = {name: values[-1] for name, values in columns.items()}
         before, self._book.tick, self.status = self.status, max(news["tick"] - 1, 0), news["status"]
-        self.frame = {**news, "tick": self._book.tick, "log": self._log}
+        self.frame = {**news, "tick": self._book.tick}
         if self.status != before and self.status in _ENDINGS and before not in ("starting", "ended"):
             told = [event["text"] for event in news["events"]]
             self._book.emit("note", "; ".join([*told, f"{self.status}: start again to walk"]))

@@ -112,14 +112,12 @@ class LiveSession:
         self.news.ask({"command": "walk"})
 
     def _begin(self, setup: Mapping[str, Any]) -> None:
-        """Start the process; while it gets ready, check what the session begins with."""
+        """Start the process; what is first asked for waits until the settings are prepared."""
         if self._can is not None:
             self._link = CanLink(self._can, self.tuning.panel.problem, book=self.book, submit=self.submit)
             self.news.on_block = self._link.take
-        coming = self.news.start(setup)
-        self.tuning.check_first()
-        answered(coming)
-        self._worker.submit(lambda: self.tuning.ahead)  # before the first forecast is asked for
+        answered(self.news.start(setup))
+        self._worker.submit(self.tuning.prepare).add_done_callback(Future.result)
         if self._records is not None:
             name = self._loaded.experiment.name
             self.book.recorder = SessionRecorder(

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from functools import cached_property
 from typing import Any
 
 from twin_gait.checking import leaving, stability, torques
@@ -50,13 +49,12 @@ class Tuning:
         self.panel, self._loop, self._book = panel, loop, book
         self.settings = panel.preset
         self.controls = panel.controls(self.settings)
-        self._known: Mapping[Place, str] = {}  # errors that are there, and so not the fault of a change
+        self._known: Mapping[Place, str] = {}
 
-    def check_first(self) -> None:
-        """Check what the session begins with."""
+    def prepare(self) -> None:
+        """Find errors that are there, and so not the fault of a change, and the run that looks ahead."""
         self._known = errors_of(self.settings)
-        for text in self._known.values():
-            self._book.emit("note", f"an error in what the session begins with: {text}")
+        self._ahead = SteppedRun(self.panel.problem)
 
     # ------------------------------------------------------------------ changing
 
@@ -104,16 +102,11 @@ class Tuning:
 
     # ------------------------------------------------------------------ looking ahead
 
-    @cached_property
-    def ahead(self) -> SteppedRun:
-        """The run that looks ahead; the first time takes a second."""
-        return SteppedRun(self.panel.problem)
-
     def _foresee(self, settings: Settings, message: Message, change: Mapping[str, Any]) -> None:
         """Forecast new settings; the walk goes on as it does."""
         self._check(settings)
         now = self._loop.ask({"command": "moment"})
-        found = foresee(self.ahead, now["moment"], loop_numbers(settings))
+        found = foresee(self._ahead, now["moment"], loop_numbers(settings))
         text, forecast = f"forecast of {_told(**change)}: {found.text}", asdict(found)
         self._book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
 

@@ -5,9 +5,9 @@ Curves have as few points as show them truly: corners of a recorded one, extreme
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -97,8 +97,12 @@ def read_motion(
     rows = _rows_to_show(clock, frames_per_second, np.concatenate([*changes, moments]))
     legs = {}
     for side, phases in spells.items():
-        values = leg_values(log.iloc[:n_rows], side)
-        curves = {name: faithful_curve(clock - clock[0], known, rows) for name, known in values.items()}
+        values = leg_values(log.iloc[:n_rows], side)  # type: ignore[arg-type]
+        curves = {
+            name: faithful_curve(clock - clock[0], known, rows)
+            for name, known in values.items()
+            if known.any() or not name.endswith(_RARE_PARTS)
+        }
         legs[side] = LegMotion(phases, curves)
     shown = log.iloc[rows].select_dtypes("number")
     columns = {str(name): values.to_numpy() for name, values in shown.items()}
@@ -156,18 +160,13 @@ def held_rows(log: pd.DataFrame) -> np.ndarray:
     return np.asarray(log["safety_state"] == SafetyState.HOLD.code)
 
 
-def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
+def leg_values(log: Mapping[Any, Any], side: Side) -> dict[str, np.ndarray]:
     """What a page reads out of a leg, one value per row.
 
-    Returns values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that are
-    never used are left out.
+    ``log``: columns by name. Returns values by the names of :class:`LegMotion`, in the unit that is shown.
     """
-    values = {}
-    for name, column in leg_columns(side, shown_joints(log, side)).items():
-        if column in log.columns and not (name.endswith(_RARE_PARTS) and not log[column].any()):
-            found = log[column].to_numpy(dtype=float)
-            values[name] = np.degrees(found) if name in list(JointName) else found
-    return values
+    found = {name: np.asarray(log[column], dtype=float) for name, column in leg_columns(log, side).items()}
+    return {name: np.degrees(value) if name in list(JointName) else value for name, value in found.items()}
 
 
 def shown_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
@@ -175,14 +174,15 @@ def shown_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
     return driven_joints(columns, side) or tuple(JointName)
 
 
-def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
-    """Columns of the log that a page reads out of a leg, by the names of :class:`LegMotion`."""
+def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
+    """Columns of a log that a page reads out of a leg, by the names of :class:`LegMotion`."""
     columns = {}
-    for joint in joints:
+    for joint in shown_joints(log, side):
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}
-    return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
+    columns |= {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
+    return {name: column for name, column in columns.items() if column in log}
 
 
 class Curve(NamedTuple):
