@@ -63,7 +63,7 @@ class LiveFigure:
         title = f"twin_gait live · {experiment.name}"
         self.page = page_data(
             About(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
-            view=self._scene.view, missing_meshes=self._scene.missing_meshes, phases=self._names,
+            view=self._scene.view, phases=self._names,
             legs=[leg_entry(side, ["phase", *keys]) for side, keys in self._shown.items()],
             arrows=bool(self._scene.arrows),
         )  # fmt: skip

@@ -64,7 +64,6 @@ def recorded_run(
         view=scene.view,
         phases=motion.phase_names,
         legs=[leg_entry(side, ["phase", *leg.curves]) for side, leg in motion.legs.items()],
-        missing_meshes=scene.missing_meshes,
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
         strides=_strides(log, model, motion),
@@ -171,7 +170,7 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     counted = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
     page = page_data(
         About(title=urdf.name, subtitle=counted), mode="model", view=scene.view,
-        missing_meshes=scene.missing_meshes, joints=joint_entries(scene.figure),
+        joints=joint_entries(scene.figure),
         scene=packed(recorder.packed()),
     )  # fmt: skip
     return recorded_page([page])

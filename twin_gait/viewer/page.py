@@ -27,18 +27,7 @@ if TYPE_CHECKING:
     from twin_gait.viewer.scene import View
 
 PAGE_FOLDER = Path(__file__).with_name("page")
-# The scripts stand in the page in this order.
-SCRIPTS = (
-    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "joints.js",
-    "start.js",
-)  # fmt: skip
-_PANEL = ("css", "html", "js")
 FOOTNOTE = "Simulation, not a medical device"
-# A recorded page may run what it holds and load nothing.
-RECORDED_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-)
-LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
 _INKS = "#ffffff", "#1b2430"
 _ARCS = (
@@ -88,7 +77,6 @@ def page_data(
     view: View,
     phases: Sequence[str] = (),
     legs: Sequence[Mapping[str, Any]] = (),
-    missing_meshes: Sequence[str] = (),
     arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
@@ -99,14 +87,12 @@ def page_data(
     """
     arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
     shown = {key for leg in legs for key in leg["shows"]}
-    more_missing = f" and {len(missing_meshes) - 1} more" if len(missing_meshes) > 1 else ""
-    missing = [f"Mesh not found: {Path(name).name}{more_missing}." for name in missing_meshes[:1]]
     return {
         **about,
         "mode": mode,
         "title": _unicode(about["title"]),
         "subtitle": about.get("subtitle", ""),
-        "notes": [*map(_unicode, (*about.get("notes", ()), *missing))],
+        "notes": list(map(_unicode, about.get("notes", ()))),
         "view": asdict(view),
         "phases": _phase_entries(phases),
         "modes": [_words(name) for name in about.get("modes", ())],
@@ -171,37 +157,33 @@ def _luminance(colour: str) -> float:
 
 
 def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
-    """A page that holds everything it needs.
+    """A page that holds everything it needs; it may run that and load nothing.
 
     ``runs``: one run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
     both through :func:`packed`. A model, which stands alone, has a scene and ``joints`` instead of frames.
     """
     folder = viewer_folder()
-    bundle = packed(_bundle())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
-    return _fill(
-        policy=RECORDED_POLICY,
-        title=" | ".join(run["title"] for run in runs),
-        notice=notice.replace("--", "- -"),
-        data=embedded_json({"mode": runs[0]["mode"], "runs": list(runs)}),
-        packed_bundle=bundle,
-    )
+    data = embedded_json({"mode": runs[0]["mode"], "runs": list(runs)})
+    title, bundle = " | ".join(run["title"] for run in runs), packed(_bundle())
+    return _filled(live=False, title=title, notice=notice.replace("--", "- -"), data=data, bundle=bundle)
 
 
 def live_page() -> str:
     """The page of a live walk, with a panel; its script brings the data to ``window.twinGait``."""
-    style, panel, script = ((PAGE_FOLDER / f"panel.{kind}").read_text(encoding="utf-8") for kind in _PANEL)
-    return _fill(
-        policy=LIVE_POLICY, title="twin_gait", data=embedded_json({"mode": "live"}),
-        bundle=_inside_script(_bundle().decode()), more_style=style, panel=panel,
-        more_script=_inside_script(script),
-    )  # fmt: skip
+    bundle = re.sub(r"<(?=/script|!--)", r"\\x3c", _bundle().decode(), flags=re.IGNORECASE)
+    return _filled(live=True, title="twin_gait", data=embedded_json({"mode": "live"}), bundle=bundle)
 
 
 def _bundle() -> bytes:
     """Script of meshcat's viewer."""
     return (viewer_folder() / "dist" / "main.min.js").read_bytes()
+
+
+def _filled(**content: Any) -> str:
+    template = templates_in(PAGE_FOLDER, autoescape=True).get_template("page.html")
+    return template.render(palette=palette, **content)
 
 
 def packed(content: bytes) -> str:
@@ -217,22 +199,3 @@ def packed_json(data: Any) -> str:
 def embedded_json(data: Mapping[str, Any]) -> str:
     """JSON that can stand inside a script element: no text of it can end the element."""
     return dump(data).replace("<", "\\u003c")
-
-
-def _fill(**content: str) -> str:
-    """Fill the template; what is no plain text in it is marked so there."""
-    scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
-    return (
-        templates_in(PAGE_FOLDER, autoescape=True)
-        .get_template("page.html")
-        .render(
-            script=_inside_script("\n".join(scripts)),
-            alarm=palette.EVENT_COLOUR,
-            alarm_on_dark=palette.EVENT_ON_DARK,
-            **content,
-        )
-    )
-
-
-def _inside_script(text: str) -> str:
-    return re.sub(r"<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)

@@ -63,9 +63,7 @@ class Scene:
     def __init__(self, window: Window, model: pin.Model, urdf: Path, up_axis: str) -> None:
         """Start a scene with what a URDF shows of a model, as :class:`Figure` draws it."""
         set_studio(window)
-        visuals = load_visuals(model, urdf)
-        self.figure = Figure(window, model, visuals.parts, up_axis=up_axis)
-        self.missing_meshes = visuals.missing  # mesh files of the URDF that were not found
+        self.figure = Figure(window, model, load_visuals(model, urdf), up_axis=up_axis)
         self.caps: dict[Side, list[str]] = {}  # places of the coloured caps of motors
         self.arrows: dict[Side, str] = {}  # place of the ground force
         self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # of the motor torque, by joint and level

@@ -74,19 +74,16 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         self.server = server
 
     def prepare(self) -> None:
-        """Refuse what comes from another site or another user."""
-        origin = self.request.headers.get("Origin")
-        if not is_loopback(self.request.host):
-            self.refuse("this server answers under the names of this machine only")
-        if (origin or self.needs_origin) and not is_own_page(origin, self.request.host):
-            self.refuse("this server answers its own pages only")
+        """Refuse what comes from another site or another user. Raises HTTPError: with status 403."""
+        origin, host = self.request.headers.get("Origin"), self.request.host
+        if not is_loopback(host):
+            raise HTTPError(403, "this server answers under the names of this machine only")
+        if (origin or self.needs_origin) and not is_own_page(origin, host):
+            raise HTTPError(403, "this server answers its own pages only")
         if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
-            self.refuse("open the address that the program has printed: it holds the token of this start")
-
-    def refuse(self, reason: str) -> None:
-        """Answer with status 403. Raises HTTPError: Always."""
-        self.server.refused += 1
-        raise HTTPError(403, reason)
+            raise HTTPError(
+                403, "open the address that the program has printed: it holds the token of this start"
+            )
 
     def set_default_headers(self) -> None:
         """Keep the page out of other pages and out of caches."""
@@ -157,7 +154,7 @@ class Outbox:
 
 
 class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
-    """A web socket of our own page."""
+    """A web socket of our own page; ``write_batch`` of its kinds writes what has waited."""
 
     needs_origin = True
 
@@ -165,7 +162,6 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         """Refuse what is not our own page, and more pages than anybody has."""
         super().prepare()
         if len(self.server.sockets) >= MOST_SOCKETS:
-            self.server.refused += 1
             raise HTTPError(503, "too many pages are open; close one")
 
     def open(self) -> None:
@@ -177,10 +173,6 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
     def on_close(self) -> None:
         """Be forgotten."""
         self.server.sockets.discard(self)
-
-    async def write_batch(self, batch: list[Any]) -> None:
-        """Write what has waited; returns when the page takes more."""
-        raise NotImplementedError
 
     async def abandon(self) -> None:
         """Close without waiting for the page."""
@@ -236,7 +228,6 @@ class SceneServer:
         """Listen. ``first_port`` as in :func:`bind_loopback`, with its errors."""
         self.page = page
         self.sockets: set[GuardedSocket] = set()  # open ones
-        self.refused = 0  # requests and messages
         self._token = secrets.token_hex(24)  # of this start
         listener = bind_loopback(first_port)
         listener.setblocking(False)
