@@ -4,7 +4,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import read_motion
 from twin_gait.viewer.pressure import PressureSpots
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.scene import build_scene
 
 experiment = load_experiment("treadmill", ["duration_s=1"]).experiment
 model = experiment.build_world().model

@@ -31,7 +31,7 @@ from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page
-from twin_gait.viewer.staging import build_scene, build_urdf_scene
+from twin_gait.viewer.scene import build_scene, build_urdf_scene
 from twin_gait.viewer.visuals import LinkPart, load_visuals
 from twin_gait.vocabulary import GaitPhase, JointName, PelvisGuide, Side
 

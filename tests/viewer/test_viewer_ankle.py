@@ -19,7 +19,7 @@ from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import arc_state
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import leg_columns, leg_values
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.scene import build_scene
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"

@@ -25,8 +25,7 @@ from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON
 from twin_gait.viewer.body import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import MODE, Motion, read_motion
-from twin_gait.viewer.scene import Scene, State
-from twin_gait.viewer.staging import Setting, build_scene
+from twin_gait.viewer.scene import Scene, Setting, State, build_scene
 from twin_gait.viewer.surroundings import CHAIR, METRES, SEAT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side

@@ -55,8 +55,7 @@ from twin_gait.viewer.motion import (
 )
 from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, About, live_page, packed, page_data
 from twin_gait.viewer.picture import BROWSER_VARIABLE, find_browser, take_picture
-from twin_gait.viewer.scene import View
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.scene import View, build_scene
 from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 

@@ -23,9 +23,8 @@ from twin_gait.viewer.arrows import FULL_TORQUE
 from twin_gait.viewer.body import ROPES, DrawnRopes
 from twin_gait.viewer.commands import Window, rgb
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
-from twin_gait.viewer.scene import Scene
+from twin_gait.viewer.scene import Scene, build_scene, build_urdf_scene
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.surroundings import ROOT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import GaitPhase, JointName, Side, Surroundings

@@ -28,8 +28,8 @@ from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, extremes, leg_columns, leg_values
 from twin_gait.viewer.page import About, leg_entry, live_page, page_data
+from twin_gait.viewer.scene import build_scene
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
-from twin_gait.viewer.staging import build_scene
 from twin_gait.vocabulary import HOLD
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second

@@ -20,8 +20,7 @@ from twin_gait.viewer.commands import Track, Window, rgb, set_animation
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
 from twin_gait.viewer.page import About, leg_entry, packed, packed_json, page_data, recorded_page
-from twin_gait.viewer.scene import Scene
-from twin_gait.viewer.staging import Setting, build_scene, build_urdf_scene
+from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
