@@ -5,7 +5,7 @@ Curves have as few points as show them truly: corners of a recorded one, extreme
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.measures.leg_record import driven_joints
 from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns
+from twin_gait.viewer.commands import State
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
@@ -67,6 +68,10 @@ class Motion:
     def duration(self) -> float:
         """Time of the last frame in [s]."""
         return float(self.times[-1])
+
+
+# What is drawn beside the figure and moves or changes: properties of it in a frame of a motion.
+Element = Callable[[Motion, int], State]
 
 
 def read_motion(

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple, Protocol, TypedDict, Unpack
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -15,10 +15,10 @@ from twin_gait.palette import phase_colour
 from twin_gait.parameters import ChairParameters, CrutchParameters, Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import FORCE_ROOT, arc_state, arrow_state, draw_arrow
-from twin_gait.viewer.body import LEFT, DrawnCrutches, DrawnRopes, draw_harness, draw_wearer
+from twin_gait.viewer.body import LEFT, draw_crutches, draw_harness, draw_ropes, draw_wearer
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_transform
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.motion import Motion, PhaseSpells
+from twin_gait.viewer.motion import Element, Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, load_visuals
 from twin_gait.vocabulary import JointName, Side, Surroundings
@@ -51,13 +51,6 @@ class View:
     height: float  # of what is to be seen in [m]
     direction: tuple[float, float, float] = RIGHT_SIDE  # from there to the eye
     field_of_view: float = _FIELD_OF_VIEW  # vertical, in [deg]
-
-
-class Element(Protocol):
-    """What is drawn beside the figure and moves or changes."""
-
-    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
-        """What it shows in a frame of a motion."""
 
 
 class Scene:
@@ -143,7 +136,7 @@ class Scene:
         for path, begin, end in self.trails:
             state[path, "visible"] = begin <= time < end
         for element in self.elements:
-            state |= element.state(self.figure, motion, frame)
+            state |= element(motion, frame)
         return state
 
 
@@ -225,7 +218,7 @@ def build_scene(
         return scene
     if around is Surroundings.WALKWAY:
         assert model.forward_index is not None  # it walks
-        scene.elements.append(surroundings.DrawnWalkway(window, model.forward_index))
+        scene.elements.append(surroundings.draw_walkway(window, model.forward_index))
     else:
         pose = surroundings.tilted(setting.get("slope", 0.0))
         window.send(set_transform(FORCE_ROOT, pose))
@@ -264,13 +257,13 @@ def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, se
         hooks = draw_harness(scene.figure, patient, trunk)
         on_rail = setting.get("around") is Surroundings.WALKWAY
         height = _BAR_ABOVE_HEAD + patient.height
-        scene.elements.append(DrawnRopes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
+        scene.elements.append(draw_ropes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
     crutches, chair = setting.get("crutches"), setting.get("chair")
     if crutches is not None:
-        scene.elements.append(DrawnCrutches(window, scene.figure, crutches, patient, trunk))
+        scene.elements.append(draw_crutches(window, scene.figure, crutches, patient, trunk))
         scene.view = replace(scene.view, target=(_TO_CRUTCHES, *scene.view.target[1:]))
     if chair is not None:
-        scene.elements.append(surroundings.DrawnChair(window, chair))
+        scene.elements.append(surroundings.draw_chair(window, chair))
 
 
 def _surround_bench_leg(
