@@ -21,6 +21,7 @@ from twin_gait.configuration import load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.live import stepping
 from twin_gait.live.controls import Panel, action_specs, fault_text, values_of
+from twin_gait.live.forecast import errors_of
 from twin_gait.live.journal import complete, walked_run, walks_in
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import (
@@ -37,7 +38,6 @@ from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.settings import loop_numbers
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.tuning import errors_of
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
@@ -612,7 +612,7 @@ def finished(tmp_path_factory):
         said["save"] = say(session, kind="do", action="save")
         time.sleep(0.5)
         said["state"] = session.state()
-        said["table"] = session.tuning.settings.table
+        said["table"] = session.settings.table
         said["block"] = wait_for(session.news.blocks)[-1]
         said["stop"] = say(session, kind="do", action="stop")
         wait_for(lambda: session.news.status == "held")

@@ -2,7 +2,7 @@
 
 Ranges are those that other parts of the program go by: angles end at the stops of the URDF, stiffness at the
 published ranges of the check or what the table itself has, torque at the limit of the motors, gain and shares
-at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live.tuning` to say.
+at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live.forecast` to say.
 """
 
 import math
@@ -145,6 +145,10 @@ class Panel:
         return shown | {
             f"{place.name}.damping": place.damping(problem) for place in self._places if place.phase
         }
+
+    def value_of(self, settings: Settings, name: str) -> Value | None:
+        """Value of a control; None if there is none of the name."""
+        return next((item.value for item in self.controls(settings) if item.name == name), None)
 
     def _own_bindings(self) -> Iterator[Binding]:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""

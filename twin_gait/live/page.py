@@ -170,7 +170,7 @@ class LivePage(SceneServer):
         self._frame = session.news.frame  # the last one
         self._serial = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
-        self.figure = LiveFigure(session.tuning.panel.problem)
+        self.figure = LiveFigure(session.panel.problem)
         super().__init__(live_page(), first_port=port)
 
     def update(self) -> None:

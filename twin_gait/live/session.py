@@ -11,6 +11,7 @@ import contextlib
 import itertools
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,14 @@ from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
-from twin_gait.live.controls import Panel, action_specs, fault_text, values_of
+from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
+from twin_gait.live.forecast import Place, errors_of, foresee
 from twin_gait.live.journal import complete, summary_of
 from twin_gait.live.news import EventBook, WalkNews, answered
-from twin_gait.live.protocol import DoAction, Message, SetControl, State, Value, one_line
+from twin_gait.live.protocol import DoAction, Message, MessageRefused, SetControl, State, Value, one_line
 from twin_gait.live.session_records import SessionRecorder
-from twin_gait.live.tuning import Tuning
+from twin_gait.live.settings import Settings, loop_numbers
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
 
@@ -42,7 +45,9 @@ class LiveSession:
         user: Whose session it is.
         book: Events of the session.
         news: The process of the walk, and what is known of its walks.
-        tuning: The settings.
+        panel: The controls that there are.
+        settings: In force.
+        controls: Of the panel with the present values.
         folders: Run folders that have been written, at the end.
         summary: Of the last walk, at the end; empty if it could not be written.
         failure: Why a run folder could not be written; empty if it could.
@@ -76,10 +81,12 @@ class LiveSession:
         self._force, self._pictures, self._can, self._on_step = force, pictures, can, on_step
         self._link: CanLink | None = None
         self.book = EventBook()
-        panel = Panel(loaded.experiment)
-        self.news = WalkNews(self.book, panel.problem, on_compile=on_compile)
-        self.tuning = Tuning(panel, self.news, self.book)
-        self._actions = tuple(action_specs(panel.problem))
+        self.panel = Panel(loaded.experiment)
+        self.settings: Settings = self.panel.preset
+        self.controls = self.panel.controls(self.settings)
+        self._known: Mapping[Place, str] = {}
+        self._actions = tuple(action_specs(self.panel.problem))
+        self.news = WalkNews(self.book, self.panel.problem, on_compile=on_compile)
         self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ beginning and end
@@ -114,10 +121,10 @@ class LiveSession:
     def _begin(self, setup: Mapping[str, Any]) -> None:
         """Start the process; what is first asked for waits until the settings are prepared."""
         if self._can is not None:
-            self._link = CanLink(self._can, self.tuning.panel.problem, book=self.book, submit=self.submit)
+            self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
             self.news.on_block = self._link.take
         answered(self.news.start(setup))
-        self._worker.submit(self.tuning.prepare).add_done_callback(Future.result)
+        self._worker.submit(self._prepare).add_done_callback(Future.result)
         if self._records is not None:
             name = self._loaded.experiment.name
             self.book.recorder = SessionRecorder(
@@ -162,10 +169,10 @@ class LiveSession:
 
     def state(self) -> State:
         """The panel with its present values."""
-        table = self.tuning.panel.problem.table
+        table = self.panel.problem.table
         return State(
             experiment=self._loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
-            controls=self.tuning.controls, actions=self._actions,
+            controls=self.controls, actions=self._actions,
         )  # fmt: skip
 
     # ------------------------------------------------------------------ working them off
@@ -173,15 +180,46 @@ class LiveSession:
     def _work(self, message: Message) -> None:
         try:
             if isinstance(message, SetControl):
-                self.tuning.set(message)
+                settings = self.panel.set(self.settings, message.control, message.value)
+                self._turn(message, settings, message.control, message.value)
             elif message.action == "revert":
-                self.tuning.revert(message, str(values_of(self._actions, message)["control"]))
+                name = str(values_of(self._actions, message)["control"])
+                settings = self.panel.revert(self.settings, name)
+                self._turn(message, settings, name, self.panel.value_of(settings, name))
             elif message.action == "save":
                 self._save(message)
             else:
                 self._do(message, values_of(self._actions, message))
         except TwinGaitError as error:
             self.book.answer(message, "refused", one_line(error), value=getattr(message, "value", None))
+
+    def _prepare(self) -> None:
+        """Find errors that are there, and so not the fault of a change, and the run that looks ahead."""
+        self._known = errors_of(self.settings)
+        self._ahead = SteppedRun(self.panel.problem)
+
+    def _turn(self, message: Message, settings: Settings, name: str, value: Value | None) -> None:
+        """Hold new settings to the rules, and hand them to the walk, or only foresee what they would do."""
+        before, known = self.panel.value_of(self.settings, name), self._known
+        text, change = _told(name, before, value), {"subject": name, "before": before, "value": value}
+        if settings.driving != self.settings.driving:
+            known = errors_of(settings)
+            for place, error in known.items():
+                if place not in self._known:
+                    raise MessageRefused(error)
+        numbers = loop_numbers(settings)
+        if message.kind == "try":
+            now = self.news.ask({"command": "moment"})
+            found = foresee(self._ahead, now["moment"], numbers)
+            text, forecast = f"forecast of {text}: {found.text}", asdict(found)
+            self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
+            return
+        note = {"user": message.user, **change, "text": text}
+        tick = self.news.ask({"command": "settings", "numbers": numbers, "note": note})["tick"]
+        if settings.table != self.settings.table and self.book.recorder is not None:
+            self.book.recorder.table(table_document(settings.table), tick)
+        self.settings, self._known, self.controls = settings, known, self.panel.controls(settings)
+        self.book.answer(message, "applied", text, tick=tick, **change)
 
     def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
         """Have an action done by the process of the walk."""
@@ -194,10 +232,20 @@ class LiveSession:
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
-        table = self.tuning.settings.table
+        table = self.settings.table
         # Tables of an earlier session with this --out stay.
         name = f"{self.folder.name}-table-"
         names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
         path = write_new(names, dump_yaml({**table_document(table), "name": f"{table.name}_live"}))
         text = f"saved {path}; run it with: twin-gait simulate EXPERIMENT --set table={path}"
         self.book.answer(message, "applied", text, value=str(path))
+
+
+def _told(subject: str, before: Value | None, value: Value | None) -> str:
+    if subject == EVERYTHING:
+        return "everything as it began"
+    return f"{subject}: {_shown(before)} → {_shown(value)}"
+
+
+def _shown(value: Value | None) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value).lower() if value is not None else "?"
