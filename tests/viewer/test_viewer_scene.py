@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,11 +14,12 @@ import pinocchio as pin
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.leg_model import LegJoints, LegModel, packaged_urdf
+from twin_gait.leg_model import LegJoints, LegModel, packaged_urdf, wearer
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
-from twin_gait.viewer import arrows, shapes, surroundings
+from twin_gait.parameters.wearer import SHANK_LENGTH
+from twin_gait.viewer import arrows, body, shapes, surroundings
 from twin_gait.viewer import scene as drawn_scene
 from twin_gait.viewer.arrows import FULL_TORQUE
 from twin_gait.viewer.body import ROPES
@@ -58,15 +60,32 @@ def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", vertices[faces[:, 0]], face_normals(vertices, faces))) / 6.0
 
 
-def test_mesh_files_are_what_their_script_makes() -> None:
+@pytest.fixture(scope="module")
+def script() -> Any:
     spec = importlib.util.spec_from_file_location("make_meshes", URDF_FOLDER / "make_meshes.py")
     assert spec is not None and spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_mesh_files_are_what_their_script_makes(script: Any) -> None:
     made = script.texts()
     assert sorted(made) == [path.name for path in MESH_FILES]
     for path in MESH_FILES:
         assert made[path.name] == path.read_text(encoding="utf-8"), path.name
+
+
+def test_the_viewer_scales_the_meshes_from_the_sizes_that_they_were_drawn_in(script: Any) -> None:
+    assert (script.BODY_HEIGHT, script.BODY_MASS) == (body._DRAWN_HEIGHT, body._DRAWN_MASS)
+    assert (script.BAR_HEIGHT, script.TORQUE_RADIUS) == (surroundings._MAST_HEIGHT, arrows._ARC_RADIUS)
+    # The lengths of the body are those of the model's wearer of this height.
+    drawn = (script.TRUNK, script.FOOT, script.FOREARM, script.LENGTHS["shank"])
+    shares = (wearer.TRUNK_LENGTH, wearer.FOOT_LENGTH, wearer.FOREARM_LENGTH, SHANK_LENGTH)
+    np.testing.assert_allclose(drawn, np.multiply(shares, script.BODY_HEIGHT), atol=6e-4)
+    mast = shapes.packaged("mast", np.eye(4)).vertices
+    bar = mast[(np.abs(mast[:, 1]) > 0.18) & (np.abs(mast[:, 1]) < 0.2)]
+    assert bar[:, 2].mean() == pytest.approx(script.BAR_HEIGHT, abs=1e-3)
 
 
 @pytest.mark.parametrize("path", MESH_FILES, ids=lambda path: path.stem)
