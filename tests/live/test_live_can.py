@@ -23,9 +23,9 @@ from twin_gait.files import shipped_file
 from twin_gait.live import can_link
 from twin_gait.live.can_link import CanLink, commands_of, leaves_machine, open_bus
 from twin_gait.live.controls import Panel
+from twin_gait.live.loop import PERIOD
 from twin_gait.live.news import Block, EventBook
 from twin_gait.live.protocol import MessageRefused
-from twin_gait.live.realtime import PERIOD
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
 from twin_gait.runs.record import load_run

@@ -23,7 +23,7 @@ from twin_gait.live import stepping
 from twin_gait.live.controls import Panel, action_specs, fault_text, values_of
 from twin_gait.live.forecast import errors_of
 from twin_gait.live.journal import complete, walked_run, walks_in
-from twin_gait.live.loop import LiveLoop
+from twin_gait.live.loop import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock, LiveLoop
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
     DeadlineStatistics,
@@ -33,7 +33,6 @@ from twin_gait.live.protocol import (
     SetControl,
     read_message,
 )
-from twin_gait.live.realtime import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.settings import loop_numbers

@@ -19,9 +19,9 @@ from twin_gait.core.can_codec import unpack_frame
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import BusFrame, bus_frames, messages_of
 from twin_gait.live.controls import QUANTITIES
+from twin_gait.live.loop import PERIOD
 from twin_gait.live.news import Block, EventBook
 from twin_gait.live.protocol import Message, MessageRefused, SetControl, Value, one_line
-from twin_gait.live.realtime import PERIOD
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters

@@ -17,14 +17,13 @@ from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
+from twin_gait.live.journal import Piece, walked_run
 from twin_gait.live.settings import WALK, LoopNumbers, Settings
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.simulation.simulator import run_of
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.scenario import BELT_SPEED
 
@@ -143,8 +142,8 @@ def _shown(run: SteppedRun, first: int, numbers: LoopNumbers) -> Run:
         experiment = replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
     switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
     # Whatever tripped: the legs are looked at to the end.
-    result = EngineResult(run.rows(first), switches, run.status, run.reason)
-    return run_of(replace(problem, experiment=experiment), result, 0.0)
+    walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
+    return walked_run(walk, replace(problem, experiment=experiment))
 
 
 def _records(shown: Run, first: int) -> list[LegRecord]:

@@ -6,6 +6,7 @@ loop stops, closes its journal and is gone. Nothing that it is sent is ever exec
 """
 
 import contextlib
+import gc
 import json
 import os
 import signal
@@ -24,10 +25,11 @@ from twin_gait.files import dump
 from twin_gait.live.journal import Journal
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import one_line
-from twin_gait.live.realtime import go_before_others
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import build_problem
 
+SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
+REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
 MOST_NEWS = 100  # kept for who does not read: a second
 
 
@@ -117,6 +119,18 @@ def _laid_out(setup: Mapping[str, Any], sender: Sender) -> tuple[LiveLoop, Journ
         paused=True,  # until the session is ready for it
     )
     return loop, journal
+
+
+def go_before_others() -> None:
+    """Keep garbage collection, other threads and other processes out of the way of this one."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    gc.collect()
+    gc.disable()
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):  # not for every user: see ulimit -r
+            for thread in threading.enumerate():
+                priority = os.sched_param(REAL_TIME_PRIORITY)
+                os.sched_setscheduler(thread.native_id or 0, os.SCHED_RR, priority)
 
 
 if __name__ == "__main__":
