@@ -25,7 +25,6 @@ BLOCK_TICKS = 10
 PERIOD = BLOCK_TICKS * TICK  # [s]
 LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
 CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
-STILL = 10 * PERIOD  # [s] between two pieces of news while nothing moves
 PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
 
 Command = Mapping[str, Any]
@@ -89,12 +88,11 @@ class LiveLoop:
     send: Callable[[Mapping[str, Any]], None]  # takes news or an answer; returns at once
     keep: Callable[[Piece], None]  # takes the next piece of the walk, its last one marked; returns at once
     longest: int  # ticks of a walk
-    paused: bool = False  # whether to wait for the command to walk
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
         """Begin with nothing handed over."""
-        self._ended, self._last_news = False, -np.inf
+        self._ended = self.paused = False
         self._changes: list[Mapping[str, Any]] = []  # that have not been handed over
         self._begin()
 
@@ -112,7 +110,8 @@ class LiveLoop:
             if self._moving:
                 self._one_block()
             else:
-                self._stand()
+                self.clock.pause()
+                self.sleep(PERIOD)
             self._ended = self._ended or self.run.tick >= self.longest
             new = self.run.tick - self._kept
             if new >= PIECE_TICKS or ((new or self._changes) and not self._moving):
@@ -149,12 +148,6 @@ class LiveLoop:
         self._send_news()
         run.forget_rows(self._kept - 1)  # a look at the last row is always possible
 
-    def _stand(self) -> None:
-        self.clock.pause()
-        if self.now() - self._last_news >= STILL:
-            self._send_news()
-        self.sleep(PERIOD)
-
     # ------------------------------------------------------------------ what is handed over
 
     def _keep_piece(self, *, over: bool = False) -> None:
@@ -170,7 +163,7 @@ class LiveLoop:
 
     def _send_news(self) -> None:
         """Send how the walk stands, and the rows of the log since the last time."""
-        run, first, self._last_news = self.run, self._told, self.now()
+        run, first = self.run, self._told
         self._told, trip = run.tick, run.trip
         self.send(
             {"kind": "news", "first": first, "tick": run.tick, "status": self.status,
@@ -194,6 +187,8 @@ class LiveLoop:
                 note = {"text": answer["text"], **command["note"], "tick": answer["tick"]}
                 self._changes.append(note)
             self.send(answer)
+            if not self._moving:  # else the next block tells how it stands
+                self._send_news()
 
     def _obey(self, command: Command) -> dict[str, Any]:
         """Obey a command; gives what its answer has to tell, in words as ``text``."""

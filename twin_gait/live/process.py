@@ -116,7 +116,6 @@ def _laid_out(setup: Mapping[str, Any], sender: Sender) -> tuple[LiveLoop, Journ
         send=sender.send,
         keep=journal.keep,
         longest=experiment.n_ticks,
-        paused=True,  # until the session is ready for it
     )
     return loop, journal
 

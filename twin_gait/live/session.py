@@ -116,7 +116,6 @@ class LiveSession:
             undo.callback(self._close_processes)
             self._begin(setup)
             undo.pop_all()
-        self.news.ask({"command": "walk"})
 
     def _begin(self, setup: Mapping[str, Any]) -> None:
         """Start the process; what is first asked for waits until the settings are prepared."""
