@@ -119,6 +119,7 @@ class CanLink:
         self._body_weight = problem.world.body_weight
         self._book, self._submit = book, submit
         self._blocks: deque[Block] = deque()
+        self.take = self._blocks.append  # takes a block of the walk; returns at once
         self._due: deque[tuple[float, BusFrame]] = deque()
         self._start = 0.0  # of the walk, in the time of this machine
         self._heard: dict[int, Commands] = {}
@@ -135,10 +136,6 @@ class CanLink:
         self._closed.set()
         self._thread.join()
         self._bus.shutdown()
-
-    def take(self, block: Block) -> None:
-        """Take a block of the walk; returns at once."""
-        self._blocks.append(block)
 
     def _run(self) -> None:
         try:

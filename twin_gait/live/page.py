@@ -27,7 +27,7 @@ from twin_gait.simulation.problem import Problem
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, extremes, leg_columns, leg_values
-from twin_gait.viewer.page import About, leg_entry, live_page, page_data
+from twin_gait.viewer.page import About, live_page, page_data
 from twin_gait.viewer.scene import build_scene
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 from twin_gait.vocabulary import HOLD
@@ -64,8 +64,7 @@ class LiveFigure:
         self.page = page_data(
             About(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
             view=self._scene.view, phases=self._names,
-            legs=[leg_entry(side, ["phase", *keys]) for side, keys in self._shown.items()],
-            arrows=bool(self._scene.arrows),
+            shown=self._shown, arrows=bool(self._scene.arrows),
         )  # fmt: skip
         self.window.send({"type": "page", "path": "", "page": self.page})
 

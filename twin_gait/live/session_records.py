@@ -24,7 +24,6 @@ from twin_gait.runs.folders import hold
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
 _DETAILS = frozenset({"document", "summary", "tables", "log"})  # that a list of sessions leaves out
-_LOGGED = ("serial", "tick", "response", "user", "subject", "before", "value", "text")
 
 
 class SessionError(TwinGaitError):
@@ -71,7 +70,7 @@ class SessionRecorder:
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
-        self._put({"event": {**{name: getattr(event, name) for name in _LOGGED}, "at": _now()}})
+        self._put({"event": {**vars(event), "at": _now()}})
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
         """Record a version of the gait table and its first tick."""

@@ -19,7 +19,7 @@ from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, Window, rgb, set_animation
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
-from twin_gait.viewer.page import About, leg_entry, packed, packed_json, page_data, recorded_page
+from twin_gait.viewer.page import About, packed, packed_json, page_data, recorded_page
 from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
 
@@ -62,7 +62,7 @@ def recorded_run(
         mode="recorded",
         view=scene.view,
         phases=motion.phase_names,
-        legs=[leg_entry(side, ["phase", *leg.curves]) for side, leg in motion.legs.items()],
+        shown={side: leg.curves for side, leg in motion.legs.items()},
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
         strides=_strides(log, model, motion),

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 import numpy as np
@@ -76,17 +77,21 @@ def page_data(
     mode: str,
     view: View,
     phases: Sequence[str] = (),
-    legs: Sequence[Mapping[str, Any]] = (),
+    shown: Mapping[Side, Iterable[str]] = MappingProxyType({}),
     arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``more``: what they read
-    in that mode only.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``shown``: names of the curves of each leg; ``more``: what
+    they read in that mode only.
     """
     arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
-    shown = {key for leg in legs for key in leg["shows"]}
+    legs = [
+        {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
+         "dark": palette.SIDE_COLOURS_ON_DARK[side], "shows": ["phase", *keys]}
+        for side, keys in shown.items()
+    ]  # fmt: skip
     return {
         **about,
         "mode": mode,
@@ -100,9 +105,9 @@ def page_data(
         "parts": [
             {"key": key, "label": key.replace("_", " ").replace("compensation", "comp."), "colour": colour}
             for key, colour in palette.TORQUE_COLOURS.items()
-            if any(name.endswith(f"_{key}") for name in shown)
+            if any(name.endswith(f"_{key}") for leg in legs for name in leg["shows"])
         ],
-        "legs": list(legs),
+        "legs": legs,
         "arrow": {"label": arrow, "colour": palette.GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _ARCS if legs else (),
         "floor": FLOOR,  # what a dark page darkens
@@ -110,13 +115,6 @@ def page_data(
         "footnote": FOOTNOTE,
         **more,
     }
-
-
-def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
-    """What a page needs to know of a leg. ``shows``: what is known of it: ``phase`` and names of curves."""
-    label = str(side).capitalize()
-    colours = {"colour": palette.SIDE_COLOURS[side], "dark": palette.SIDE_COLOURS_ON_DARK[side]}
-    return {"side": str(side), "label": label, **colours, "shows": list(shows)}
 
 
 def event_entries(events: Iterable[RunEvent]) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
@@ -14,8 +15,10 @@ import yaml
 from twin_gait.parameters import ChairParameters
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
-from twin_gait.viewer.motion import Element, Motion
 from twin_gait.viewer.shapes import Shape
+
+if TYPE_CHECKING:
+    from twin_gait.viewer.motion import Element, Motion
 
 ROOT = "/meshcat/surroundings"
 TREADMILL = f"{ROOT}/treadmill"
