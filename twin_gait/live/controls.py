@@ -217,9 +217,7 @@ class Panel:
 
         Raises MessageRefused if there is no such control, or the value is out of its range.
         """
-        self._require(name)
-        value = checked(self._bindings[name].control, value)
-        return self._changed({**settings.changes, name: value})
+        return self._changed({**settings.changes, name: checked(self._control(name), value)})
 
     def revert(self, settings: Settings, name: str) -> Settings:
         """Settings with one control, or ``all`` of them, as the session began.
@@ -228,12 +226,13 @@ class Panel:
         """
         if name == EVERYTHING:
             return self.preset
-        self._require(name)
-        return self._changed({key: value for key, value in settings.changes.items() if key != name})
+        reverted = self._control(name).name
+        return self._changed({key: value for key, value in settings.changes.items() if key != reverted})
 
-    def _require(self, name: str) -> None:
+    def _control(self, name: str) -> Control:
         if name not in self._bindings:
             raise MessageRefused(f"control: no {name!r}; the state lists them all")
+        return self._bindings[name].control
 
     def _changed(self, changes: Mapping[str, Value]) -> Settings:
         settings = replace(self.preset, changes=changes)

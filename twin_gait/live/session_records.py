@@ -123,7 +123,9 @@ def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]
 
     Raises SessionError if the record cannot be read.
     """
-    entries = [_read(folder, number) for number in reversed(_known(folder))]
+    if not folder.is_dir():
+        raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live makes one")
+    entries = [read_session(folder, number) for number in reversed(_numbers(folder))]
     return [
         {key: value for key, value in item.items() if key not in _DETAILS}
         for item in entries
@@ -140,34 +142,14 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
     ``versions`` of the table there were; ``document`` of the experiment, ``summary``, ``tables`` and ``log``:
     every event in order. Raises SessionError if there is no such session.
     """
-    if session not in _known(folder):
-        raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all")
-    return _read(folder, session)
-
-
-def delete_session(folder: Path, session: int) -> None:
-    """Take a session out of the record; its run folders stay.
-
-    Raises SessionError if there is no such session, or it is still going on.
-    """
-    if read_session(folder, session)["status"] == GOING_ON:
-        raise SessionError(f"{folder}: session {session} is going on; end it first")
-    _file(folder, session).unlink(missing_ok=True)
-
-
-def _known(folder: Path) -> list[int]:
-    if not folder.is_dir():
-        raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live makes one")
-    return _numbers(folder)
-
-
-def _read(folder: Path, session: int) -> dict[str, Any]:
-    """All that :func:`read_session` gives."""
     path = _file(folder, session)
     try:
         if (held := hold(path)) is not None:
             os.close(held)
         text = path.read_bytes().decode(errors="replace")
+    except FileNotFoundError:
+        text = f"{folder}: no session {session}; twin-gait sessions list shows all"
+        raise SessionError(text) from None
     except OSError as error:
         raise _unusable(path, error) from error
     try:
@@ -193,3 +175,13 @@ def _read(folder: Path, session: int) -> dict[str, Any]:
         }
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SessionError(f"{path}: is not the record of a session; move it away") from error
+
+
+def delete_session(folder: Path, session: int) -> None:
+    """Take a session out of the record; its run folders stay.
+
+    Raises SessionError if there is no such session, or it is still going on.
+    """
+    if read_session(folder, session)["status"] == GOING_ON:
+        raise SessionError(f"{folder}: session {session} is going on; end it first")
+    _file(folder, session).unlink(missing_ok=True)
