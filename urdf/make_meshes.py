@@ -417,7 +417,12 @@ def stirrup() -> Mesh:
     return joined((upright, across))
 
 
-# The wearer: a body of 1.75 m and 70 kg. Of a limb: share of its length below the upper joint, centre
+# What the viewer scales the meshes by, which knows these numbers too.
+BODY_HEIGHT, BODY_MASS = 1.75, 70.0  # of the wearer [m], [kg]
+BAR_HEIGHT = 1.83  # of the bar that ropes hang from [m]
+TORQUE_RADIUS = 0.1  # of the arrows of motor torques [m]
+
+# The wearer: a body of this height and mass. Of a limb: share of its length below the upper joint, centre
 # forward, half axes forward and sideways in [m]; of trunk and head: height over the hips as a share of the
 # trunk. Of the foot: share of its length from the heel; centre over the sole, half height and half width as
 # shares of its height.
@@ -588,8 +593,8 @@ def motor_cap() -> Mesh:
 
 
 def torque(level: int) -> Mesh:
-    """Arrow about z that begins on x, 0.1 m from the axis; the longest of six sweeps 270°."""
-    radius, head = 0.1, 0.044
+    """Arrow about z that begins on x; the longest of six sweeps 270°."""
+    radius, head = TORQUE_RADIUS, 0.044
     sweep = math.radians(45.0) * level
     # The shortest is hardly longer than its head.
     angle = np.linspace(0.0, max(sweep - head / radius, 0.3 * sweep), 4 * level + 2)
@@ -606,12 +611,12 @@ def torque(level: int) -> Mesh:
 
 
 def mast() -> Mesh:
-    """Mast on the left rail of the treadmill, its arm, and the bar that ropes hang from, 1.83 m up."""
-    foot, bar = np.array([-0.62, 0.38, -0.085]), np.array([0.0, 0.0, 1.83])
+    """Mast on the left rail of the treadmill, its arm, and the bar that ropes hang from."""
+    foot, bar = np.array([-0.62, 0.38, -0.085]), np.array([0.0, 0.0, BAR_HEIGHT])
     arm, elbow = np.array([0.0, 0.0, 1.88]), np.array([-0.62, 0.38, 1.88])
     inward = 0.20 * (arm - elbow) / np.linalg.norm(arm - elbow)
     bend = curved(elbow - [0.0, 0.0, 0.20], elbow, elbow + inward)
-    ends = np.array([[0.0, -0.19, 1.83], bar, [0.0, 0.19, 1.83]])
+    ends = np.array([[0.0, -0.19, BAR_HEIGHT], bar, [0.0, 0.19, BAR_HEIGHT]])
     across = (1.0, 0.0, 0.0)
     hanger = np.array([[0.0, 0.0, 1.825], [0.0, 0.0, 1.885]])
     parts = [pipe(np.array([foot, *bend, arm]), 0.022, beside=across, points=14),

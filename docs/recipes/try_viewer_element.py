@@ -3,15 +3,13 @@
 from twin_gait import load_experiment, simulate
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.motion import read_motion
-from twin_gait.viewer.pressure import PressureSpots
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.scene import build_scene
 
 experiment = load_experiment("treadmill", ["duration_s=1"]).experiment
 model = experiment.build_world().model
 motion = read_motion(simulate(experiment).log, model)
 scene = build_scene(Window(), model)
-(spots,) = (element for element in scene.elements if isinstance(element, PressureSpots))
-state = spots.state(scene.figure, motion, 0)
+state = scene.state_at(motion, 0)
 heel, toe = (scene.figure.frame_point(motion.q[0], f"left_{part}") for part in ("heel", "toe"))
-(place,) = (value for (path, what), value in state.items() if "left" in path and what == "position")
+place = state["/meshcat/surroundings/left_pressure", "position"]
 assert heel[0] <= place[0] <= toe[0]

@@ -7,11 +7,11 @@ import pytest
 
 from twin_gait import load_experiment
 from twin_gait.checking.sense import STIFFNESS_RANGES
-from twin_gait.live.controls import Actions, Panel
+from twin_gait.live.controls import Panel, action_specs, values_of
+from twin_gait.live.forecast import errors_of
 from twin_gait.live.protocol import DoAction
 from twin_gait.live.settings import loop_numbers
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.live.tuning import errors_of
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"
@@ -56,14 +56,11 @@ def test_the_monitor_drives_the_ankle(panel: Panel) -> None:
 
 @pytest.mark.slow
 def test_a_push_on_the_ankle_moves_it(panel: Panel) -> None:
-    actions = Actions(panel.problem)
-    assert actions.joint_names[2] == "left_ankle"
-    values = actions.values_of(
-        DoAction(action="push", values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
-    )
-    number = actions.joint_names.index(str(values["joint"]))
+    asked = DoAction(action="push", values={"joint": "left_ankle", "torque": 20.0}, id="1", user="")
+    values = values_of(action_specs(panel.problem), asked)
+    assert (panel.problem.joints[2].side, panel.problem.joints[2].joint) == ("left", "ankle")
     pushed, free = SteppedRun(panel.problem), SteppedRun(panel.problem)
-    pushed.push(number, float(values["torque"]), 100)
+    pushed.push(2, float(values["torque"]), 100)
     place = pushed.layout.positions["left_ankle_angle_rad"]
     first, second = (run.advance(100)[-1, place] for run in (pushed, free))
     assert first > second + 0.01

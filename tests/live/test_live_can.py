@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import math
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from types import SimpleNamespace
 
 import can
@@ -23,9 +23,9 @@ from twin_gait.files import shipped_file
 from twin_gait.live import can_link
 from twin_gait.live.can_link import CanLink, commands_of, leaves_machine, open_bus
 from twin_gait.live.controls import Panel
-from twin_gait.live.news import EventBook
+from twin_gait.live.loop import PERIOD
+from twin_gait.live.news import Block, EventBook
 from twin_gait.live.protocol import MessageRefused
-from twin_gait.live.realtime import PERIOD
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
 from twin_gait.runs.record import read_run
@@ -150,13 +150,19 @@ class Rig:
 
     def __init__(self, name, panel):
         self.panel, self.book, self.asked = panel, EventBook(), []
+        self.coming = []
         self.bus = can.Bus(name, "virtual")
         self.link = CanLink(
             f"virtual:{name}",
             panel.problem,
             book=self.book,
-            submit=self.asked.append,
+            submit=self.submit,
         )
+
+    def submit(self, message):
+        self.asked.append(message)
+        self.coming.append(Future())
+        return self.coming[-1]
 
     def __enter__(self):
         return self
@@ -176,9 +182,10 @@ class Rig:
         time.sleep(0.1)
 
     def answer(self):
-        for message in self.asked:
-            self.book.emit("applied", "", id=message.id)
         self.asked.clear()
+        for coming in self.coming:
+            coming.set_result(None)
+        self.coming.clear()
 
 
 @pytest.fixture
@@ -276,14 +283,14 @@ WALKED = {}
 
 
 def rows_of(panel, first, end):
-    """A block as the loop sends it."""
+    """A block of a walk."""
     if not WALKED:
         from twin_gait.live.stepping import SteppedRun
 
         run = SteppedRun(panel.problem)
-        WALKED["rows"] = np.array(run.advance(400))
-    rows = np.ascontiguousarray(WALKED["rows"][first:end])
-    return {"first": first, "rows": base64.b64encode(rows.tobytes()).decode(), "tripped": ""}
+        WALKED.update(zip(run.layout.names, run.advance(400).T, strict=True))
+        WALKED["right_phase"] = np.array(panel.problem.table.phase_names)[WALKED["right_phase"].astype(int)]
+    return Block(first, end, {name: column[first:end] for name, column in WALKED.items()}, "")
 
 
 def test_frames_go_out_at_their_cycle_in_order_and_find_their_time_again_after_a_pause(rig):

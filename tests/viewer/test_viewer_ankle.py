@@ -8,16 +8,18 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
+from twin_gait.live.news import Block
+from twin_gait.live.page import LiveFigure
 from twin_gait.measures.leg_record import driven_joints
 from twin_gait.runs.run_page import shown_run
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run
+from twin_gait.simulation.problem import build_problem
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import arc_state
 from twin_gait.viewer.commands import Window
-from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import leg_columns, leg_values
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.scene import build_scene
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"
@@ -35,7 +37,8 @@ def test_curves_and_torques_of_the_ankle_are_those_of_the_log(walk: Run) -> None
     np.testing.assert_allclose(values["ankle"], np.degrees(walk.log["left_ankle_angle_rad"]))
     np.testing.assert_array_equal(values["ankle_impedance"], walk.log["left_ankle_impedance_torque_Nm"])
     page = recorded_run(walk.log, model, about={"title": "t"}, frames_per_second=10.0)
-    assert page["legs"][0]["shows"] == ["phase", *values]
+    used = [name for name, found in values.items() if found.any()]  # there is neither target nor inertia
+    assert page["legs"][0]["shows"] == ["phase", *used]
 
 
 def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
@@ -63,15 +66,32 @@ def test_a_motor_of_the_ankle_has_a_cap_and_arrows(walk: Run) -> None:
     assert sum(value for (_, name), value in state.items() if name == "visible") == 1
 
 
+def blocks_of(run: Run, *spans: tuple[int, int]) -> list[Block]:
+    columns = {str(name): run.log[name].to_numpy() for name in run.log}
+    return [Block(first, end, {k: c[first:end] for k, c in columns.items()}, "") for first, end in spans]
+
+
 def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
-    model, last = walk.experiment.build_world().model, len(walk.log) - 1
-    figure = LiveFigure(
-        model, drives=walk.experiment.joints, about={"title": "t"}, phases=walk.table.phase_names
-    )
+    figure = LiveFigure(build_problem(walk.experiment))
     assert figure.page["legs"][0]["shows"].count("ankle_torque") == 1
-    figure.show(TICK * last, np.zeros(model.nv).tolist(), walk.log.iloc[last].to_dict())
-    columns = leg_columns(Side.LEFT, walk.experiment.joints)
+    figure.show(blocks_of(walk, (0, len(walk.log))))
+    assert figure.phases == {side: walk.log[f"{side}_phase"].iloc[-1] for side in ("left", "right")}
+    columns = leg_columns(walk.log, Side.LEFT)
     assert columns["ankle_torque"] == "left_ankle_motor_torque_Nm" and columns["force"] in walk.log
+
+
+def test_live_curves_have_the_extremes_of_every_five_ticks_and_no_line_where_a_block_is_missing(
+    walk: Run,
+) -> None:
+    figure = LiveFigure(build_problem(walk.experiment))
+    figure.show(blocks_of(walk, *((first, first + 10) for first in range(0, 100, 10) if first != 50)))
+    curve = figure.window.commands()[-1]["sample"]["curves"][0]["knee_torque"]
+    drawn = [(round(t / TICK), v) for t, v in zip(curve["times"], curve["values"], strict=True)]
+    assert [tick for tick, value in drawn if value is None] == [60]
+    for first in (*range(0, 50, 5), *range(60, 100, 5)):
+        span = walk.log["left_knee_motor_torque_Nm"].to_numpy()[first : first + 5]
+        found = [value for tick, value in drawn if first <= tick < first + 5 and value is not None]
+        assert (min(found), max(found)) == (span.min(), span.max())
 
 
 def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:

@@ -25,7 +25,7 @@ from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.animation import joint_entries, urdf_page
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.scene import build_scene
 from twin_gait.vocabulary import GaitPhase, Side
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]

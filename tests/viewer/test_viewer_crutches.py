@@ -11,18 +11,19 @@ import pytest
 from synthetic_floor import SPEED, floor_walk
 
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
+from twin_gait.live.news import Block
+from twin_gait.live.page import LiveFigure
 from twin_gait.parameters import ChairParameters
 from twin_gait.runs.run_page import setting_of
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON
 from twin_gait.viewer.body import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.commands import Window
-from twin_gait.viewer.live_figure import LiveFigure
 from twin_gait.viewer.motion import MODE, Motion, read_motion
-from twin_gait.viewer.scene import Scene, State
-from twin_gait.viewer.staging import Setting, build_scene
+from twin_gait.viewer.scene import Scene, Setting, State, build_scene
 from twin_gait.viewer.surroundings import CHAIR, METRES, SEAT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side
@@ -120,7 +121,7 @@ def test_a_crutch_has_the_force_of_the_log_beside_its_tip(walk: Run, drawn: Draw
 def test_the_trunk_joint_carries_what_the_urdf_shows_of_the_pelvis(walk: Run) -> None:
     model = walk.experiment.build_world().model
     assert model.trunk_joint == "pelvis_pitch"
-    assert {"pelvis_pitch"} == {part.joint for part in load_visuals(model.model, model.urdf_path).parts
+    assert {"pelvis_pitch"} == {part.joint for part in load_visuals(model.model, model.urdf_path)
                                 if part.joint.startswith(("pelvis", "universe"))}  # fmt: skip
 
 
@@ -181,20 +182,16 @@ def test_a_page_has_crutches_and_the_mode_of_every_moment(walk: Run) -> None:
 
 def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn) -> None:
     scene, _, motion = drawn
-    model, row = walk.experiment.build_world().model, walk.log.iloc[400]
-    live = LiveFigure(
-        model, drives=walk.experiment.joints, about={"title": "t", "modes": MODES},
-        phases=walk.table.phase_names,
-        **{**setting_of(walk.experiment), "chair": SIZES},
-    )  # fmt: skip
+    live = LiveFigure(build_problem(walk.experiment))
+    live._modes = MODES  # of the columns that the fixture has added to the log
     frame = int(np.searchsorted(motion.times, 0.4))
-    live.show(0.4, motion.q[frame].tolist(), row.to_dict())
+    live.show([Block(400, 401, {str(name): walk.log[name].to_numpy()[400:401] for name in walk.log}, "")])
     sent = {(c["path"], c["property"]): c["value"] for c in live.window.commands()
             if c["type"] == "set_property"}  # fmt: skip
     expected = scene.state_at(motion, frame)
-    shown = [key for key in expected if key[0].startswith((ROOT, surroundings.ROOT, f"{FORCE_ROOT}/left_"))]
+    places = (ROOT, surroundings.FLOOR, f"{FORCE_ROOT}/left_")
+    shown = [key for key in expected if key[0].startswith(places)]
     assert len(shown) > 12
     assert {key: sent[key] for key in shown} == {key: expected[key] for key in shown}
-    assert live.window.commands()[-1]["sample"]["mode"] == 0
-    assert live.page["modes"] == ["Sitting", "Walking"]
+    assert live.window.commands()[-1]["sample"]["mode"] == 0 and live.mode == MODES[0]
     assert "crutch" in live.page["legs"][0]["shows"]

@@ -53,10 +53,9 @@ from twin_gait.viewer.motion import (
     phase_changes,
     read_motion,
 )
-from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, About, live_page, packed, page_data
+from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, About, live_page, packed, page_data
 from twin_gait.viewer.picture import BROWSER_VARIABLE, find_browser, take_picture
-from twin_gait.viewer.scene import View
-from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.scene import View, build_scene
 from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
@@ -123,13 +122,13 @@ def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
     model = read_shown_run(run_folder).experiment.build_world().model
     curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
     values = leg_values(log, Side.RIGHT)
-    assert set(curves) == set(values) and len(values) >= 8
+    assert set(curves) <= set(values) and len(curves) >= 8
     clock = log["time_s"].to_numpy()
-    for key, truth in values.items():
-        drawn = np.interp(clock, *curves[key])
+    for key, curve in curves.items():
+        drawn, truth = np.interp(clock, *curve), values[key]
         # Within 0.2 % of its range everywhere, so every peak above a fifth of it within 1 %.
         assert np.abs(drawn - truth).max() <= 0.002 * np.ptp(truth) + 1e-9, key
-        assert len(curves[key].times) < len(clock) / 2
+        assert len(curve.times) < len(clock) / 2
 
 
 def test_a_curve_ends_where_the_log_has_no_number() -> None:
@@ -358,21 +357,25 @@ def test_harness_and_trunk_stand_out_by_night() -> None:
 
 
 def test_every_script_of_the_page_is_in_it_and_nothing_else_lies_beside_them() -> None:
-    folder = Path(__file__).parents[2] / "twin_gait" / "viewer" / "page"
-    assert {path.name for path in folder.glob("*.js")} == {*SCRIPTS, "panel.js"}
+    page = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
+    assert {path.name for path in PAGE_FOLDER.glob("*.js")} == set(re.findall(r'include "(\w+\.js)"', page))
+    for path in PAGE_FOLDER.glob("*.js"):
+        script = path.read_text(encoding="utf-8")
+        assert not re.search(r"</script|<!--|\{[{%#]", script, re.IGNORECASE), (
+            path
+        )  # it cannot end its element
 
 
 def test_a_live_page_takes_a_panel_after_its_own_script(monkeypatch, tmp_path) -> None:
     folder = shutil.copytree(PAGE_FOLDER, tmp_path / "page")
-    parts = {"css": "#knobs { top: 0 }", "html": '<div id="knobs"></div>', "js": "'</script>'"}
+    parts = {"css": "#knobs { top: 0 }", "html": '<div id="knobs"></div>', "js": "'the panel'"}
     for kind, text in parts.items():
         (folder / f"panel.{kind}").write_text(text)
     monkeypatch.setattr("twin_gait.viewer.page.PAGE_FOLDER", folder)
     page = live_page()
     assert page.index("#knobs {") < page.index("</style>")
     assert '<div id="knobs"></div>' in page
-    assert "\\x3c/script>" in page.rsplit("<script>", 1)[1]  # it cannot end its own element
-    assert page.index("window.twinGait =") < page.index("\\x3c/script>")
+    assert page.index("window.twinGait =") < page.index("'the panel'")
 
 
 def test_packing_is_lossless() -> None:

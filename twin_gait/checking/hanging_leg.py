@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ _VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0
 _ANGLE_STEP = 1e-4  # [rad]
 
 
+@lru_cache(maxsize=4096)  # postures share their velocities
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
     """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
     friction = law.in_plant()

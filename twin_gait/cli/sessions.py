@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,10 +17,7 @@ from twin_gait.files import write_atomically
 from twin_gait.report.pages import lines
 from twin_gait.runs import folders
 
-_ABOUT = (
-    "The record of twin-gait live: who changed what, when, and where the run is. Sessions whose processes "
-    "were killed are completed first, up to the last second that they wrote."
-)
+_ABOUT = "The record of twin-gait live: who changed what, when, and where the run is."
 
 
 def add_parser(commands: Any) -> None:
@@ -45,11 +41,7 @@ def add_parser(commands: Any) -> None:
 
 
 def _records(arguments: argparse.Namespace) -> Path:
-    """Folder of the record, in which the sessions of killed processes are complete."""
-    records: Path = arguments.records or live.session_records.default_records()
-    for told in live.journal.recover(records):
-        print(f"twin-gait sessions: {told}", file=sys.stderr)
-    return records
+    return arguments.records or live.session_records.default_records()
 
 
 def list_sessions(arguments: argparse.Namespace) -> int:
@@ -98,7 +90,7 @@ def delete_session(arguments: argparse.Namespace) -> int:
 
 
 def complete_run(arguments: argparse.Namespace) -> int:
-    """Complete a killed run that was kept out of the record."""
+    """Make the run directory of a session that was killed, up to its last second."""
     done = live.journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
     print("\n".join(map(str, done)) or "nothing had been simulated")
     return DONE

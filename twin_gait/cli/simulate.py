@@ -11,7 +11,7 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
@@ -20,9 +20,6 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import private_files
 from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
-
-if TYPE_CHECKING:
-    from twin_gait.experiment import Experiment
 
 _ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -144,13 +141,11 @@ def walk_live(arguments: argparse.Namespace) -> int:
             on_compile=terminal.note_compilation,
             on_step=terminal.note_step,
         )
-        interrupted = asyncio.run(_serve(session, loaded.experiment, arguments))
+        interrupted = asyncio.run(_serve(session, arguments))
     return _finish(session, interrupted and loaded.experiment.duration < LONGEST_RUN)
 
 
-async def _serve(
-    session: live.session.LiveSession, experiment: Experiment, arguments: argparse.Namespace
-) -> bool:
+async def _serve(session: live.session.LiveSession, arguments: argparse.Namespace) -> bool:
     """Serve the pages until the run ends or somebody ends it; True in the second case.
 
     Ctrl-C, and what a terminal that closes or a system that stops sends, end it in order; a second one ends
@@ -167,7 +162,7 @@ async def _serve(
 
     for number in _ENDINGS:
         loop.add_signal_handler(number, end)
-    page = live.page.LivePage(session, experiment, port=arguments.port)
+    page = live.page.LivePage(session, port=arguments.port)
     try:
         await asyncio.to_thread(session.start)
         view.announce(page.url, browser=not arguments.no_browser)

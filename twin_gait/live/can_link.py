@@ -6,28 +6,25 @@ clock of the walk; commands become messages of the session, as if a page had mov
 
 from __future__ import annotations
 
-import base64
 import math
 import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from twin_gait.core.can_codec import unpack_frame
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import BusFrame, bus_frames, messages_of
 from twin_gait.live.controls import QUANTITIES
-from twin_gait.live.news import EventBook
+from twin_gait.live.loop import PERIOD
+from twin_gait.live.news import Block, EventBook
 from twin_gait.live.protocol import Message, MessageRefused, SetControl, Value, one_line
-from twin_gait.live.realtime import PERIOD
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters
-from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem
 
 if TYPE_CHECKING:
@@ -109,25 +106,25 @@ class CanLink:
         problem: Problem,
         *,
         book: EventBook,
-        submit: Callable[[Message], None],
+        submit: Callable[[Message], Future[None] | None],
     ) -> None:
         """Open the bus, and begin to send and to listen.
 
-        ``name``: as in :func:`open_bus`; ``book``: hears what is wrong, and has the answers to what was
-        submitted; ``submit``: takes a message as from a page.
+        ``name``: as in :func:`open_bus`; ``book``: hears what is wrong; ``submit``: takes a message as from a
+        page, and gives what is done when it has been answered.
         """
         self._messages = messages_of(problem.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in asked}  # what a monitor sends
-        self._columns, self._problem = log_layout(problem).names, problem
+        self._body_weight = problem.world.body_weight
         self._book, self._submit = book, submit
-        self._blocks: deque[Mapping[str, Any]] = deque()
+        self._blocks: deque[Block] = deque()
+        self.take = self._blocks.append  # takes a block of the walk; returns at once
         self._due: deque[tuple[float, BusFrame]] = deque()
         self._start = 0.0  # of the walk, in the time of this machine
         self._heard: dict[int, Commands] = {}
         self._wanted: Commands = {}
-        self._pending: set[str] = set()
-        self._asked = self._serial = 0
+        self._pending: list[Future[None]] = []
         self._notes: set[str] = set()
         self._closed = threading.Event()
         self._bus = open_bus(name)
@@ -139,10 +136,6 @@ class CanLink:
         self._closed.set()
         self._thread.join()
         self._bus.shutdown()
-
-    def take(self, block: Mapping[str, Any]) -> None:
-        """Take the rows of a block from the process of the walk; returns at once."""
-        self._blocks.append(block)
 
     def _run(self) -> None:
         try:
@@ -178,15 +171,11 @@ class CanLink:
 
     # ------------------------------------------------------------------ sending
 
-    def _lay_out(self, block: Mapping[str, Any]) -> None:
+    def _lay_out(self, block: Block) -> None:
         """Give every frame of a block its time."""
-        table = np.frombuffer(base64.b64decode(block["rows"])).reshape(-1, len(self._columns))
-        rows = dict(zip(self._columns, table.T, strict=True))
-        names = np.array(self._problem.table.phase_names)
-        for side in self._problem.sides:
-            rows[f"{side}_phase"] = names[rows[f"{side}_phase"].astype(int)]
-        weight, tripped = self._problem.world.body_weight, block["tripped"]
-        frames = bus_frames(rows, self._messages, first=block["first"], body_weight=weight, tripped=tripped)
+        weight, tripped = self._body_weight, block.tripped
+        columns, messages = block.columns, self._messages
+        frames = bus_frames(columns, messages, first=block.first, body_weight=weight, tripped=tripped)
         now = time.monotonic()
         # A block is ready when its time begins, now and then a little later: it goes out one block after it.
         if frames and abs(self._start + frames[0].time - now - PERIOD) > FARTHEST:
@@ -220,15 +209,9 @@ class CanLink:
 
     def _ask(self) -> None:
         """Ask for what is wanted, as soon as what was asked before is answered."""
-        if self._pending and self._book.serial != self._serial:
-            for event in self._book.after(self._serial):
-                self._serial = event.serial
-                self._pending.discard(event.id)
-        if self._pending or not self._wanted:
+        if not self._wanted or not all(coming.done() for coming in self._pending):
             return
         commands, self._wanted = self._wanted, {}
-        self._serial = self._book.serial
-        for name in sorted(commands, key=MODE.__eq__):  # the mode last, after what it is to begin with
-            self._asked += 1
-            self._pending.add(f"can-{self._asked}")
-            self._submit(SetControl(id=f"can-{self._asked}", user=USER, control=name, value=commands[name]))
+        ordered = sorted(commands, key=MODE.__eq__)  # the mode last, after what it is to begin with
+        asked = [SetControl(id=USER, user=USER, control=name, value=commands[name]) for name in ordered]
+        self._pending = [coming for coming in map(self._submit, asked) if coming is not None]

@@ -2,14 +2,17 @@
 
 Ranges are those that other parts of the program go by: angles end at the stops of the URDF, stiffness at the
 published ranges of the check or what the table itself has, torque at the limit of the motors, gain and shares
-at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live.tuning` to say.
+at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live.forecast` to say.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
+
+import yaml
 
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
@@ -18,86 +21,56 @@ from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefuse
 from twin_gait.live.settings import HELD_PHASE, MODES, Place, Settings, first_settings, places
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
+from twin_gait.worlds.faults import FOOT, FaultKind
 
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
 LEAST_DAMPING = 20.0  # [N m s] / [rad] that the range of a damping has at least
 TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
+_SHOWN = yaml.safe_load(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
 
 
-class Actions:
-    """What can be done in one experiment, beside setting controls.
+def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:
+    """Values of an action's fields, those left out as they begin.
 
-    Attributes:
-        joint_names: Actuated joints in the order of the arrays, such as ``left_knee``.
-        specs: All actions with their fields.
+    Raises MessageRefused if a value is unknown or out of its range.
     """
-
-    def __init__(self, problem: Problem) -> None:
-        """Find the fields of all actions."""
-        self._experiment = problem.experiment
-        self.joint_names = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
-        self.specs = tuple(_specs(problem, self.joint_names))
-
-    def values_of(self, message: DoAction) -> dict[str, Value]:
-        """Values of an action's fields, those left out as they begin.
-
-        Raises MessageRefused if a value is unknown or out of its range.
-        """
-        spec = next((item for item in self.specs if item.action == message.action), None)
-        if spec is None:
-            raise MessageRefused(f"{message.action}: there is nothing like it in this experiment")
-        known = {item.name: item for item in spec.fields}
-        for name in message.values:
-            if name not in known:
-                has = ", ".join(known) or "no values"
-                raise MessageRefused(f"{message.action}: no value {name!r}; it has {has}")
-        return {name: checked(item, message.values.get(name, item.value)) for name, item in known.items()}
-
-    def fault_of(self, values: dict[str, Value]) -> Fault:
-        """The fault that the fields of the action ask for.
-
-        Raises ParameterError if kind, place and size do not fit together.
-        """
-        place, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
-        written = f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
-        fault = parse_fault(written)
-        # The experiment knows which faults it can have.
-        replace(self._experiment, faults=(fault,))
-        return fault
+    spec = next((item for item in specs if item.action == message.action), None)
+    if spec is None:
+        raise MessageRefused(f"{message.action}: there is nothing like it in this experiment")
+    known = {item.name: item for item in spec.fields}
+    for name in message.values:
+        if name not in known:
+            has = ", ".join(known) or "no values"
+            raise MessageRefused(f"{message.action}: no value {name!r}; it has {has}")
+    return {name: checked(item, message.values.get(name, item.value)) for name, item in known.items()}
 
 
-def _specs(problem: Problem, joints: tuple[str, ...]) -> Iterator[ActionSpec]:
+def fault_text(values: Mapping[str, Value]) -> str:
+    """The fault that the fields of the action ask for, as an experiment has it."""
+    place, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
+    return f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
+
+
+def action_specs(problem: Problem) -> Iterator[ActionSpec]:
+    """What can be done in an experiment, beside setting controls."""
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
-    yield ActionSpec("walk", "walk", "walk" if modes is None else "go on", "Let the time go on.")
-    yield ActionSpec("pause", "walk", "pause", "Let the time stand still.")
-    if modes is None:  # else steps are theirs
-        yield ActionSpec("step", "walk", "step", "In manual mode: let the leg at the end of stance swing.")
-    elif modes.requests:
-        text = "Ask the device for another mode, as the therapist does; it answers in the next tick."
-        request = Control(name="request", kind="choice", value=modes.requests[0], choices=modes.requests)
-        yield ActionSpec("request", "walk", "ask", text, (request,))
-    yield ActionSpec("restart", "walk", "start again", "Begin a new walk with the present settings.")
-    yield ActionSpec("save", "walk", "save the table", "Write the table as YAML that simulate runs.")
-    yield ActionSpec("stop", "walk", "stop", "Hold the legs with damping and lower them until a restart.")
-    control = Control(name="control", kind="text", value=EVERYTHING)
-    yield ActionSpec("revert", "table", "as it began", "Set controls back to the preset.", (control,))
-    push = (
-        Control(name="joint", kind="choice", value=joints[0], choices=joints),
-        Control(name="torque", kind="number", value=10.0, unit="Nm", least=-limit, largest=limit, step=1.0),
-        Control(name="duration", kind="number", value=0.2, unit="s", least=0.01, largest=2.0, step=0.01),
-    )
-    text = "Push a joint from outside, as a hand does; positive towards flexion."
-    yield ActionSpec("push", "push", "push", text, push)
-    kinds = tuple(map(str, FaultKind))
+    joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
     feet = tuple(f"{side}_{FOOT}" for side in problem.sides if problem.experiment.scenario.grounded)
-    fault = (
-        Control(name="kind", kind="choice", value=kinds[0], choices=kinds),
-        Control(name="place", kind="choice", value="", choices=("", *joints, *feet)),
-        Control(name="size", kind="text", value="", label="size with unit, such as 20deg/s"),
-    )
-    yield ActionSpec("fault", "push", "break it", "Something breaks and stays broken until a restart.", fault)
+    requests = () if modes is None else tuple(modes.requests)
+    kinds = tuple(map(str, FaultKind))
+    choices = {"joint": joints, "kind": kinds, "place": ("", *joints, *feet), "request": requests}
+    without = {"step"} if modes is not None else set()  # steps are the modes'
+    without |= set() if requests else {"request"}
+    for action, shown in _SHOWN["actions"].items():
+        if action not in without:
+            fields = []
+            for name, field in shown.get("fields", {}).items():
+                own: dict[str, Any] = {"least": -limit, "largest": limit} if name == "torque" else {}
+                if field["kind"] == "choice":
+                    own = {"choices": choices[name], "value": choices[name][0]}
+                fields.append(Control(name=name, **field, **own))
+            yield ActionSpec(action, shown["group"], shown["label"], shown["help"], tuple(fields))
 
 
 class Quantity(NamedTuple):
@@ -117,8 +90,6 @@ QUANTITIES = {
     "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
     "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "target_torque"),
 }
-_DRIVES = "The gait table, or one of the monitor's three controls, for which the belt stands still."
-_WAITS = "A leg at the end of stance waits for the step button, and the belt waits with it."
 
 
 class Binding(NamedTuple):
@@ -153,12 +124,9 @@ class Panel:
         self.preset: Settings = first_settings(experiment)
         self.problem: Problem = build_problem(experiment)
         self._stops = build_case(experiment.table, experiment).limits
-        self._places = tuple(places(experiment.table, self.problem.sides))
-        monitored = [Place("", joint, side, side) for side, joint in self.preset.monitor]
-        bindings = list(self._own_bindings())
-        for group, there in (("table", self._places), ("monitor", monitored)):
-            bindings += [binding for place in there for binding in self._joint_bindings(place, group)]
-        self._bindings = {binding.control.name: binding for binding in bindings}
+        self._places = tuple(places(self.preset, self.problem.sides))
+        of_joints = (binding for place in self._places for binding in self._joint_bindings(place))
+        self._bindings = {item.control.name: item for item in (*self._own_bindings(), *of_joints)}
         self._begun = self._values(self.preset)
 
     # ------------------------------------------------------------------ drawing
@@ -174,22 +142,25 @@ class Panel:
     def _values(self, settings: Settings) -> dict[str, Value]:
         shown = {name: binding.shown(settings) for name, binding in self._bindings.items()}
         problem = build_problem(settings.experiment)
-        return shown | {f"{place.prefix}.damping": place.damping(problem) for place in self._places}
+        return shown | {
+            f"{place.name}.damping": place.damping(problem) for place in self._places if place.phase
+        }
+
+    def value_of(self, settings: Settings, name: str) -> Value | None:
+        """Value of a control; None if there is none of the name."""
+        return next((item.value for item in self.controls(settings) if item.name == name), None)
 
     def _own_bindings(self) -> Iterator[Binding]:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
         experiment = self.preset.experiment
         yield Binding(
-            Control(
-                name="mode", label="what drives the joints", group="monitor", kind="choice",
-                choices=MODES, help=_DRIVES,
-            ),
+            Control(name="mode", choices=MODES, **_SHOWN["controls"]["mode"]),
             lambda settings: settings.mode,
             lambda settings, value: replace(settings, mode=value),
-        )  # fmt: skip
+        )
         if HELD_PHASE in experiment.table.phases and experiment.modes is None:
             yield Binding(
-                Control(name="manual", label="steps by hand", group="walk", kind="switch", help=_WAITS),
+                Control(name="manual", **_SHOWN["controls"]["manual"]),
                 lambda settings: settings.manual,
                 lambda settings, value: replace(settings, manual=value),
             )
@@ -200,17 +171,17 @@ class Panel:
             )  # fmt: skip
             yield Binding(control, partial(_adjustment, item.name), partial(_adjusted, item.name), item.scale)
 
-    def _joint_bindings(self, place: Place, group: str) -> Iterator[Binding]:
+    def _joint_bindings(self, place: Place) -> Iterator[Binding]:
         """All quantities that can be set in a place."""
-        record = place.record(self.preset)
+        record, group = place.record(self.preset), "table" if place.phase else "monitor"
         for name, quantity in QUANTITIES.items():
             if not hasattr(record, quantity.field):
                 continue
             least, largest = self.range_of(name, JointName(place.joint))
             control = Control(
-                name=f"{place.prefix}.{name}", label=quantity.label, group=group, kind="number",
+                name=f"{place.name}.{name}", label=quantity.label, group=group, kind="number",
                 unit=quantity.unit, least=least, largest=largest, step=quantity.step,
-                phase=place.phase or None, joint=place.joint, side=place.side,
+                phase=place.phase, joint=place.joint, side=place.side,
             )  # fmt: skip
             read, write = partial(place.read, quantity.field), partial(place.write, quantity.field)
             yield Binding(control, read, write, quantity.scale)
@@ -222,7 +193,8 @@ class Panel:
         Stiffness: the published range, or what the table has if that is more. Damping: twice what the table
         has.
         """
-        own = [place.record(self.preset) for place in self._places if place.joint == joint]
+        there = [place for place in self._places if place.phase and place.joint == joint]
+        own = [place.record(self.preset) for place in there]
         if quantity == "equilibrium":
             angles = (*self._stops[joint], *(item.equilibrium_angle for item in own))
             return min(angles) / _DEGREE, max(angles) / _DEGREE
@@ -235,8 +207,8 @@ class Panel:
         stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
         if quantity == "stiffness":
             return 0.0, stiffness
-        dampings = [place.damping(self.problem) for place in self._places if place.joint == joint]
-        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * max(dampings)))
+        damping = max(place.damping(self.problem) for place in there)
+        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * damping))
 
     # ------------------------------------------------------------------ setting
 
@@ -245,9 +217,7 @@ class Panel:
 
         Raises MessageRefused if there is no such control, or the value is out of its range.
         """
-        self._require(name)
-        value = checked(self._bindings[name].control, value)
-        return self._changed({**settings.changes, name: value})
+        return self._changed({**settings.changes, name: checked(self._control(name), value)})
 
     def revert(self, settings: Settings, name: str) -> Settings:
         """Settings with one control, or ``all`` of them, as the session began.
@@ -256,12 +226,13 @@ class Panel:
         """
         if name == EVERYTHING:
             return self.preset
-        self._require(name)
-        return self._changed({key: value for key, value in settings.changes.items() if key != name})
+        reverted = self._control(name).name
+        return self._changed({key: value for key, value in settings.changes.items() if key != reverted})
 
-    def _require(self, name: str) -> None:
+    def _control(self, name: str) -> Control:
         if name not in self._bindings:
             raise MessageRefused(f"control: no {name!r}; the state lists them all")
+        return self._bindings[name].control
 
     def _changed(self, changes: Mapping[str, Value]) -> Settings:
         settings = replace(self.preset, changes=changes)

@@ -1,7 +1,8 @@
-"""What becomes of a live walk if a change is applied: its present moment run ahead, outside of its process.
+"""What is said of a change before it is applied: by the rules of ``twin-gait check``, and by a look ahead.
 
-The numbers of the change fade in as they would in the walk, which knows nothing of it; it is run on for
-``LEAST`` ticks and as much longer as ``BUDGET`` allows.
+For that the present moment of the walk is run ahead, outside of its process. The numbers of the change fade
+in as they would in the walk, which knows nothing of it; it is run on for ``LEAST`` ticks and as much longer
+as ``BUDGET`` allows.
 """
 
 import time
@@ -11,16 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from twin_gait.checking import leaving, stability, torques
+from twin_gait.checking.check import build_case
+from twin_gait.checking.finding import Rule, Severity
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.live.settings import LoopNumbers
+from twin_gait.live.journal import Piece, walked_run
+from twin_gait.live.settings import WALK, LoopNumbers, Settings
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.simulation.simulator import run_of
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.world import BELT_SPEED
 
@@ -29,6 +32,25 @@ LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change
 BUDGET = 0.15  # [s] of computing after which the look ahead ends where it is
 HELD_TICKS = 2_000  # ticks of a hold that are looked at: a wearer who falls in it has fallen by then
 PIECE_TICKS = 250  # that are run at a time
+
+# Rules that k, b, θ0 and G can break; an error of one of them refuses a change. The phases of the monitor's
+# controls are all alike: there is nothing to leave, and no switch to jump at.
+GATE: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
+
+Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
+
+
+def errors_of(settings: Settings) -> dict[Place, str]:
+    """Errors of the check that make settings unsafe: what tells each from others, and a sentence."""
+    case = build_case(settings.driving.table, settings.driving)
+    rules = GATE if settings.mode == WALK else GATE[:1]
+    found = [item for rule in rules for item in rule(case) if item.severity is Severity.ERROR]
+    errors: dict[Place, str] = {}
+    for item in found:
+        where = item.transition or item.phase
+        text = f"{item.rule}{f' ({where})' if where else ''}: {item.reason}; {item.suggestion}"
+        errors[item.rule, item.phase, item.transition, item.side] = text
+    return errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +142,8 @@ def _shown(run: SteppedRun, first: int, numbers: LoopNumbers) -> Run:
         experiment = replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
     switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
     # Whatever tripped: the legs are looked at to the end.
-    result = EngineResult(run.rows(first), switches, run.status, run.reason)
-    return run_of(replace(problem, experiment=experiment), result, 0.0)
+    walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
+    return walked_run(walk, replace(problem, experiment=experiment))
 
 
 def _records(shown: Run, first: int) -> list[LegRecord]:

@@ -32,7 +32,6 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
-from twin_gait.live.session_records import KILLED, close_killed, list_sessions
 from twin_gait.runs.folders import hold, journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
 from twin_gait.simulation.engine import EngineResult
@@ -255,30 +254,3 @@ def walked_run(walk: Piece, problem: Problem) -> Run:
 def summary_of(folder: Path) -> dict[str, Any]:
     """Summary of a run folder."""
     return dict(json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8")))
-
-
-def recover(records: Path) -> Iterator[str]:
-    """Complete the run folders of all sessions that were killed, and close those sessions in the record.
-
-    Yields one sentence for each session, as the record has it from then on. Raises SessionError if the record
-    cannot be used.
-    """
-    for entry in list_sessions(records):
-        if entry["status"] == KILLED and entry["ended"] is None:
-            try:
-                yield f"session {entry['id']}: {_recover(records, entry)}"
-            except RunDirectoryError as error:  # it may be going on after all: its journal is held
-                yield f"session {entry['id']} cannot be completed: {error}"
-
-
-def _recover(records: Path, entry: Mapping[str, Any]) -> str:
-    folders = list(map(Path, entry["folders"]))
-    if folders and journal_of(folders[0]).exists():
-        folders = complete(journal_of(folders[0]))
-    there = [folder for folder in folders if (folder / SUMMARY_FILE).is_file()]
-    summary = summary_of(there[-1]) if there else {}
-    tick = round(summary.get("duration_s", entry["tick"] * TICK) / TICK)
-    kept = f"the walk is kept up to {tick * TICK:.3f} s, in {there[-1]}" if there else "no run is left of it"
-    text = f"its processes were killed; {kept}"
-    close_killed(records, entry["id"], tick=tick, text=text, summary=summary, folders=there)
-    return text

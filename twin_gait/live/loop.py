@@ -1,4 +1,4 @@
-"""The walk in real time: blocks of 10 ms against a clock, commands between them, a frame now and then.
+"""The walk in real time: blocks of 10 ms against a clock, commands between them, news after each.
 
 Nothing here waits for anybody: commands are taken if there are some, and what is sent is handed to a function
 that must return at once. The clock and the sleep are passed in.
@@ -6,28 +6,75 @@ that must return at once. The clock and the sleep are passed in.
 
 import base64
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import Piece
-from twin_gait.live.protocol import Frame, one_line
-from twin_gait.live.realtime import BLOCK_TICKS, PERIOD, BlockClock
-from twin_gait.live.stepping import Asking, SteppedRun
+from twin_gait.live.protocol import DeadlineStatistics, one_line
+from twin_gait.live.stepping import SteppedRun
+from twin_gait.simulation.problem import ticks
 from twin_gait.simulation.run import RunStatus
-from twin_gait.viewer.motion import extremes, leg_columns
 from twin_gait.viewer.page import event_entries
 from twin_gait.worlds.faults import parse_fault
 
-FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
-STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
+BLOCK_TICKS = 10
+PERIOD = BLOCK_TICKS * TICK  # [s]
+LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
+CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
 PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
 
 Command = Mapping[str, Any]
+
+
+class BlockClock:
+    """When the next block is to begin, and how late the blocks so far were finished.
+
+    Block n of a stretch without a pause begins n periods after its start and is to be finished one period
+    later. The caller asks the time; nothing here does.
+    """
+
+    def __init__(self) -> None:
+        """Begin without any block."""
+        self.statistics = DeadlineStatistics()  # of all blocks so far
+        self._start: float | None = None
+        self._number = 0
+
+    def wait(self, now: float) -> float:
+        """Time until the next block may begin.
+
+        ``now``: present time in [s]. Returns time in [s]; 0 if the block is due. A loop that is more than
+        ``CATCH_UP`` behind begins a new stretch; the time that it gives up is counted as lost, and the blocks
+        that belonged there as late.
+        """
+        if self._start is None:
+            self._start, self._number = now, 0
+        behind = now - (self._start + self._number * PERIOD)
+        if behind > CATCH_UP:
+            self.statistics.lost_s += behind
+            self._start, self._number = now, 0
+            self._count(behind, round(behind / PERIOD))
+            return 0.0
+        return max(0.0, -behind)
+
+    def finished(self, now: float) -> None:
+        """Count a block. ``now``: time in [s] at which it was finished."""
+        assert self._start is not None  # a block is waited for before it is finished
+        self._number += 1
+        self._count(max(0.0, now - (self._start + self._number * PERIOD)), 1)
+
+    def _count(self, lateness: float, blocks: int) -> None:
+        counted = self.statistics
+        counted.blocks += blocks
+        counted.late += blocks * (lateness > LATE)
+        counted.worst_ms = max(counted.worst_ms, 1e3 * lateness)
+
+    def pause(self) -> None:
+        """Let the next block begin a new stretch: time until then is nobody's loss."""
+        self._start = None
 
 
 @dataclass(kw_only=True)
@@ -38,31 +85,21 @@ class LiveLoop:
     now: Callable[[], float]  # time in [s] of a clock that never goes back
     sleep: Callable[[float], None]  # waits for a time in [s]
     commands: Callable[[], Command | None]  # gives the next command, or None; returns at once
-    send: Callable[[Mapping[str, Any]], None]  # takes a frame or an answer; returns at once
+    send: Callable[[Mapping[str, Any]], None]  # takes news or an answer; returns at once
     keep: Callable[[Piece], None]  # takes the next piece of the walk, its last one marked; returns at once
     longest: int  # ticks of a walk
-    paused: bool = False  # whether to wait for the command to walk
-    tells_rows: bool = False  # whether to send all rows of the log, for a bus
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
         """Begin with nothing handed over."""
-        self._ended, self._last_frame = False, -np.inf
-        self._asked: list[tuple[Asking, Command]] = []  # that the supervisor has yet to answer
+        self._ended = self.paused = False
         self._changes: list[Mapping[str, Any]] = []  # that have not been handed over
-        layout = self.run.layout
-        self._columns = {
-            name: layout.positions[name]
-            for side, joints in layout.legs.items()
-            for name in leg_columns(side, joints).values()
-            if name in layout.positions
-        }
         self._begin()
 
     def _begin(self) -> None:
         """Begin a walk."""
         self._began = self.now()
-        self._kept = self._switches = self._traced = 0  # ticks and switches handed over, ticks in curves
+        self._kept = self._switches = self._told = 0  # ticks and switches handed over, ticks sent
 
     # ------------------------------------------------------------------ the loop
 
@@ -73,13 +110,14 @@ class LiveLoop:
             if self._moving:
                 self._one_block()
             else:
-                self._stand()
+                self.clock.pause()
+                self.sleep(PERIOD)
             self._ended = self._ended or self.run.tick >= self.longest
             new = self.run.tick - self._kept
             if new >= PIECE_TICKS or ((new or self._changes) and not self._moving):
                 self._keep_piece()
         self._keep_piece(over=True)
-        self._send_frame()
+        self._send_news()
 
     @property
     def status(self) -> str:
@@ -101,26 +139,14 @@ class LiveLoop:
 
     def _one_block(self) -> None:
         """Wait for the next block, or run it if its time has come."""
-        wait = self.clock.wait(self.now())
+        wait, run = self.clock.wait(self.now()), self.run
         if wait > 0.0:
             self.sleep(wait)
             return  # for commands that came meanwhile
-        first = self.run.tick
-        self.run.advance(min(BLOCK_TICKS, self.longest - first))
-        if self.tells_rows:
-            self._send_rows(first)
+        run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self.longest - run.tick))
         self.clock.finished(self.now())
-        self._tell_requests()
-        # A look at the last row is always possible, and the page has yet to be shown what was not traced.
-        self.run.forget_rows(min(self._kept, self._traced) - 1)
-        if self.run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
-            self._send_frame()
-
-    def _stand(self) -> None:
-        self.clock.pause()
-        if self.now() - self._last_frame >= STILL_FRAME:
-            self._send_frame()
-        self.sleep(PERIOD)
+        self._send_news()
+        run.forget_rows(self._kept - 1)  # a look at the last row is always possible
 
     # ------------------------------------------------------------------ what is handed over
 
@@ -135,75 +161,37 @@ class LiveLoop:
         self._switches += len(piece.switches)
         self.keep(piece)
 
-    def _send_frame(self) -> None:
-        """Send the last row of the log, and the curves up to it."""
-        run = self.run
-        tick = max(run.tick - 1, 0)
-        rows = run.rows(tick)
-        self._last_frame = self.now()
-        frame = Frame(
-            tick=tick, time_s=tick * TICK, status=self.status,
-            log=self._named(rows[-1].tolist()) if len(rows) else {}, events=tuple(event_entries(run.events)),
-            deadlines=self.clock.statistics,
+    def _send_news(self) -> None:
+        """Send how the walk stands, and the rows of the log since the last time."""
+        run, first = self.run, self._told
+        self._told, trip = run.tick, run.trip
+        self.send(
+            {"kind": "news", "first": first, "tick": run.tick, "status": self.status,
+             "rows": base64.b64encode(np.ascontiguousarray(run.rows(first))).decode(),
+             "events": event_entries(run.events), "deadlines": asdict(self.clock.statistics),
+             "tripped": "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"}
         )  # fmt: skip
-        if self._traced < run.tick:
-            self._send_trace()
-        self.send(frame.to_dict())
-
-    def _send_trace(self) -> None:
-        """Send what the curves of a page did since the last frame."""
-        first, self._traced = self._traced, self.run.tick
-        rows, found = extremes(self.run.rows(first)[:, list(self._columns.values())])
-        ticks, shown = (first + rows).T.tolist(), found.T.tolist()
-        columns = {
-            name: [ticks[k], [finite_or_none(value) for value in shown[k]]]
-            for k, name in enumerate(self._columns)
-        }
-        self.send({"kind": "trace", "first": first, "end": self.run.tick, "columns": columns})
-
-    def _send_rows(self, first: int) -> None:
-        """Send the rows of a block as they are."""
-        rows, trip = np.ascontiguousarray(self.run.rows(first)), self.run.trip
-        tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
-        text = base64.b64encode(rows.tobytes()).decode()
-        self.send({"kind": "rows", "first": first, "rows": text, "tripped": tripped})
-
-    def _named(self, row: list[float]) -> dict[str, float | str]:
-        layout, names = self.run.layout, self.run.problem.table.phase_names
-        log: dict[str, float | str] = dict(zip(layout.names, row, strict=True))
-        for side in layout.legs:
-            log[f"{side}_phase"] = names[int(row[layout.positions[f"{side}_phase"]])]
-        return log
 
     # ------------------------------------------------------------------ commands
 
     def _take_commands(self) -> None:
+        """Obey what has come and answer it; what was obeyed is noted among the changes of the walk."""
         while (command := self.commands()) is not None:
+            answer = {"kind": "answer", "serial": command.get("serial", 0), "refused": "", "text": ""}
             try:
-                answer = self._obey(command)
+                answer |= self._obey(command)
             except TwinGaitError as error:
-                answer = {"refused": one_line(error)}
-            if answer is not None:  # after a restart the tick is that of the new walk
-                self._answer(command, self.run.tick, answer)
+                answer["refused"] = one_line(error)
+            answer.setdefault("tick", self.run.tick)  # after a restart it is that of the new walk
+            if "note" in command and not answer["refused"]:
+                note = {"text": answer["text"], **command["note"], "tick": answer["tick"]}
+                self._changes.append(note)
+            self.send(answer)
+            if not self._moving:  # else the next block tells how it stands
+                self._send_news()
 
-    def _answer(self, command: Command, tick: int, answer: Mapping[str, Any]) -> None:
-        """Answer a command and, if it was obeyed, note it among the changes of the walk."""
-        if not answer.get("refused") and "note" in command:
-            text = answer.get("text", command["note"].get("text", ""))
-            self._changes.append({**command["note"], "text": text, "tick": tick})
-        serial = command.get("serial", 0)
-        self.send({"kind": "answer", "serial": serial, "refused": "", **answer, "tick": tick})
-
-    def _tell_requests(self) -> None:
-        """Say what became of the requests of the ticks that have been run."""
-        while self._asked and self._asked[0][0].tick < self.run.tick:
-            asking, command = self._asked.pop(0)
-            found = self.run.answer(asking)
-            text = f"{found.request}: {found.before} → {found.after}"
-            self._answer(command, asking.tick, {"refused": found.refused, "text": text})
-
-    def _obey(self, command: Command) -> dict[str, Any] | None:
-        """Obey a command; gives what its answer has to tell, or None if that comes later."""
+    def _obey(self, command: Command) -> dict[str, Any]:
+        """Obey a command; gives what its answer has to tell, in words as ``text``."""
         name, run = command["command"], self.run
         if name in ("walk", "push", "fault", "step", "request"):
             self._require_going(name)
@@ -220,32 +208,38 @@ class LiveLoop:
                 run.set(command["numbers"])
             case "moment":
                 return {"moment": run.moment()}
-            case "request":  # answered when the tick has been run
-                self._asked.append((run.request(command["request"]), command))
-                return None
+            case "request":
+                answer = run.request(command["request"])
+                if answer.refused:
+                    raise ParameterError(answer.refused)
+                return {"text": f"{answer.request}: {answer.before} → {answer.after}", "tick": answer.tick}
             case "push":
-                run.push(command["joint"], command["torque"], command["ticks"])
+                joint, torque, duration = (command[name] for name in ("joint", "torque", "duration"))
+                names = [f"{item.side}_{item.joint}" for item in run.problem.joints]
+                run.push(names.index(joint), torque, ticks(duration))
+                return {"text": f"push {joint}: {torque:g} Nm for {duration:g} s"}
             case "fault":
                 run.inject(parse_fault(command["fault"]))
+                return {"text": f"fault {command['fault'].partition('@')[0]}"}
             case "step":
                 if not run.waiting():
                     way_out = "switch steps by hand on, and wait for the status"
                     raise ParameterError(f"step: no leg waits for one; {way_out}")
                 run.release()
-        return {}
+        return {"text": name}
 
     def _require_going(self, name: str) -> None:
         """Refuse what a walk that is over cannot do; in a hold the supervisor still answers."""
         held = self.run.trip is not None and name != "request"
         if held or self.run.status is not RunStatus.COMPLETED:
             raise ParameterError(f"{name}: the walk is over; start again")
+        if name == "request" and self.status == "paused":
+            raise ParameterError("request: the time stands still; let it go on")
 
     def _restart(self) -> None:
         if self.run.tick > 0:
             self._keep_piece(over=True)
         self.run.restart()
-        for _, command in self._asked:
-            self._answer(command, 0, {"refused": "a new walk has begun"})
-        self._asked, self.paused = [], False
+        self.paused = False
         self._begin()
         self.clock.pause()

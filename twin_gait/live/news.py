@@ -1,5 +1,6 @@
 """Events of a live session, and the process of its walk as its parent holds it."""
 
+import base64
 import contextlib
 import json
 import subprocess
@@ -8,18 +9,20 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import dump
 from twin_gait.gait.table import TICK
-from twin_gait.live.process import MOST_TRACES
 from twin_gait.live.protocol import Event, Message, MessageRefused, Response, SetControl
 from twin_gait.live.session_records import SessionRecorder
-from twin_gait.viewer.live_figure import Trace
+from twin_gait.simulation.log import log_layout
+from twin_gait.simulation.problem import Problem
 
 MOST_EVENTS = 1_000  # that are kept for pages that come late
-ANSWER_TIME = 60.0  # [s]; answers come within a block, unless the machine has stopped working
+MOST_BLOCKS = 800  # that are kept for pages: eight seconds, which is what a page remembers
 END_TIME = 30.0  # [s] in which the process closes its journal
 
 Answer = Mapping[str, Any]
@@ -66,37 +69,45 @@ class EventBook:
             return [item for item in self._events if item.serial > serial]
 
 
+class Block(NamedTuple):
+    """Some ticks of the walk."""
+
+    first: int  # of them
+    end: int  # the one after the last
+    columns: Mapping[str, np.ndarray]  # of the log by name, one row per tick; phases are names
+    tripped: str  # board that the monitor tripped on, such as ``left_knee``; empty for none
+
+
 _ENDINGS = ("held", "fell", "diverged")
 
 
 class WalkNews:
     """The process of the walk and what is known of its walks; told by the thread that reads, asked by any."""
 
-    def __init__(self, book: EventBook, *, on_compile: Callable[[], None]) -> None:
+    def __init__(self, book: EventBook, problem: Problem, *, on_compile: Callable[[], None]) -> None:
         """Prepare it. ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`."""
-        self.ready = threading.Event()  # set when the process walks, or has said why it cannot
-        self.frame: Mapping[str, Any] = {}  # the newest one; empty before the first
+        self.frame: Mapping[str, Any] = {}  # the newest news; empty before the first
         self.status = "starting"  # what the walk does
-        self.failure = self.death = ""  # why the process could not walk; how it died
-        # Takes the rows of the log for a bus, block by block.
-        self.on_rows: Callable[[Mapping[str, Any]], None] = lambda block: None
+        self.death = ""  # how the process died
+        self.on_block: Callable[[Block], None] = lambda block: None  # takes the walk, block by block
         self._book, self._on_compile = book, on_compile
-        self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
+        self._layout, self._phases = log_layout(problem), np.array(problem.table.phase_names)
+        self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
         self.process: subprocess.Popen[str] | None = None  # None before the start
         self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
         self._pending: dict[int, Future[Answer]] = {}
         self._serial = 0
         self._lock = threading.Lock()
 
-    def start(self, setup: Mapping[str, Any]) -> None:
-        """Start the process."""
+    def start(self, setup: Mapping[str, Any]) -> Future[Answer]:
+        """Start the process; its answer to the set-up is on the way."""
         # -P: what lies in the present folder is not ours to import.
         command = [sys.executable, "-P", "-m", "twin_gait.live.process"]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
-        self._send(setup)
         self._thread.start()
+        return self._send(setup)
 
     @property
     def alive(self) -> bool:
@@ -117,46 +128,27 @@ class WalkNews:
         self._thread.join()
         self.process.stdout.close()
 
-    # ------------------------------------------------------------------ commands
+    def ask(self, command: Mapping[str, Any]) -> Answer:
+        """Send a command and wait for the answer, which comes within a block.
 
-    def command(self, command: Mapping[str, Any]) -> Future[Answer]:
-        """Send a command; its answer is on the way.
-
-        Raises ParameterError if the process is gone, or has not been started.
+        Raises ParameterError if the process is gone, or has not been started. Raises MessageRefused if it
+        refuses the command.
         """
-        if self.process is None:
+        return answered(self._send(command))
+
+    def _send(self, command: Mapping[str, Any]) -> Future[Answer]:
+        if self.process is None or self.process.stdin is None:
             raise ParameterError("the walk has not begun yet")
         with self._lock:
             self._serial += 1
             coming = self._pending[self._serial] = Future()
             try:
-                self._send({**command, "serial": self._serial})
+                self.process.stdin.write(dump({**command, "serial": self._serial}) + "\n")
+                self.process.stdin.flush()
             except (OSError, ValueError) as error:
                 self._pending.pop(self._serial, None)
                 raise ParameterError("the walk has ended") from error
         return coming
-
-    def ask(self, command: Mapping[str, Any]) -> Answer:
-        """Send a command and wait for the answer, with the errors of :meth:`answer`."""
-        return self.answer(self.command(command))
-
-    def answer(self, coming: Future[Answer]) -> Answer:
-        """Wait for the answer to a command.
-
-        Raises ParameterError if the process is gone. Raises MessageRefused if it refuses the command.
-        """
-        try:
-            answer = coming.result(ANSWER_TIME)
-        except TimeoutError:
-            raise ParameterError(f"the walk has not answered for {ANSWER_TIME:g} s") from None
-        if answer["refused"]:
-            raise MessageRefused(answer["refused"])
-        return answer
-
-    def _send(self, data: Mapping[str, Any]) -> None:
-        assert self.process is not None and self.process.stdin is not None  # start() opened them
-        self.process.stdin.write(dump(data) + "\n")
-        self.process.stdin.flush()
 
     # ------------------------------------------------------------------ what it says
 
@@ -174,36 +166,33 @@ class WalkNews:
             case "answer":
                 if (coming := self._pending.pop(message["serial"], None)) is not None:
                     coming.set_result(message)
-            case "frame":
-                self._note_frame(message)
-            case "trace":
-                self._traces.append(message)
-            case "rows":
-                self.on_rows(message)
+            case "news":
+                self._note_news(message)
             case "compiling":
                 self._on_compile()
-            case "ready":
-                self.ready.set()
-            case "failed":
-                self.failure = message["text"]
-                self.ready.set()
             case "unkept":
                 self._book.emit("note", f"the walk is no longer kept: {message['text']}")
 
-    def _note_frame(self, frame: Mapping[str, Any]) -> None:
-        """Tell what the walk does by itself; the rest is for the pages."""
-        before, self.frame = self.status, frame
-        self._book.tick, self.status = frame["tick"], frame["status"]
+    def _note_news(self, news: Mapping[str, Any]) -> None:
+        """Keep the rows, and tell what the walk does by itself; the rest is for the pages."""
+        names = self._layout.names
+        rows = np.frombuffer(base64.b64decode(news["rows"])).reshape(-1, len(names))
+        if len(rows):
+            columns = dict(zip(names, rows.T, strict=True))
+            for name in (f"{side}_phase" for side in self._layout.legs):
+                columns[name] = self._phases[columns[name].astype(int)]
+            block = Block(news["first"], news["tick"], columns, news["tripped"])
+            self._blocks.append(block)
+            self.on_block(block)
+        before, self._book.tick, self.status = self.status, max(news["tick"] - 1, 0), news["status"]
+        self.frame = {**news, "tick": self._book.tick}
         if self.status != before and self.status in _ENDINGS and before not in ("starting", "ended"):
-            told = [event["text"] for event in frame["events"]]
+            told = [event["text"] for event in news["events"]]
             self._book.emit("note", "; ".join([*told, f"{self.status}: start again to walk"]))
 
     def _note_end(self, status: int) -> None:
         """Take the exit status of the process, which is gone; negative: killed by that signal."""
-        if not self.ready.is_set():
-            self.failure = "the process of the walk has ended unexpectedly"
-            self.ready.set()
-        elif status != 0:
+        if status != 0:
             how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
             self.death = f"the process of the walk died at {self._book.tick * TICK:.1f} s ({how})"
             self.status = "died"
@@ -211,6 +200,14 @@ class WalkNews:
             if self.frame:  # the last frame tells the pages too
                 self.frame = {**self.frame, "status": self.status}
 
-    def traces(self) -> list[Trace]:
-        """What the curves did since the last call, in order; of a long time the last eight seconds."""
-        return [self._traces.popleft() for _ in range(len(self._traces))]
+    def blocks(self) -> list[Block]:
+        """The walk since the last call, in order; of a long time the last eight seconds."""
+        return [self._blocks.popleft() for _ in range(len(self._blocks))]
+
+
+def answered(coming: Future[Answer]) -> Answer:
+    """Wait for an answer of the process, with the errors of :meth:`WalkNews.ask`."""
+    answer = coming.result()
+    if answer["refused"]:
+        raise MessageRefused(answer["refused"])
+    return answer

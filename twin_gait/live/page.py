@@ -1,30 +1,123 @@
-"""Between the simulation that runs live and the pages that show it: the server, its panels, the scene.
+"""Between the simulation that runs live and the pages that show it: the scene, the server, its panels.
 
-Frames move the scene and the numbers; events and the state of the controls go to the panels; what a panel
-says becomes a message of the session, or is refused if it is none.
+Blocks of the walk move the scene and the numbers; events and the state of the controls go to the panels; what
+a panel says becomes a message of the session, or is refused if it is none.
 """
 
 from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from tornado.web import RequestHandler
 
-from twin_gait.experiment import Experiment
+from twin_gait.control import SafetyState
+from twin_gait.files import finite_or_none
+from twin_gait.gait.table import TICK
 from twin_gait.live import protocol
+from twin_gait.live.news import Block
 from twin_gait.live.session import LiveSession
 from twin_gait.report.walk_words import describe
 from twin_gait.runs.run_page import modes_of, setting_of
-from twin_gait.simulation.log import state_columns
-from twin_gait.viewer.live_figure import LiveFigure
-from twin_gait.viewer.page import About, live_page
+from twin_gait.simulation.log import log_layout, state_columns
+from twin_gait.simulation.problem import Problem
+from twin_gait.viewer import surroundings
+from twin_gait.viewer.commands import Window
+from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, extremes, leg_columns, leg_values
+from twin_gait.viewer.page import About, live_page, page_data
+from twin_gait.viewer.scene import build_scene
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
+from twin_gait.vocabulary import HOLD
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
+_UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 Message = Mapping[str, Any]
+
+
+class LiveFigure:
+    """Draws the legs of an experiment and moves them after blocks of their log.
+
+    Attributes:
+        window: Takes the drawing; pages get it from there.
+        page: Description of the page.
+        phases: Of gait by leg; None in a hold and before the first block.
+        mode: Operating mode; None in a walk without modes, and before the first block.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Draw. Raises ModelError if the URDF cannot be read, ViewerError if a mesh cannot."""
+        experiment, model, columns = problem.experiment, problem.world.model, log_layout(problem).names
+        self.window = Window()
+        self.mode: str | None = None
+        self._scene = build_scene(self.window, model, drives=experiment.joints, **setting_of(experiment))
+        self._names, self._modes = (*experiment.table.phase_names, HOLD), modes_of(experiment)
+        self._coordinates, self._travelled, self._next = state_columns(model)[0], 0.0, 0
+        self.phases: dict[str, str | None] = dict.fromkeys(map(str, model.sides))
+        self._shown = {
+            side: [key for key in leg_columns(columns, side) if not key.endswith(_UNUSED)]
+            for side in model.sides
+        }
+        title = f"twin_gait live · {experiment.name}"
+        self.page = page_data(
+            About(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
+            view=self._scene.view, phases=self._names,
+            shown=self._shown, arrows=bool(self._scene.arrows),
+        )  # fmt: skip
+        self.window.send({"type": "page", "path": "", "page": self.page})
+
+    def show(self, blocks: Sequence[Block], events: Sequence[Mapping[str, Any]] = ()) -> None:
+        """Move everything to the last tick of some blocks, and draw the curves on."""
+        row = {name: column[-1:] for name, column in blocks[-1].columns.items()}
+        held = row["safety_state"][0] == SafetyState.HOLD.code
+        self.phases = {side: None if held else str(row[f"{side}_phase"][0]) for side in self.phases}
+        self.mode = self._modes[int(row[MODE][0])] if self._modes else None
+        posture = np.column_stack([row[name] for name in self._coordinates])
+        if not np.isfinite(posture).all():
+            return  # a walk that diverged stays as it was last seen
+        now = np.array([TICK * (blocks[-1].end - 1)])
+        codes = {side: self._names.index(self.phases[side] or HOLD) for side in self._shown}
+        legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in codes.items()}
+        self.window.apply(self._scene.state_at(Motion(now, posture, legs, self._names, row), 0))
+        self._move_belt(blocks)
+        numbers = [
+            {key: float(leg_values(row, side)[key][0]) for key in keys} | {"phase": codes[side]}
+            for side, keys in self._shown.items()
+        ]
+        sample = {"time": float(now[0]), "legs": numbers, "curves": self._curves(blocks)}
+        mode = {"mode": int(row[MODE][0])} if MODE in row else {}
+        self.window.sample({**sample, **mode, "events": list(events)})
+
+    def _move_belt(self, blocks: Sequence[Block]) -> None:
+        speeds = np.concatenate([block.columns.get("belt_speed_m_per_s", np.zeros(1)) for block in blocks])
+        self._travelled += TICK * float(speeds.sum())
+        if speeds.any():
+            offset = surroundings.belt_offset(self._travelled)
+            self.window.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
+
+    def _curves(self, blocks: Sequence[Block]) -> list[dict[str, Any]]:
+        """Times in [s] and values of every curve of every leg; no line where a block is missing."""
+        curves: list[dict[str, Any]] = []
+        for side, keys in self._shown.items():
+            times, values, expected = [], [], self._next
+            for block in blocks:
+                known = leg_values(block.columns, side)
+                rows, found = extremes(np.column_stack([known[key] for key in keys]))
+                if block.first != expected:
+                    times.append(np.full((1, len(keys)), block.first))
+                    values.append(np.full((1, len(keys)), np.nan))
+                times.append(block.first + rows)
+                values.append(found)
+                expected = block.end
+            when, what = np.round(TICK * np.concatenate(times), 3).T, np.concatenate(values).T
+            curves.append(
+                {key: {"times": when[k].tolist(), "values": list(map(finite_or_none, what[k].tolist()))}
+                 for k, key in enumerate(keys)}
+            )  # fmt: skip
+        self._next = blocks[-1].end
+        return curves
 
 
 class StopHandler(Guarded):
@@ -64,30 +157,19 @@ class Panel(GuardedSocket):
 class LivePage(SceneServer):
     """The pages of one live session; belongs to one event loop."""
 
-    def __init__(self, session: LiveSession, experiment: Experiment, *, port: int) -> None:
+    def __init__(self, session: LiveSession, *, port: int) -> None:
         """Draw the scene and listen.
 
         Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read or no port
         is free.
         """
         self._session = session
-        self._modes = modes_of(experiment)
-        self._sides = tuple(map(str, experiment.leg.legs))
         self._controls: tuple[protocol.Control, ...] = ()  # that the panels have been told of
-        self._short: dict[str, Any] = {}
+        self._told: dict[str, Any] = {}  # the last frame as the panels have it
         self._frame = session.news.frame  # the last one
         self._serial = 0
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
-        model = experiment.build_world().model
-        self._coordinates = state_columns(model)[0]
-        self.figure = LiveFigure(
-            model, drives=experiment.joints,
-            about=About(
-                title=f"twin_gait live · {experiment.name}",
-                subtitle=describe(experiment), modes=self._modes,
-            ),
-            phases=experiment.table.phase_names, **setting_of(experiment),
-        )  # fmt: skip
+        self.figure = LiveFigure(session.panel.problem)
         super().__init__(live_page(), first_port=port)
 
     def update(self) -> None:
@@ -105,17 +187,15 @@ class LivePage(SceneServer):
 
     def _show(self, frame: Message) -> None:
         """Show a moment on all pages."""
-        log = frame["log"]
-        if log:  # empty before the first tick
-            traces = self._session.news.traces()
-            q = [log[name] for name in self._coordinates]
-            self.figure.show(frame["time_s"], q, log, traces=traces, events=frame["events"])
+        if blocks := self._session.news.blocks():
+            self.figure.show(blocks, frame["events"])
             self.show(self.figure.window.changes())
-        phases = {side: None if log.get("safety_state") else log.get(f"{side}_phase") for side in self._sides}
-        mode = self._modes[int(log["mode"])] if self._modes and "mode" in log else None
-        read_out = {key: value for key, value in frame.items() if key != "log"}  # the scene has that
-        self._short = {**read_out, "phases": phases, "mode": mode}
-        self.tell(self._short, key="frame")
+        self._told = protocol.Frame(
+            tick=frame["tick"], time_s=frame["tick"] * TICK, status=frame["status"],
+            phases=self.figure.phases, mode=self.figure.mode,
+            deadlines=protocol.DeadlineStatistics(**frame["deadlines"]), events=tuple(frame["events"]),
+        ).to_dict()  # fmt: skip
+        self.tell(self._told, key="frame")
 
     # ------------------------------------------------------------------ what the server asks
 
@@ -145,8 +225,8 @@ class LivePage(SceneServer):
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         yield self._session.state().to_dict()
         yield from (event.to_dict() for event in self._session.book.after(0))
-        if self._short:
-            yield self._short
+        if self._told:
+            yield self._told
 
     def hear(self, panel: Panel, text: str | bytes) -> None:
         """Make a message of the session of what a page says."""

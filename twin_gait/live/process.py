@@ -1,11 +1,12 @@
 """The process of the live loop: ``python -m twin_gait.live.process``.
 
-It reads one JSON object per line from its standard input, first the set-up, then commands, and writes frames
-and answers likewise. The end of the input is the end of the process: however the parent dies, the loop stops,
-closes its journal and is gone. Nothing that it is sent is ever executed or unpickled.
+It reads one JSON object per line from its standard input, commands of which the first is the set-up, and
+writes news and answers likewise. The end of the input is the end of the process: however the parent dies, the
+loop stops, closes its journal and is gone. Nothing that it is sent is ever executed or unpickled.
 """
 
 import contextlib
+import gc
 import json
 import os
 import signal
@@ -24,30 +25,29 @@ from twin_gait.files import dump
 from twin_gait.live.journal import Journal
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import one_line
-from twin_gait.live.realtime import go_before_others
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import build_problem
 
-MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
+SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
+REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
+MOST_NEWS = 100  # kept for who does not read: a second
 
 
 class Sender:
     """Writes messages in a thread of its own: the loop never waits for a pipe.
 
-    All messages are kept in order, but for frames, of which only the newest is, and traces and rows, of which
-    those of some seconds are.
+    All messages are kept in order, but for news, of which those of a second are.
     """
 
     def __init__(self, stream: IO[str]) -> None:
         """Begin with nothing to write."""
         self._stream, self._called = stream, False
-        most = {"": None, "trace": MOST_TRACES, "rows": MOST_TRACES, "frame": 1}
-        self._waiting = {kind: deque[Mapping[str, Any]](maxlen=length) for kind, length in most.items()}
+        self._answers, self._news = deque[Mapping[str, Any]](), deque[Mapping[str, Any]](maxlen=MOST_NEWS)
         self._thread = ThreadPoolExecutor(1, "sender")
 
     def send(self, message: Mapping[str, Any]) -> None:
         """Take a message; returns at once."""
-        self._waiting.get(message["kind"], self._waiting[""]).append(message)
+        (self._news if message["kind"] == "news" else self._answers).append(message)
         if not self._called:
             self._called = True
             self._thread.submit(self._write).add_done_callback(Future.result)  # prints what is not expected
@@ -59,7 +59,7 @@ class Sender:
     def _write(self) -> None:
         self._called = False
         with contextlib.suppress(OSError, ValueError):  # the reader has gone
-            for messages in self._waiting.values():
+            for messages in (self._answers, self._news):
                 while messages:
                     self._stream.write(dump(messages.popleft()) + "\n")
             self._stream.flush()
@@ -82,26 +82,29 @@ def commands_from(stream: IO[str]) -> Callable[[], Mapping[str, Any] | None]:
     return lambda: waiting.popleft() if waiting else None
 
 
-def main() -> int:
-    """Read the set-up and walk.
-
-    Returns exit status: 0, or 2 if the set-up cannot be used.
-    """
+def main() -> None:
+    """Read the set-up and walk; the answer to the set-up says that the walk can begin, or why it cannot."""
     for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to the parent too, which ends us
         signal.signal(number, signal.SIG_IGN)
     sender = Sender(os.fdopen(os.dup(1), "w", encoding="utf-8"))
     os.dup2(2, 1)  # whatever else is printed must not run into the messages
     try:
-        _walk(json.loads(sys.stdin.readline()), sender)
-    except TwinGaitError as error:
-        sender.send({"kind": "failed", "text": one_line(error)})
-        return 2
+        setup = json.loads(sys.stdin.readline())
+        answer = {"kind": "answer", "serial": setup["serial"], "refused": ""}
+        try:
+            loop, journal = _laid_out(setup, sender)
+        except TwinGaitError as error:
+            sender.send({**answer, "refused": one_line(error)})
+            return
+        sender.send(answer)
+        go_before_others()
+        loop.walk()
+        journal.close()
     finally:
         sender.close()
-    return 0
 
 
-def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
+def _laid_out(setup: Mapping[str, Any], sender: Sender) -> tuple[LiveLoop, Journal]:
     experiment = experiment_from_mapping(setup["document"], "experiment", Path())
     run = SteppedRun(build_problem(experiment), on_compile=lambda: sender.send({"kind": "compiling"}))
     journal = Journal(run.layout.names, setup, lambda text: sender.send({"kind": "unkept", "text": text}))
@@ -113,14 +116,21 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
         send=sender.send,
         keep=journal.keep,
         longest=experiment.n_ticks,
-        paused=True,  # until the session is ready for it
-        tells_rows=setup["can"] is not None,
     )
-    sender.send({"kind": "ready"})
-    go_before_others()
-    loop.walk()
-    journal.close()
+    return loop, journal
+
+
+def go_before_others() -> None:
+    """Keep garbage collection, other threads and other processes out of the way of this one."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    gc.collect()
+    gc.disable()
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):  # not for every user: see ulimit -r
+            for thread in threading.enumerate():
+                priority = os.sched_param(REAL_TIME_PRIORITY)
+                os.sched_setscheduler(thread.native_id or 0, os.SCHED_RR, priority)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

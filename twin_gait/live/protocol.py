@@ -36,10 +36,6 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-# What a page can have done, beside setting a control.
-Action = Literal[
-    "walk", "pause", "step", "request", "push", "fault", "revert", "restart", "save", "stop"
-]  # fmt: skip
 ControlKind = Literal["number", "choice", "switch", "text"]  # how a control is drawn
 Response = Literal["applied", "refused", "note", "forecast"]  # what an event tells
 Value = float | str | bool
@@ -80,7 +76,7 @@ class DoAction(Strict):
     kind: Literal["do"] = "do"  # there is no other
     id: Name  # by which the page recognises the answer
     user: User = ""  # who
-    action: Action  # what to do
+    action: Name  # what to do, of those of the state
     # of the fields of the action; those left out take their defaults
     values: Mapping[str, Said] = {}
 
@@ -136,7 +132,7 @@ class Control:
 class ActionSpec:
     """An action with its fields."""
 
-    action: Action  # its name
+    action: str  # its name
     group: str  # tab of the panel
     label: str  # what the button says
     help: str  # one sentence
@@ -171,10 +167,10 @@ class Frame(ToPage):
     # ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or a trip), ``fell``,
     # ``diverged``, ``ended`` or ``died`` (the process, not the wearer)
     status: str
-    log: Mapping[str, float | str]  # the row of the log, by column; phases are names
+    phases: Mapping[str, str | None]  # of gait, by leg; null in a hold and before the first tick
+    mode: str | None  # operating mode; null in a walk without modes
     deadlines: DeadlineStatistics  # how well the blocks kept to the clock
-    # what befell the walk: kind, time in [s] and words each, see event_entries
-    events: tuple[Mapping[str, Any], ...] = ()
+    events: tuple[Mapping[str, Any], ...] = ()  # what befell the walk: kind, time in [s] and words each
 
 
 @dataclass(frozen=True, kw_only=True)

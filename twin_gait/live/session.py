@@ -2,7 +2,7 @@
 
 The walk runs in a process of its own (:mod:`twin_gait.live.process`). Here a message of a page is
 understood, held to the rules of the check in a thread of this process, and handed over as numbers; the walk
-waits for none of it. Stop, pause and the other actions that need no check do not wait for one either.
+waits for none of it. Stop, pause and the other actions that need no check have a thread of their own.
 """
 
 from __future__ import annotations
@@ -11,23 +11,25 @@ import contextlib
 import itertools
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.experiments import LoadedExperiment
-from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
+from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
-from twin_gait.live.controls import Actions
+from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
+from twin_gait.live.forecast import Place, errors_of, foresee
 from twin_gait.live.journal import complete, summary_of
-from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import DoAction, Message, SetControl, State, one_line
+from twin_gait.live.news import EventBook, WalkNews, answered
+from twin_gait.live.protocol import DoAction, Message, MessageRefused, SetControl, State, Value, one_line
 from twin_gait.live.session_records import SessionRecorder
-from twin_gait.live.tuning import Tuning
+from twin_gait.live.settings import Settings, loop_numbers
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
-from twin_gait.simulation.problem import ticks
 
 # Actions that wait for changes that are being checked; others go straight to the walk.
 CHECKED = ("revert", "save")
@@ -43,7 +45,9 @@ class LiveSession:
         user: Whose session it is.
         book: Events of the session.
         news: The process of the walk, and what is known of its walks.
-        tuning: The settings.
+        panel: The controls that there are.
+        settings: In force.
+        controls: Of the panel with the present values.
         folders: Run folders that have been written, at the end.
         summary: Of the last walk, at the end; empty if it could not be written.
         failure: Why a run folder could not be written; empty if it could.
@@ -77,10 +81,13 @@ class LiveSession:
         self._force, self._pictures, self._can, self._on_step = force, pictures, can, on_step
         self._link: CanLink | None = None
         self.book = EventBook()
-        self.news = WalkNews(self.book, on_compile=on_compile)
-        self.tuning = Tuning(loaded, self.news, self.book)
-        self._actions = Actions(self.tuning.panel.problem)
-        self._worker = ThreadPoolExecutor(1, "live worker")
+        self.panel = Panel(loaded.experiment)
+        self.settings: Settings = self.panel.preset
+        self.controls = self.panel.controls(self.settings)
+        self._known: Mapping[Place, str] = {}
+        self._actions = tuple(action_specs(self.panel.problem))
+        self.news = WalkNews(self.book, self.panel.problem, on_compile=on_compile)
+        self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ beginning and end
 
@@ -96,32 +103,27 @@ class LiveSession:
     def start(self) -> None:
         """Start the process and wait until it walks.
 
-        Raises RunDirectoryError if the run folder may not be used. Raises ParameterError if the experiment
-        cannot be walked live, or the bus cannot be opened. Raises MissingOptionalDependency if a bus is asked
-        for without python-can.
+        Raises RunDirectoryError if the run folder may not be used. Raises MessageRefused if the experiment
+        cannot be walked live, ParameterError if the bus cannot be opened, MissingOptionalDependency if one is
+        asked for without python-can.
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self._force)
         document = self._loaded.document
-        setup = {"document": document, "folder": str(self.folder), "force": self._force, "can": self._can}
+        setup = {"document": document, "folder": str(self.folder), "force": self._force}
         with contextlib.ExitStack() as undo:
             undo.callback(self._close_processes)
             self._begin(setup)
             undo.pop_all()
-        self.news.ask({"command": "walk"})
 
     def _begin(self, setup: Mapping[str, Any]) -> None:
-        """Start the process; while it gets ready, check what the session begins with."""
+        """Start the process; what is first asked for waits until the settings are prepared."""
         if self._can is not None:
-            self._link = CanLink(self._can, self.tuning.panel.problem, book=self.book, submit=self.submit)
-            self.news.on_rows = self._link.take
-        self.news.start(setup)
-        self.tuning.check_first()
-        self.news.ready.wait()
-        if self.news.failure:
-            raise ParameterError(self.news.failure)
-        self._worker.submit(lambda: self.tuning.ahead)  # before the first forecast is asked for
+            self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
+            self.news.on_block = self._link.take
+        answered(self.news.start(setup))
+        self._worker.submit(self._prepare).add_done_callback(Future.result)
         if self._records is not None:
             name = self._loaded.experiment.name
             self.book.recorder = SessionRecorder(
@@ -132,7 +134,8 @@ class LiveSession:
         if self._link is not None:
             self._link.close()
         self.news.close()
-        self._worker.shutdown(cancel_futures=True)
+        for worker in (self._worker, self._hands):
+            worker.shutdown(cancel_futures=True)
 
     def close(self) -> None:
         """End the walk, write the run folders, and close the record."""
@@ -152,71 +155,96 @@ class LiveSession:
 
     # ------------------------------------------------------------------ what pages ask for
 
-    def submit(self, message: Message) -> None:
-        """Take a message of a page; an event tells what became of it."""
-        if isinstance(message, DoAction) and message.action not in CHECKED:
-            self._guarded(message, self._do_directly)
-            return
+    def submit(self, message: Message) -> Future[None] | None:
+        """Take a message of a page; an event tells what became of it, and then what is returned is done."""
+        checked = isinstance(message, SetControl) or message.action in CHECKED
+        worker = self._worker if checked else self._hands
         with contextlib.suppress(RuntimeError):  # it has been closed
+            coming = worker.submit(self._work, message)
             # What the work does not expect is an error of the program: it is printed, not lost.
-            self._worker.submit(self._guarded, message, self._handle).add_done_callback(Future.result)
+            coming.add_done_callback(Future.result)
+            return coming
+        return None
 
     def state(self) -> State:
         """The panel with its present values."""
-        problem = self.tuning.panel.problem
+        table = self.panel.problem.table
         return State(
-            experiment=self._loaded.experiment.name, phases=problem.table.phase_names,
-            joints=tuple(problem.table.joints),
-            controls=self.tuning.controls, actions=self._actions.specs,
+            experiment=self._loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
+            controls=self.controls, actions=self._actions,
         )  # fmt: skip
 
     # ------------------------------------------------------------------ working them off
 
-    def _guarded(self, message: Message, handle: Callable[[Any], None]) -> None:
+    def _work(self, message: Message) -> None:
         try:
-            handle(message)
+            if isinstance(message, SetControl):
+                settings = self.panel.set(self.settings, message.control, message.value)
+                self._turn(message, settings, message.control, message.value)
+            elif message.action == "revert":
+                name = str(values_of(self._actions, message)["control"])
+                settings = self.panel.revert(self.settings, name)
+                self._turn(message, settings, name, self.panel.value_of(settings, name))
+            elif message.action == "save":
+                self._save(message)
+            else:
+                self._do(message, values_of(self._actions, message))
         except TwinGaitError as error:
-            value = getattr(message, "value", None)
-            self.book.answer(message, "refused", one_line(error), value=value)
+            self.book.answer(message, "refused", one_line(error), value=getattr(message, "value", None))
 
-    def _handle(self, message: Message) -> None:
-        if isinstance(message, SetControl):
-            self.tuning.set(message)
-        elif message.action == "revert":
-            self.tuning.revert(message, str(self._actions.values_of(message)["control"]))
-        else:
-            self._save(message)
+    def _prepare(self) -> None:
+        """Find errors that are there, and so not the fault of a change, and the run that looks ahead."""
+        self._known = errors_of(self.settings)
+        self._ahead = SteppedRun(self.panel.problem)
 
-    def _do_directly(self, message: DoAction) -> None:
-        values, name = self._actions.values_of(message), str(message.action)
-        note = {"user": message.user, "subject": name, "text": name}
-        command: dict[str, Any] = {"command": name, "note": note}
-        if message.action == "push":
-            joint, torque, duration = str(values["joint"]), float(values["torque"]), float(values["duration"])
-            number = self._actions.joint_names.index(joint)
-            command |= {"joint": number, "torque": torque, "ticks": ticks(duration)}
-            note["text"] = f"push {joint}: {torque:g} Nm for {duration:g} s"
-        elif message.action == "request":
-            command["request"] = str(values["request"])
-        elif message.action == "fault":
-            command["fault"] = str(self._actions.fault_of(values))
-            note["text"] = f"fault {command['fault'].partition('@')[0]}"
+    def _turn(self, message: Message, settings: Settings, name: str, value: Value | None) -> None:
+        """Hold new settings to the rules, and hand them to the walk, or only foresee what they would do."""
+        before, known = self.panel.value_of(self.settings, name), self._known
+        text, change = _told(name, before, value), {"subject": name, "before": before, "value": value}
+        if settings.driving != self.settings.driving:
+            known = errors_of(settings)
+            for place, error in known.items():
+                if place not in self._known:
+                    raise MessageRefused(error)
+        numbers = loop_numbers(settings)
+        if message.kind == "try":
+            now = self.news.ask({"command": "moment"})
+            found = foresee(self._ahead, now["moment"], numbers)
+            text, forecast = f"forecast of {text}: {found.text}", asdict(found)
+            self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
+            return
+        note = {"user": message.user, **change, "text": text}
+        tick = self.news.ask({"command": "settings", "numbers": numbers, "note": note})["tick"]
+        if settings.table != self.settings.table and self.book.recorder is not None:
+            self.book.recorder.table(table_document(settings.table), tick)
+        self.settings, self._known, self.controls = settings, known, self.panel.controls(settings)
+        self.book.answer(message, "applied", text, tick=tick, **change)
 
-        def tell(answer: Mapping[str, Any]) -> None:
-            text = answer.get("text", note["text"])
-            self.book.answer(message, "applied", text, tick=answer["tick"])
-
-        coming = self.news.command(command)
-        coming.add_done_callback(
-            lambda answered: self._guarded(message, lambda _: tell(self.news.answer(answered)))
-        )
+    def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
+        """Have an action done by the process of the walk."""
+        name = str(message.action)
+        if name == "fault":
+            values = {"fault": fault_text(values)}
+        note = {"user": message.user, "subject": name}
+        answer = self.news.ask({"command": name, "note": note, **values})
+        self.book.answer(message, "applied", answer["text"], tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
-        table = self.tuning.settings.table
+        table = self.settings.table
         # Tables of an earlier session with this --out stay.
         name = f"{self.folder.name}-table-"
         names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
         path = write_new(names, dump_yaml({**table_document(table), "name": f"{table.name}_live"}))
         text = f"saved {path}; run it with: twin-gait simulate EXPERIMENT --set table={path}"
         self.book.answer(message, "applied", text, value=str(path))
+
+
+def _told(subject: str, before: Value | None, value: Value | None) -> str:
+    if subject == EVERYTHING:
+        return "everything as it began"
+    return f"{subject}: {_shown(before)} → {_shown(value)}"
+
+
+def _shown(value: Value | None) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value).lower() if value is not None else "?"

@@ -24,7 +24,6 @@ from twin_gait.runs.folders import hold
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
 _DETAILS = frozenset({"document", "summary", "tables", "log"})  # that a list of sessions leaves out
-_LOGGED = ("serial", "tick", "response", "user", "subject", "before", "value", "text")
 
 
 class SessionError(TwinGaitError):
@@ -71,7 +70,7 @@ class SessionRecorder:
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
-        self._put(_logged(event))
+        self._put({"event": {**vars(event), "at": _now()}})
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
         """Record a version of the gait table and its first tick."""
@@ -79,12 +78,13 @@ class SessionRecorder:
 
     def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> None:
         """Record how and in which tick the last walk ended, with its summary; wait until it is written."""
-        self._put(_end(status, tick, summary, folders))
+        end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
+        self._put({"end": {**end, "folders": list(map(str, folders))}})
         self._thread.shutdown()
         os.close(self._descriptor)
 
     def _put(self, entry: Mapping[str, Any]) -> Future[None]:
-        self._waiting.append(_line(entry))
+        self._waiting.append(json.dumps(entry, ensure_ascii=False) + "\n")
         return self._thread.submit(self._write)
 
     def _write(self) -> None:
@@ -110,15 +110,6 @@ def _make(folder: Path) -> tuple[int, int]:
             return number, descriptor
 
 
-def _logged(event: Event) -> dict[str, Any]:
-    return {"event": {**{name: getattr(event, name) for name in _LOGGED}, "at": _now()}}
-
-
-def _end(status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> dict[str, Any]:
-    end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
-    return {"end": {**end, "folders": list(map(str, folders))}}
-
-
 def _file(folder: Path, session: int) -> Path:
     return folder / f"{session}.jsonl"
 
@@ -132,7 +123,9 @@ def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]
 
     Raises SessionError if the record cannot be read.
     """
-    entries = [_read(folder, number) for number in reversed(_known(folder))]
+    if not folder.is_dir():
+        raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live makes one")
+    entries = [read_session(folder, number) for number in reversed(_numbers(folder))]
     return [
         {key: value for key, value in item.items() if key not in _DETAILS}
         for item in entries
@@ -149,60 +142,14 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
     ``versions`` of the table there were; ``document`` of the experiment, ``summary``, ``tables`` and ``log``:
     every event in order. Raises SessionError if there is no such session.
     """
-    if session not in _known(folder):
-        raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all")
-    return _read(folder, session)
-
-
-def close_killed(
-    folder: Path, session: int, *, tick: int, text: str, summary: Mapping[str, Any], folders: Iterable[Path]
-) -> None:
-    """Record how a session ended whose own processes no longer could.
-
-    ``tick``: ticks that are kept of the last walk; ``text``: what happened, in one sentence; becomes the last
-    entry of the session's log. Raises SessionError if the record cannot be written.
-    """
-    serial = len(_read(folder, session)["log"]) + 1
-    note = Event(serial=serial, response="note", text=text, tick=tick)
-    path = _file(folder, session)
-    try:
-        with path.open("r+b") as file:
-            file.truncate(file.read().rfind(b"\n") + 1)  # a line that the kill has cut short goes
-            file.seek(0, os.SEEK_END)
-            file.write((_line(_logged(note)) + _line(_end(KILLED, tick, summary, folders))).encode())
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise _unusable(path, error) from error
-
-
-def delete_session(folder: Path, session: int) -> None:
-    """Take a session out of the record; its run folders stay.
-
-    Raises SessionError if there is no such session, or it is still going on.
-    """
-    if read_session(folder, session)["status"] == GOING_ON:
-        raise SessionError(f"{folder}: session {session} is going on; end it first")
-    _file(folder, session).unlink(missing_ok=True)
-
-
-def _known(folder: Path) -> list[int]:
-    if not folder.is_dir():
-        raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live makes one")
-    return _numbers(folder)
-
-
-def _line(entry: Mapping[str, Any]) -> str:
-    return json.dumps(entry, ensure_ascii=False) + "\n"
-
-
-def _read(folder: Path, session: int) -> dict[str, Any]:
-    """All that :func:`read_session` gives."""
     path = _file(folder, session)
     try:
         if (held := hold(path)) is not None:
             os.close(held)
         text = path.read_bytes().decode(errors="replace")
+    except FileNotFoundError:
+        text = f"{folder}: no session {session}; twin-gait sessions list shows all"
+        raise SessionError(text) from None
     except OSError as error:
         raise _unusable(path, error) from error
     try:
@@ -228,3 +175,13 @@ def _read(folder: Path, session: int) -> dict[str, Any]:
         }
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SessionError(f"{path}: is not the record of a session; move it away") from error
+
+
+def delete_session(folder: Path, session: int) -> None:
+    """Take a session out of the record; its run folders stay.
+
+    Raises SessionError if there is no such session, or it is still going on.
+    """
+    if read_session(folder, session)["status"] == GOING_ON:
+        raise SessionError(f"{folder}: session {session} is going on; end it first")
+    _file(folder, session).unlink(missing_ok=True)

@@ -2,45 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.live.protocol import Value
 from twin_gait.network.messages import CODES
+from twin_gait.parameters import quantities
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 # The step that waits for a hand in manual mode begins where this phase ends.
 HELD_PHASE = GaitPhase.LATE_STANCE
-
-
 # What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4).
 MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 
 
-@dataclass(frozen=True)
-class MonitorJoint:
+@dataclass(frozen=True, kw_only=True)
+class MonitorJoint(JointImpedance):
     """What the monitor sets on one joint."""
 
-    stiffness: float  # k in [N m] / [rad]
-    damping: float  # b in [N m s] / [rad]
-    equilibrium_angle: float  # θ0 in [rad]
-    friction_compensation_gain: float  # g
-    target_torque: float = field(default=0.0, kw_only=True)  # in [N m]
-
-    def impedance(self, mode: str) -> JointImpedance:
-        """The impedance that a mode asks for; friction and torque control have no spring and no damper."""
-        springs = mode == IMPEDANCE
-        return JointImpedance(
-            stiffness=self.stiffness if springs else 0.0,
-            damping=self.damping if springs else 0.0,
-            equilibrium_angle=self.equilibrium_angle,
-            friction_compensation_gain=self.friction_compensation_gain,
-        )
+    target_torque: quantities.Torque = 0.0  # in [N m]
 
 
 MonitoredJoints = Mapping[tuple[Side, JointName], MonitorJoint]
@@ -78,11 +63,15 @@ class Settings:
 
 
 def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: str) -> GaitTable:
-    """A table whose phases all have what the monitor sets."""
+    """A table whose phases all have what the monitor sets.
+
+    Friction and torque control have no spring and no damper.
+    """
     sides = tuple(dict.fromkeys(side for side, _ in monitor))
+    without = {} if mode == IMPEDANCE else {"stiffness": 0.0, "damping": 0.0}
     everywhere = {}
     for side in sides:
-        joints = {name: monitor[side, JointName(name)].impedance(mode) for name in table.joints}
+        joints = {name: replace(monitor[side, JointName(name)], **without) for name in table.joints}
         everywhere[side] = dict.fromkeys(table.phases, PhaseParameters(joints=joints))
     own = everywhere if len(sides) > 1 else {}
     return replace(table, phases=everywhere[sides[0]], side_phases=own, scaling=Scaling())
@@ -98,10 +87,13 @@ def first_settings(experiment: Experiment) -> Settings:
     monitor = {}
     for number, joint in enumerate(problem.joints):
         leg, place = divmod(number, problem.joints_per_leg)
-        first = COLUMNS_PER_JOINT * place
-        row = problem.phase_rows[leg, 0, first : first + COLUMNS_PER_JOINT].tolist()
-        target = experiment.control.target_torque.get(joint.joint, 0.0)
-        monitor[joint.side, joint.joint] = MonitorJoint(*row, target_torque=target)
+        k, b, zero, gain = problem.phase_rows[leg, 0].tolist()[COLUMNS_PER_JOINT * place :][
+            :COLUMNS_PER_JOINT
+        ]
+        monitor[joint.side, joint.joint] = MonitorJoint(
+            stiffness=k, damping=b, equilibrium_angle=zero, friction_compensation_gain=gain,
+            target_torque=experiment.control.target_torque.get(joint.joint, 0.0),
+        )  # fmt: skip
     return Settings(experiment=experiment, monitor=monitor)
 
 
@@ -124,68 +116,65 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     }
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a control of a joint reaches: into the table, or to what the monitor sets."""
+class Place(NamedTuple):
+    """Where the controls of a joint reach: into the table, or to what the monitor sets."""
 
-    phase: str  # of gait; empty for the monitor
+    name: str  # with which those of its controls begin
+    path: Sequence[Any]  # of the record in the settings: fields and keys
     joint: str  # of the leg
-    side: Side | None  # of the phases that differ on this side; None for those that both sides share
+    side: Side | None  # of the phases that differ on this side, and of the monitor; None for what both share
     leg: Side  # that it reaches
-
-    @property
-    def prefix(self) -> str:
-        """Name of the place, with which the names of its controls begin."""
-        parts = (self.side, self.phase) if self.phase else ("monitor", self.side)
-        return ".".join(filter(None, (*parts, self.joint)))
-
-    def _phases(self, table: GaitTable) -> Mapping[str, PhaseParameters]:
-        return table.phases if self.side is None else table.side_phases[self.side]
+    phase: str | None = None  # of gait; None for the monitor
 
     def record(self, settings: Settings) -> Any:
-        """The impedance there, or what the monitor has."""
-        if not self.phase:
-            return settings.monitor[self.side, self.joint]  # type: ignore[index]
-        return self._phases(settings.table)[self.phase].joints[self.joint]
+        """The impedance there."""
+        found: Any = settings
+        for step in self.path:
+            found = found[step] if isinstance(found, Mapping) else getattr(found, step)
+        return found
 
     def damping(self, problem: Problem) -> float:
         """Damping b in the table in [N m s] / [rad], its ratio resolved."""
+        assert self.phase is not None  # it is in the table
         column = COLUMNS_PER_JOINT * problem.table.joints.index(self.joint) + DAMPING
         rows = problem.phase_rows[problem.sides.index(self.leg)]
         return float(rows[problem.table.phase_index(self.phase), column])
 
     def read(self, name: str, settings: Settings) -> Any:
-        """A field of it."""
+        """A field of the record."""
         return getattr(self.record(settings), name)
 
     def write(self, name: str, settings: Settings, value: float) -> Settings:
-        """Settings with another value of a field of it."""
-        record, ratio = self.record(settings), f"{name}_ratio"
-        fields = {name: value} | ({ratio: None} if hasattr(record, ratio) else {})
-        joint: Any = replace(record, **fields)
-        table: GaitTable = settings.table
-        if not self.phase:
-            monitor: dict[Any, MonitorJoint] = {**settings.monitor, (self.side, self.joint): joint}
-            return replace(settings, monitor=monitor)
-        phases = self._phases(table)
-        phase = phases[self.phase]
-        changed = {**phases, self.phase: replace(phase, joints={**phase.joints, self.joint: joint})}
-        if self.side is None:
-            table = replace(table, phases=changed)
-        else:
-            table = replace(table, side_phases={**table.side_phases, self.side: changed})
-        return replace(settings, experiment=replace(settings.experiment, table=table))
+        """Settings with another value of a field of the record."""
+        fields = {name: value} | ({"damping_ratio": None} if name == "damping" else {})
+        return replaced(settings, self.path, replace(self.record(settings), **fields))  # type: ignore[no-any-return]
 
 
-def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:
-    """All places of a table.
+def replaced(record: Any, path: Sequence[Any], value: Any) -> Any:
+    """A record with another value deep inside of it, under fields and keys."""
+    if not path:
+        return value
+    step, rest = path[0], path[1:]
+    if isinstance(record, Mapping):
+        return {**record, step: replaced(record[step], rest, value)}
+    return replace(record, **{step: replaced(getattr(record, step), rest, value)})
 
-    ``sides``: legs that there are; phases that differ on one of them are places of their own. Yields the
-    places in the order of phases and joints.
+
+def places(settings: Settings, sides: tuple[Side, ...]) -> Iterator[Place]:
+    """All places of the table, in the order of phases and joints, and of the monitor.
+
+    ``sides``: legs that there are; phases that differ on one of them are places of their own.
     """
+    table, at = settings.table, ("experiment", "table")
     for phase in table.phases:
         own = [side for side in sides if phase in table.side_phases.get(side, {})]
         common = [side for side in sides if side not in own]
-        for side, leg in (*((None, leg) for leg in common[:1]), *((side, side) for side in own)):
-            for joint in table.joints:
-                yield Place(phase, joint, side, leg)
+        for joint in table.joints:
+            rest = (phase, "joints", joint)
+            if common:
+                yield Place(f"{phase}.{joint}", (*at, "phases", *rest), joint, None, common[0], phase)
+            for side in own:
+                path = (*at, "side_phases", side, *rest)
+                yield Place(f"{side}.{phase}.{joint}", path, joint, side, side, phase)
+    for side, joint in settings.monitor:
+        yield Place(f"monitor.{side}.{joint}", ("monitor", (side, joint)), joint, side, side)

@@ -9,7 +9,7 @@ belt or the support, push the leg or inject a fault, and go on. Without a change
 import base64
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,13 +36,6 @@ FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
 WAIT_TICKS = 10  # between two looks at whether a leg waits
 MOST_FAULTS = 16  # that can be injected into one walk
-
-
-class Asking(NamedTuple):
-    """A request that is made of the supervisor."""
-
-    tick: int  # in which it is heard
-    entry_tick: int  # of the mode in which the device was when it was made
 
 
 class SteppedRun:
@@ -80,7 +73,6 @@ class SteppedRun:
         self.injected: tuple[Fault, ...] = ()
         self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
         self.held_phase: int | None = None
-        self._released_at: int | None = None
         self._watching = True
         self._belt_speed, self._belt_waits = float(problem.world.belt.cruise), False
 
@@ -134,11 +126,13 @@ class SteppedRun:
             over = self._push_ends <= self.tick
             self._episode["joints"]["push"][over], self._push_ends[over] = 0.0, NEVER
             piece = ticks if self.held_phase is None else WAIT_TICKS
-            if self._fades or self._released_at is not None:
+            if self._fades or self._released:
                 piece = 1
             until = min(end, self.tick + piece, int(self._push_ends.min()))
+            there = self._legs_in_held_phase()
             self.tick = self._engine.run_ticks(self.tick, until, rows, first)
-            self._hold_again()
+            if self._released and (there & ~self._legs_in_held_phase()).any():
+                self.hold_phase(self.held_phase)  # after the step that was let go the next one waits again
         self._log.append((first, rows[: self.tick - first]))
         return self._log[-1][1]
 
@@ -182,7 +176,6 @@ class SteppedRun:
             "push_ends": self._push_ends.tolist(),
             "watching": self._watching,
             "held": self.held_phase,
-            "released": self._released_at is not None,
             "belt": (self._belt_speed, self._belt_waits),
         }
 
@@ -195,7 +188,6 @@ class SteppedRun:
         self._push_ends[:] = moment["push_ends"]
         self.tick, self._log = moment["tick"], []
         self._watching, self.held_phase = moment["watching"], moment["held"]
-        self._released_at = 0 if moment["released"] else None
         self._belt_speed, self._belt_waits = moment["belt"]
 
     def fade(self, name: str, target: ArrayLike, ticks: int = FADE_TICKS) -> None:
@@ -255,73 +247,60 @@ class SteppedRun:
         self.injected += (replace(fault, time=self.tick * TICK),)
         self._episode["first_fault"] = faults["start_tick"].min()
 
-    def request(self, name: str) -> Asking:
-        """Ask the supervisor for something in the next tick in which nothing else is asked for.
+    def request(self, name: str) -> Answer:
+        """Ask the supervisor for something, run the next tick, which hears it, and give its answer.
 
         Raises ParameterError if there are no modes, they know no such request, or too many wait.
         """
-        modes = self.problem.experiment.modes
+        problem, modes, tick = self.problem, self.problem.experiment.modes, self.tick
         if modes is None or name not in modes.requests:
             known = "nothing" if modes is None else ", ".join(modes.requests)
             raise ParameterError(f"request {name!r}: the modes answer {known}")
         asked, supervisor = self._episode["requests"], self._episode["controller"]["supervisor"]
-        free = np.flatnonzero(asked["tick"] < self.tick)
-        if len(free) == 0:
-            raise ParameterError(f"request {name}: too many wait; let the time go on")
-        tick = self.tick
-        while tick in asked["tick"]:
-            tick += 1
+        free = np.flatnonzero(asked["tick"] < tick)
+        if len(free) == 0 or tick in asked["tick"]:
+            raise ParameterError(f"request {name}: others wait; let the time go on")
         asked[free[0]] = tick, 1 + modes.requests.index(name)
-        return Asking(tick, int(supervisor["entry_tick"]))
-
-    def answer(self, asking: Asking) -> Answer:
-        """What became of a request whose tick has been run, and whose row has not been forgotten."""
-        problem, modes, place = self.problem, self.problem.experiment.modes, min(asking.tick, 1)
-        assert modes is not None  # it has been asked for
-        log = log_table(self.rows(asking.tick - place)[: place + 1], self.layout, problem.table)
-        before = problem.experiment.initial_mode or modes.phase_names[0]
-        if place:
-            before = modes.phase_names[int(log["mode"].iloc[0])]
-        entry = int(self._episode["controller"]["supervisor"]["entry_tick"])
-        ticks = asking.tick - (entry if entry < asking.tick else asking.entry_tick)
+        before, ticks = modes.phase_names[supervisor["mode"]], tick - int(supervisor["entry_tick"])
+        self.advance(1)
+        log = log_table(self.rows(tick - 1), self.layout, problem.table)
         weight = problem.world.body_weight
-        found = answer_at(log, place, before, ticks, modes, problem.table, weight)
-        return found._replace(tick=asking.tick)
+        found = answer_at(log, len(log) - 1, before, ticks, modes, problem.table, weight)
+        return found._replace(tick=tick)
 
     def hold_phase(self, phase: int | None) -> None:
         """Let no leg leave a phase, by index, or with None let all of them go their way again.
 
         As long as a phase is held the monitor does not watch how long a leg stays.
         """
-        self.held_phase, self._released_at = phase, None
-        minimum = self._episode["controller"]["program"]["minimum_ticks"]
-        minimum[:] = self.problem.program.minimum_ticks
+        self.held_phase = phase
+        self.release()
         if phase is not None:
-            minimum[phase] = NEVER
+            self._episode["controller"]["program"]["minimum_ticks"][phase] = NEVER
         self._note_phase_time_out()
+
+    @property
+    def _released(self) -> bool:
+        """Whether a leg may leave the held phase."""
+        minimum = self._episode["controller"]["program"]["minimum_ticks"]
+        return self.held_phase is not None and bool(minimum[self.held_phase] != NEVER)
+
+    def _legs_in_held_phase(self) -> np.ndarray:
+        return np.asarray(self._episode["controller"]["legs"]["phase"] == self.held_phase)
 
     def waiting(self) -> tuple[int, ...]:
         """Legs that stand in the held phase with an exit open."""
-        if self.held_phase is None or self._released_at is not None:
+        if self.held_phase is None or self._released:
             return ()
         controller = self._episode["controller"]
         legs, rules = controller["legs"], controller["program"]["transitions"]
         due = (rules["source"] == self.held_phase) & (legs["debounce"] >= rules["debounce_ticks"])
-        return tuple(np.flatnonzero((legs["phase"] == self.held_phase) & due.any(axis=1)).tolist())
+        return tuple(np.flatnonzero(self._legs_in_held_phase() & due.any(axis=1)).tolist())
 
     def release(self) -> None:
         """Let one leg leave the held phase, now or as soon as an exit opens."""
         minimum = self._episode["controller"]["program"]["minimum_ticks"]
         minimum[:] = self.problem.program.minimum_ticks
-        self._released_at = int(self._episode["recording"]["n_switches"])
-
-    def _hold_again(self) -> None:
-        """After the step that was let go the next one waits again."""
-        if self._released_at is None:
-            return
-        switched = self._engine.switches[self._released_at : self._episode["recording"]["n_switches"]]
-        if self.held_phase in switched["source"]:
-            self.hold_phase(self.held_phase)
 
     def _note_phase_time_out(self) -> None:
         limits = self._episode["limits"]

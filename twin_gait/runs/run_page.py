@@ -16,7 +16,7 @@ from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
 from twin_gait.viewer.page import About, recorded_page
-from twin_gait.viewer.staging import Setting
+from twin_gait.viewer.scene import Setting
 from twin_gait.vocabulary import Surroundings
 
 

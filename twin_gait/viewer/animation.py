@@ -19,9 +19,8 @@ from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, Window, rgb, set_animation
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
-from twin_gait.viewer.page import About, leg_entry, packed, packed_json, page_data, recorded_page
-from twin_gait.viewer.scene import Scene
-from twin_gait.viewer.staging import Setting, build_scene, build_urdf_scene
+from twin_gait.viewer.page import About, packed, packed_json, page_data, recorded_page
+from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
@@ -63,8 +62,7 @@ def recorded_run(
         mode="recorded",
         view=scene.view,
         phases=motion.phase_names,
-        legs=[leg_entry(side, ["phase", *leg.curves]) for side, leg in motion.legs.items()],
-        missing_meshes=scene.missing_meshes,
+        shown={side: leg.curves for side, leg in motion.legs.items()},
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
         strides=_strides(log, model, motion),
@@ -171,37 +169,32 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     counted = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
     page = page_data(
         About(title=urdf.name, subtitle=counted), mode="model", view=scene.view,
-        missing_meshes=scene.missing_meshes, joints=joint_entries(scene.figure),
+        joints=list(joint_entries(scene.figure)),
         scene=packed(recorder.packed()),
     )  # fmt: skip
     return recorded_page([page])
 
 
-def joint_entries(figure: Figure) -> list[dict[str, Any]]:
+def joint_entries(figure: Figure) -> Iterator[dict[str, Any]]:
     """What a slider needs to know of each joint that turns about or slides along one axis.
 
-    Returns name, place in the scene, ``slides``, axis in the frame of the joint, position in [m] and
+    Yields name, place in the scene, ``slides``, axis in the frame of the joint, position in [m] and
     quaternion (x, y, z, w) at zero, and range in [rad] or [m], which is ``free`` if the file has no limits.
     """
-    model = figure.model
-    rest = figure.posture(pin.neutral(model))
-    entries = []
+    model, rest = figure.model, figure.posture(pin.neutral(figure.model))
     for joint, name in zip(model.joints[1:], list(model.names)[1:], strict=True):
         if joint.nq != 1:  # planar and floating ones
             continue
         slides = joint.shortname().startswith("JointModelP")
-        lower, upper = (
-            float(model.lowerPositionLimit[joint.idx_q]),
-            float(model.upperPositionLimit[joint.idx_q]),
-        )
+        limits = model.lowerPositionLimit, model.upperPositionLimit
+        lower, upper = (float(limit[joint.idx_q]) for limit in limits)
         free = not 0.0 < upper - lower <= (_WIDEST_WAY if slides else _WIDEST_TURN)
         if free:
             upper = _FREE_WAY if slides else _FREE_TURN
             lower = -upper
         path = figure.paths[name]
-        entries.append(
-            {"name": name, "path": path, "slides": slides, "axis": figure.axis(name).tolist(),
-             "position": rest[path, "position"], "quaternion": rest[path, "quaternion"],
-             "lower": lower, "upper": upper, "free": free}
-        )  # fmt: skip
-    return entries
+        yield {
+            "name": name, "path": path, "slides": slides, "axis": figure.axis(name).tolist(),
+            "position": rest[path, "position"], "quaternion": rest[path, "quaternion"],
+            "lower": lower, "upper": upper, "free": free,
+        }  # fmt: skip

@@ -16,7 +16,7 @@ from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
 from twin_gait.viewer.commands import State, Window, draw_mesh
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.motion import Motion
+from twin_gait.viewer.motion import Element, Motion
 from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import Side
 
@@ -123,34 +123,29 @@ def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.
     return [trunk_axes(figure)[:3, :3] @ (hook * [1.0, side, 1.0]) for side in (1.0, -1.0)]
 
 
-class DrawnRopes:
-    """Ropes that go straight up from a harness to a bar over the treadmill, or along rails.
+def draw_ropes(
+    window: Window, figure: Figure, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool
+) -> Element:
+    """Draw ropes that go straight up from a harness to the bar of a mast, or along rails, and those.
 
-    Attributes:
-        upper: Their upper ends in the scene in [m], shape ``(n, 3)``.
+    ``hooks``: lower ends in the frame of the joint in [m]; ``height`` of the upper ones in [m].
     """
+    ends = [figure.world_point(pin.neutral(figure.model), joint, hook) for hook in hooks]
+    uppers = np.array([[x, y, height] for x, y, _ in ends])
+    for number in range(len(hooks)):  # of 1 m along z; its length is the scale
+        draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), MATERIALS["rope"])
+    draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
+    draw(window, uppers)
 
-    def __init__(
-        self, window: Window, figure: Figure, joint: str, hooks: Sequence[np.ndarray], height: float,
-        *, on_rail: bool,
-    ) -> None:  # fmt: skip
-        """Draw them, and the mast or the rails; ``hooks``: lower ends in the frame of the joint in [m]."""
-        self._joint, self._hooks, self._on_rail = joint, hooks, on_rail
-        ends = [figure.world_point(pin.neutral(figure.model), joint, hook) for hook in hooks]
-        self.upper = np.array([[x, y, height] for x, y, _ in ends])
-        for number in range(len(hooks)):  # of 1 m along z; its length is the scale
-            draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), MATERIALS["rope"])
-        draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
-        draw(window, self.upper)
+    def state(motion: Motion, frame: int) -> State:
+        found: State = {}
+        for number, (hook, upper) in enumerate(zip(hooks, uppers, strict=True)):
+            lower = figure.world_point(motion.q[frame], joint, hook)
+            span = (np.array([lower[0], *upper[1:]]) if on_rail else upper) - lower
+            found |= _spanned(f"{ROPES}/{number}", lower, span)
+        return found
 
-    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
-        """Where they are in a frame."""
-        state: State = {}
-        for number, (hook, upper) in enumerate(zip(self._hooks, self.upper, strict=True)):
-            lower = figure.world_point(motion.q[frame], self._joint, hook)
-            span = (np.array([lower[0], *upper[1:]]) if self._on_rail else upper) - lower
-            state |= _spanned(f"{ROPES}/{number}", lower, span)
-        return state
+    return state
 
 
 def _spanned(path: str, start: np.ndarray, span: np.ndarray) -> State:
@@ -180,48 +175,49 @@ def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float
     return np.asarray(shoulder + along * ahead + math.sqrt(upper * upper - along * along) * behind)
 
 
-class DrawnCrutches:
-    """Both arms and crutches with the forces of the ground on them, the tips beside the legs."""
+def draw_crutches(
+    window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
+) -> Element:
+    """Draw both arms and crutches with the forces of the ground on them, the tips beside the legs.
 
-    def __init__(
-        self, window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
-    ) -> None:
-        """Draw them; the forearm points along the shaft. ``joint`` carries the shoulders."""
-        aside = 0.5 * wearer.SHOULDER_BREADTH * patient.height
-        # From shoulder to elbow and from there to the tip, in the sagittal plane in [m].
-        self._upper = wearer.UPPER_ARM_LENGTH * patient.height
-        self._lower = crutches.length * patient.height - self._upper
-        self._outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
-        self._joint, self._shoulders = joint, dict[Side, np.ndarray]()
-        self._arrows = {side: draw_arrow(window, f"{side}_crutch") for side in Side}
-        for side, left in LEFT.items():
-            shoulder = [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
-            self._shoulders[side] = trunk_axes(figure)[:3, :3] @ shoulder
-            for name, path, look in (
-                ("wearer_upper_arm", "upper_arm/skin", "skin"),
-                ("wearer_forearm", "forearm/skin", "skin"),
-                ("crutch", "forearm/crutch", "plastic"),
-            ):  # each of 1 m along z
-                shape, casts = shapes.packaged(name, _sized(patient, 1.0)), look == "plastic"
-                draw_mesh(window, f"{ROOT}/{side}_{path}", shape, MATERIALS[look], casts=casts)
+    The forearm points along the shaft. ``joint`` carries the shoulders. A log without crutches moves nothing.
+    """
+    aside = 0.5 * wearer.SHOULDER_BREADTH * patient.height
+    # From shoulder to elbow and from there to the tip, in the sagittal plane in [m].
+    upper = wearer.UPPER_ARM_LENGTH * patient.height
+    lower = crutches.length * patient.height - upper
+    outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
+    arrows = {side: draw_arrow(window, f"{side}_crutch") for side in Side}
+    shoulders = {
+        side: trunk_axes(figure)[:3, :3] @ [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
+        for side, left in LEFT.items()
+    }
+    for side in LEFT:
+        for name, path, look in (
+            ("wearer_upper_arm", "upper_arm/skin", "skin"),
+            ("wearer_forearm", "forearm/skin", "skin"),
+            ("crutch", "forearm/crutch", "plastic"),
+        ):  # each of 1 m along z
+            shape, casts = shapes.packaged(name, _sized(patient, 1.0)), look == "plastic"
+            draw_mesh(window, f"{ROOT}/{side}_{path}", shape, MATERIALS[look], casts=casts)
 
-    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
-        """Where they are in a frame; nothing of a log without crutches."""
-        state: State = {}
+    def state(motion: Motion, frame: int) -> State:
+        found: State = {}
         for side, left in LEFT.items():
             names = (f"{side}_crutch_{name}" for name in _COLUMNS)
             values = [float(motion.columns[name][frame]) for name in names if name in motion.columns]
             if len(values) < len(_COLUMNS):
                 continue
             forward, upward, *force = values
-            tip = np.array([forward, left * self._outside, upward])
-            shoulder = figure.world_point(motion.q[frame], self._joint, self._shoulders[side])
-            sagittal = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], self._upper, self._lower)
-            share = self._upper / (self._upper + self._lower)
-            elbow = np.insert(sagittal, 1, shoulder[1] + share * (tip[1] - shoulder[1]))
-            state |= {
+            tip = np.array([forward, left * outside, upward])
+            shoulder = figure.world_point(motion.q[frame], joint, shoulders[side])
+            sagittal = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], upper, lower)
+            elbow = np.insert(sagittal, 1, shoulder[1] + upper / (upper + lower) * (tip[1] - shoulder[1]))
+            found |= {
                 **_spanned(f"{ROOT}/{side}_upper_arm", shoulder, elbow - shoulder),
                 **_spanned(f"{ROOT}/{side}_forearm", tip, elbow - tip),
-                **arrow_state(self._arrows[side], np.array(force), tip + _BEFORE_SHAFT),
+                **arrow_state(arrows[side], np.array(force), tip + _BEFORE_SHAFT),
             }
-        return state
+        return found
+
+    return state

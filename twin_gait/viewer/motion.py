@@ -5,9 +5,9 @@ Curves have as few points as show them truly: corners of a recorded one, extreme
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.measures.leg_record import driven_joints
 from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns
+from twin_gait.viewer.commands import State
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
@@ -69,6 +70,10 @@ class Motion:
         return float(self.times[-1])
 
 
+# What is drawn beside the figure and moves or changes: properties of it in a frame of a motion.
+Element = Callable[[Motion, int], State]
+
+
 def read_motion(
     log: pd.DataFrame,
     model: LegModel,
@@ -80,8 +85,7 @@ def read_motion(
 
     Returns evenly spaced frames (fewer a second if the log is very long), one at every change of a phase, and
     the moments asked for, in [s] since the first row. Rows after a coordinate that is not finite (a run that
-    diverged) are left out. Raises ViewerError if the log is empty, lacks a coordinate of the model or has a
-    row without a phase.
+    diverged) are left out. Raises ViewerError if the log is empty or lacks a coordinate of the model.
     """
     q = _coordinates(log, model)
     finite = np.isfinite(q).all(axis=1)
@@ -97,8 +101,12 @@ def read_motion(
     rows = _rows_to_show(clock, frames_per_second, np.concatenate([*changes, moments]))
     legs = {}
     for side, phases in spells.items():
-        values = leg_values(log.iloc[:n_rows], side)
-        curves = {name: faithful_curve(clock - clock[0], known, rows) for name, known in values.items()}
+        values = leg_values(log.iloc[:n_rows], side)  # type: ignore[arg-type]
+        curves = {
+            name: faithful_curve(clock - clock[0], known, rows)
+            for name, known in values.items()
+            if known.any() or not name.endswith(_RARE_PARTS)
+        }
         legs[side] = LegMotion(phases, curves)
     shown = log.iloc[rows].select_dtypes("number")
     columns = {str(name): values.to_numpy() for name, values in shown.items()}
@@ -139,11 +147,7 @@ def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarr
 
 def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
     phases = log[f"{side}_phase"].astype(str).mask(held_rows(log), HOLD)
-    codes = phases.map({name: code for code, name in enumerate(names)})
-    if codes.isna().any():
-        unknown = str(phases[codes.isna()].iloc[0])
-        raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
-    return _changes(codes.to_numpy(dtype=int), clock)
+    return _changes(phases.map(names.index).to_numpy(dtype=int), clock)
 
 
 def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
@@ -156,18 +160,13 @@ def held_rows(log: pd.DataFrame) -> np.ndarray:
     return np.asarray(log["safety_state"] == SafetyState.HOLD.code)
 
 
-def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
+def leg_values(log: Mapping[Any, Any], side: Side) -> dict[str, np.ndarray]:
     """What a page reads out of a leg, one value per row.
 
-    Returns values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that are
-    never used are left out.
+    ``log``: columns by name. Returns values by the names of :class:`LegMotion`, in the unit that is shown.
     """
-    values = {}
-    for name, column in leg_columns(side, shown_joints(log, side)).items():
-        if column in log.columns and not (name.endswith(_RARE_PARTS) and not log[column].any()):
-            found = log[column].to_numpy(dtype=float)
-            values[name] = np.degrees(found) if name in list(JointName) else found
-    return values
+    found = {name: np.asarray(log[column], dtype=float) for name, column in leg_columns(log, side).items()}
+    return {name: np.degrees(value) if name in list(JointName) else value for name, value in found.items()}
 
 
 def shown_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
@@ -175,14 +174,15 @@ def shown_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
     return driven_joints(columns, side) or tuple(JointName)
 
 
-def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
-    """Columns of the log that a page reads out of a leg, by the names of :class:`LegMotion`."""
+def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
+    """Columns of a log that a page reads out of a leg, by the names of :class:`LegMotion`."""
     columns = {}
-    for joint in joints:
+    for joint in shown_joints(log, side):
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}
-    return columns | {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
+    columns |= {"force": f"{side}_foot_normal_force_N", "crutch": f"{side}_crutch_normal_force_N"}
+    return {name: column for name, column in columns.items() if column in log}
 
 
 class Curve(NamedTuple):

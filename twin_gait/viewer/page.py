@@ -10,6 +10,7 @@ from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 import numpy as np
@@ -27,18 +28,7 @@ if TYPE_CHECKING:
     from twin_gait.viewer.scene import View
 
 PAGE_FOLDER = Path(__file__).with_name("page")
-# The scripts stand in the page in this order.
-SCRIPTS = (
-    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "joints.js",
-    "start.js",
-)  # fmt: skip
-_PANEL = ("css", "html", "js")
 FOOTNOTE = "Simulation, not a medical device"
-# A recorded page may run what it holds and load nothing.
-RECORDED_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-)
-LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
 _INKS = "#ffffff", "#1b2430"
 _ARCS = (
@@ -87,26 +77,27 @@ def page_data(
     mode: str,
     view: View,
     phases: Sequence[str] = (),
-    legs: Sequence[Mapping[str, Any]] = (),
-    missing_meshes: Sequence[str] = (),
+    shown: Mapping[Side, Iterable[str]] = MappingProxyType({}),
     arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``legs``: see :func:`leg_entry`; ``more``: what they read
-    in that mode only.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``shown``: names of the curves of each leg; ``more``: what
+    they read in that mode only.
     """
     arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
-    shown = {key for leg in legs for key in leg["shows"]}
-    more_missing = f" and {len(missing_meshes) - 1} more" if len(missing_meshes) > 1 else ""
-    missing = [f"Mesh not found: {Path(name).name}{more_missing}." for name in missing_meshes[:1]]
+    legs = [
+        {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
+         "dark": palette.SIDE_COLOURS_ON_DARK[side], "shows": ["phase", *keys]}
+        for side, keys in shown.items()
+    ]  # fmt: skip
     return {
         **about,
         "mode": mode,
         "title": _unicode(about["title"]),
         "subtitle": about.get("subtitle", ""),
-        "notes": [*map(_unicode, (*about.get("notes", ()), *missing))],
+        "notes": list(map(_unicode, about.get("notes", ()))),
         "view": asdict(view),
         "phases": _phase_entries(phases),
         "modes": [_words(name) for name in about.get("modes", ())],
@@ -114,9 +105,9 @@ def page_data(
         "parts": [
             {"key": key, "label": key.replace("_", " ").replace("compensation", "comp."), "colour": colour}
             for key, colour in palette.TORQUE_COLOURS.items()
-            if any(name.endswith(f"_{key}") for name in shown)
+            if any(name.endswith(f"_{key}") for leg in legs for name in leg["shows"])
         ],
-        "legs": list(legs),
+        "legs": legs,
         "arrow": {"label": arrow, "colour": palette.GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _ARCS if legs else (),
         "floor": FLOOR,  # what a dark page darkens
@@ -124,13 +115,6 @@ def page_data(
         "footnote": FOOTNOTE,
         **more,
     }
-
-
-def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
-    """What a page needs to know of a leg. ``shows``: what is known of it: ``phase`` and names of curves."""
-    label = str(side).capitalize()
-    colours = {"colour": palette.SIDE_COLOURS[side], "dark": palette.SIDE_COLOURS_ON_DARK[side]}
-    return {"side": str(side), "label": label, **colours, "shows": list(shows)}
 
 
 def event_entries(events: Iterable[RunEvent]) -> list[dict[str, Any]]:
@@ -171,37 +155,33 @@ def _luminance(colour: str) -> float:
 
 
 def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
-    """A page that holds everything it needs.
+    """A page that holds everything it needs; it may run that and load nothing.
 
     ``runs``: one run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
     both through :func:`packed`. A model, which stands alone, has a scene and ``joints`` instead of frames.
     """
     folder = viewer_folder()
-    bundle = packed(_bundle())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
-    return _fill(
-        policy=RECORDED_POLICY,
-        title=" | ".join(run["title"] for run in runs),
-        notice=notice.replace("--", "- -"),
-        data=embedded_json({"mode": runs[0]["mode"], "runs": list(runs)}),
-        packed_bundle=bundle,
-    )
+    data = embedded_json({"mode": runs[0]["mode"], "runs": list(runs)})
+    title, bundle = " | ".join(run["title"] for run in runs), packed(_bundle())
+    return _filled(live=False, title=title, notice=notice.replace("--", "- -"), data=data, bundle=bundle)
 
 
 def live_page() -> str:
     """The page of a live walk, with a panel; its script brings the data to ``window.twinGait``."""
-    style, panel, script = ((PAGE_FOLDER / f"panel.{kind}").read_text(encoding="utf-8") for kind in _PANEL)
-    return _fill(
-        policy=LIVE_POLICY, title="twin_gait", data=embedded_json({"mode": "live"}),
-        bundle=_inside_script(_bundle().decode()), more_style=style, panel=panel,
-        more_script=_inside_script(script),
-    )  # fmt: skip
+    bundle = re.sub(r"<(?=/script|!--)", r"\\x3c", _bundle().decode(), flags=re.IGNORECASE)
+    return _filled(live=True, title="twin_gait", data=embedded_json({"mode": "live"}), bundle=bundle)
 
 
 def _bundle() -> bytes:
     """Script of meshcat's viewer."""
     return (viewer_folder() / "dist" / "main.min.js").read_bytes()
+
+
+def _filled(**content: Any) -> str:
+    template = templates_in(PAGE_FOLDER, autoescape=True).get_template("page.html")
+    return template.render(palette=palette, **content)
 
 
 def packed(content: bytes) -> str:
@@ -217,22 +197,3 @@ def packed_json(data: Any) -> str:
 def embedded_json(data: Mapping[str, Any]) -> str:
     """JSON that can stand inside a script element: no text of it can end the element."""
     return dump(data).replace("<", "\\u003c")
-
-
-def _fill(**content: str) -> str:
-    """Fill the template; what is no plain text in it is marked so there."""
-    scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
-    return (
-        templates_in(PAGE_FOLDER, autoescape=True)
-        .get_template("page.html")
-        .render(
-            script=_inside_script("\n".join(scripts)),
-            alarm=palette.EVENT_COLOUR,
-            alarm_on_dark=palette.EVENT_ON_DARK,
-            **content,
-        )
-    )
-
-
-def _inside_script(text: str) -> str:
-    return re.sub(r"<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)

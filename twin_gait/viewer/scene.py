@@ -1,27 +1,27 @@
-"""A scene that has been drawn, and what changes in it: posture, forces, colours of phases, belt."""
+"""The scene: a leg model, or any URDF, with what belongs around it, and what changes in it."""
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.leg_model import LegJoints
+from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.palette import phase_colour
-from twin_gait.viewer import shapes
-from twin_gait.viewer.arrows import arc_state, arrow_state
-from twin_gait.viewer.body import LEFT
-from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb
+from twin_gait.parameters import ChairParameters, CrutchParameters, Patient
+from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer.arrows import FORCE_ROOT, arc_state, arrow_state, draw_arrow
+from twin_gait.viewer.body import LEFT, draw_crutches, draw_harness, draw_ropes, draw_wearer
+from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_transform
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.motion import Motion, PhaseSpells
+from twin_gait.viewer.motion import Element, Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.surroundings import set_studio
-from twin_gait.viewer.visuals import load_visuals
-from twin_gait.vocabulary import Side
+from twin_gait.viewer.visuals import FIXED_JOINT, load_visuals
+from twin_gait.vocabulary import JointName, Side, Surroundings
 
 _IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
 _CAP_SHARE = 0.16  # radius over the length of the segment; it hides the motors of the shipped device
@@ -37,6 +37,9 @@ _TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
 _RADIUS = 0.006  # [m]
 _COLUMNS = 5
 _SHORTEST_STEP = 1e-3  # [m]
+_BAR_ABOVE_HEAD = 0.08  # [m]
+_TO_CRUTCHES = 0.12  # from the hips to the middle of wearer and crutches [m]
+_FROM_THE_FRONT = (0.6, -1.0, 0.3)
 
 
 @dataclass(frozen=True)
@@ -50,22 +53,13 @@ class View:
     field_of_view: float = _FIELD_OF_VIEW  # vertical, in [deg]
 
 
-class Element(Protocol):
-    """What is drawn beside the figure and moves or changes."""
-
-    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
-        """What it shows in a frame of a motion."""
-
-
 class Scene:
     """A scene that has been drawn and can be moved."""
 
     def __init__(self, window: Window, model: pin.Model, urdf: Path, up_axis: str) -> None:
         """Start a scene with what a URDF shows of a model, as :class:`Figure` draws it."""
-        set_studio(window)
-        visuals = load_visuals(model, urdf)
-        self.figure = Figure(window, model, visuals.parts, up_axis=up_axis)
-        self.missing_meshes = visuals.missing  # mesh files of the URDF that were not found
+        surroundings.set_studio(window)
+        self.figure = Figure(window, model, load_visuals(model, urdf), up_axis=up_axis)
         self.caps: dict[Side, list[str]] = {}  # places of the coloured caps of motors
         self.arrows: dict[Side, str] = {}  # place of the ground force
         self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # of the motor torque, by joint and level
@@ -142,7 +136,7 @@ class Scene:
         for path, begin, end in self.trails:
             state[path, "visible"] = begin <= time < end
         for element in self.elements:
-            state |= element.state(self.figure, motion, frame)
+            state |= element(motion, frame)
         return state
 
 
@@ -173,3 +167,130 @@ def trail_shape(
     colours = np.array([rgb(phase_colour(names[code], code)) for code in codes])
     nearest = np.linalg.norm(tube.vertices[:, None] - points[keep], axis=2).argmin(axis=1)
     return tube._replace(colours=colours[nearest])
+
+
+class Setting(TypedDict, total=False):
+    """What is drawn with a leg model.
+
+    Attributes:
+        around: What stands around it; a treadmill if nothing is said.
+        patient: The wearer, or None.
+        slope: By which the treadmill rises forwards in [rad].
+        ropes: Whether a harness holds the wearer; on the ground it does if nothing is said.
+        crutches: In the hands of the wearer, or None.
+        chair: Behind the wearer, or None.
+    """
+
+    around: Surroundings
+    patient: Patient | None
+    slope: float
+    ropes: bool
+    crutches: CrutchParameters | None
+    chair: ChairParameters | None
+
+
+def build_scene(
+    window: Window,
+    model: LegModel,
+    *,
+    drives: Collection[str] = (JointName.HIP, JointName.KNEE),
+    **setting: Unpack[Setting],
+) -> Scene:
+    """Draw a leg model with its wearer and its surroundings.
+
+    Raises ModelError if the URDF, ViewerError if a mesh of it cannot be read.
+    """
+    scene = Scene(window, model.model, model.urdf_path, model.up_axis)
+    for side, leg in model.legs.items():
+        scene.draw_drives(side, leg, drives)
+    patient, around = setting.get("patient"), setting.get("around", Surroundings.TREADMILL)
+    trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
+    if patient is not None:
+        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
+    top, bottom = _extent(scene.figure, model.legs)
+    height = top - bottom
+    if around is Surroundings.STAND:
+        _surround_bench_leg(window, scene, model.legs, top, bottom)
+        return scene
+    if around is Surroundings.FLOOR:
+        surroundings.draw_floor(window, bottom - 0.02)
+        scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
+        return scene
+    if around is Surroundings.WALKWAY:
+        assert model.forward_index is not None  # it walks
+        scene.elements.append(surroundings.draw_walkway(window, model.forward_index))
+    else:
+        pose = surroundings.tilted(setting.get("slope", 0.0))
+        window.send(set_transform(FORCE_ROOT, pose))
+        scene.ground = pose[:3, :3]
+        surroundings.draw_treadmill(window, setting.get("slope", 0.0))
+    for side, leg in model.legs.items():
+        if leg.contact_frames:
+            scene.arrows[side] = draw_arrow(window, str(side))
+    scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
+    if patient is not None and walks:
+        _equip_walker(window, scene, patient, trunk, setting)
+    return scene
+
+
+def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
+    """Draw any URDF, with all coordinates at zero; one that shows nothing gets sticks from joint to joint.
+
+    ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the URDF cannot
+    be read. Raises ViewerError if a mesh of the URDF cannot be read.
+    """
+    scene = Scene(window, model, urdf, up_axis)
+    points = scene.figure.points()
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = max(float(np.linalg.norm(high - low)), 0.1)
+    x, y, z = (0.5 * (low + high)).tolist()
+    surroundings.draw_floor(window, float(low[2]) - 0.01 * size, radius=max(1.0, 1.6 * size))
+    scene.view = View((x, y, z), width=1.1 * size, height=1.1 * size, direction=_FROM_THE_FRONT)
+    return scene
+
+
+def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, setting: Setting) -> None:
+    """Draw harness, crutches and chair, and see all of it, from the treadmill's foot to the bar."""
+    low, high = -0.13, _BAR_ABOVE_HEAD + patient.height + 0.07
+    scene.view = View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
+    if setting.get("ropes", True):
+        hooks = draw_harness(scene.figure, patient, trunk)
+        on_rail = setting.get("around") is Surroundings.WALKWAY
+        height = _BAR_ABOVE_HEAD + patient.height
+        scene.elements.append(draw_ropes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
+    crutches, chair = setting.get("crutches"), setting.get("chair")
+    if crutches is not None:
+        scene.elements.append(draw_crutches(window, scene.figure, crutches, patient, trunk))
+        scene.view = replace(scene.view, target=(_TO_CRUTCHES, *scene.view.target[1:]))
+    if chair is not None:
+        scene.elements.append(surroundings.draw_chair(window, chair))
+
+
+def _surround_bench_leg(
+    window: Window, scene: Scene, legs: Mapping[Side, LegJoints], top: float, bottom: float
+) -> None:
+    """Hang the leg clear of the floor, its column on the far side of the camera."""
+    ((side, leg),) = legs.items()
+    right = side is Side.RIGHT
+    height = top - bottom
+    floor = bottom - 0.22 * height
+    hip = scene.figure.world_point(pin.neutral(scene.figure.model), leg.hip)
+    surroundings.draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
+    x, y, z = RIGHT_SIDE
+    scene.view = View(
+        (float(hip[0]) + 0.10 * height, float(hip[1]), 0.5 * (top + floor) + 0.08 * height),
+        width=1.5 * height,
+        height=top - floor + 0.26 * height,
+        direction=(x, y if right else -y, z),
+    )
+
+
+def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, float]:
+    """Height of the hips and of the lowest point of the legs in the neutral posture, in [m]."""
+    neutral = pin.neutral(figure.model)
+    tops, bottoms = [], []
+    for leg in legs.values():
+        last = leg.items()[-1][1]
+        tops.append(float(figure.world_point(neutral, leg.hip)[2]))
+        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last))[2]))
+    return max(tops), min(bottoms)

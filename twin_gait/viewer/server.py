@@ -33,7 +33,6 @@ LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
 # What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
 # a lower limit and answer.
 LONGEST_MESSAGE = 65536  # [B]
-MOST_SOCKETS = 64
 PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request
 _LONGEST_HEADER = 16384  # [B]
 _HEADERS = {
@@ -65,7 +64,7 @@ def is_own_page(origin: str | None, host: str) -> bool:
 
 
 class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
-    """Answers only requests that name this machine and have the token; says in one line why not."""
+    """Answers only requests that name this machine and have the token; says why not."""
 
     needs_origin = False  # of its own page; without it also what does not say where it comes from is answered
 
@@ -74,31 +73,19 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         self.server = server
 
     def prepare(self) -> None:
-        """Refuse what comes from another site or another user."""
-        origin = self.request.headers.get("Origin")
-        if not is_loopback(self.request.host):
-            self.refuse("this server answers under the names of this machine only")
-        if (origin or self.needs_origin) and not is_own_page(origin, self.request.host):
-            self.refuse("this server answers its own pages only")
+        """Refuse what comes from another site or another user. Raises HTTPError: with status 403."""
+        origin, host = self.request.headers.get("Origin"), self.request.host
+        if not is_loopback(host):
+            raise HTTPError(403, reason="this server answers under the names of this machine only")
+        if (origin or self.needs_origin) and not is_own_page(origin, host):
+            raise HTTPError(403, reason="this server answers its own pages only")
         if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
-            self.refuse("open the address that the program has printed: it holds the token of this start")
-
-    def refuse(self, reason: str) -> None:
-        """Answer with status 403. Raises HTTPError: Always."""
-        self.server.refused += 1
-        raise HTTPError(403, reason)
+            raise HTTPError(403, reason="open the address that was printed: it holds the token of this start")
 
     def set_default_headers(self) -> None:
         """Keep the page out of other pages and out of caches."""
         for name, value in _HEADERS.items():
             self.set_header(name, value)
-
-    def write_error(self, status_code: int, **details: Any) -> None:
-        """Answer with the reason as plain text. ``details``: the exception, as ``exc_info``."""
-        error = details.get("exc_info", (None, None, None))[1]
-        reason = getattr(error, "log_message", None) or self._reason
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(f"{reason}\n")
 
     def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
         """Keep what others send wrongly out of the terminal; our own mistakes are logged."""
@@ -109,10 +96,9 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
 class NothingHandler(Guarded):
     """Everything that is not here."""
 
-    def prepare(self) -> None:
-        """Answer with status 404, or 403 as everywhere. Raises HTTPError: Always."""
-        super().prepare()
-        raise HTTPError(404, "there is nothing here")
+    def get(self) -> None:
+        """Say so. Raises HTTPError: with status 404."""
+        raise HTTPError(404)
 
 
 class Outbox:
@@ -157,16 +143,9 @@ class Outbox:
 
 
 class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
-    """A web socket of our own page."""
+    """A web socket of our own page; ``write_batch`` of its kinds writes what has waited."""
 
     needs_origin = True
-
-    def prepare(self) -> None:
-        """Refuse what is not our own page, and more pages than anybody has."""
-        super().prepare()
-        if len(self.server.sockets) >= MOST_SOCKETS:
-            self.server.refused += 1
-            raise HTTPError(503, "too many pages are open; close one")
 
     def open(self) -> None:
         """Be known to the server."""
@@ -177,10 +156,6 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
     def on_close(self) -> None:
         """Be forgotten."""
         self.server.sockets.discard(self)
-
-    async def write_batch(self, batch: list[Any]) -> None:
-        """Write what has waited; returns when the page takes more."""
-        raise NotImplementedError
 
     async def abandon(self) -> None:
         """Close without waiting for the page."""
@@ -236,7 +211,6 @@ class SceneServer:
         """Listen. ``first_port`` as in :func:`bind_loopback`, with its errors."""
         self.page = page
         self.sockets: set[GuardedSocket] = set()  # open ones
-        self.refused = 0  # requests and messages
         self._token = secrets.token_hex(24)  # of this start
         listener = bind_loopback(first_port)
         listener.setblocking(False)

@@ -18,8 +18,7 @@ from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_pr
 from twin_gait.viewer.shapes import Shape
 
 if TYPE_CHECKING:
-    from twin_gait.viewer.figure import Figure
-    from twin_gait.viewer.motion import Motion
+    from twin_gait.viewer.motion import Element, Motion
 
 ROOT = "/meshcat/surroundings"
 TREADMILL = f"{ROOT}/treadmill"
@@ -130,40 +129,39 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
     draw_floor(window, floor)
 
 
-class DrawnChair:
-    """A chair, hidden until it has a place."""
+def draw_chair(window: Window, chair: ChairParameters) -> Element:
+    """Draw a chair, hidden until it has a place."""
+    draw_place(window, "chair")
+    window.send(set_property(CHAIR, "scale", [chair.depth, 1.0, chair.height]))
+    window.send(set_property(CHAIR, "visible", False))
 
-    def __init__(self, window: Window, chair: ChairParameters) -> None:
-        """Draw it with its front edge at the origin."""
-        draw_place(window, "chair")
-        window.send(set_property(CHAIR, "scale", [chair.depth, 1.0, chair.height]))
-        window.send(set_property(CHAIR, "visible", False))
-
-    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
-        """Where it stands in a frame."""
+    def state(motion: Motion, frame: int) -> State:
         if SEAT not in motion.columns:
             return {}
         place = [float(motion.columns[SEAT][frame]), 0.0, 0.0]
         return {(CHAIR, "visible"): True, (CHAIR, "position"): place}
 
+    return state
 
-class DrawnWalkway:
-    """A walkway along x; what does not change along it goes along with the walker."""
 
-    def __init__(self, window: Window, forward: int) -> None:
-        """Draw it. ``forward``: coordinate with which the walker goes."""
-        self._forward = forward
-        draw_floor(window, _FLOOR_HEIGHT, radius=3.2)
-        draw_place(window, "floor")
-        # A line each metre, every fifth twice as thick.
-        metres = range(-_BEHIND, _MARKED + 1)
-        lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP[3] - _STRIP[2]) for metre in metres]
-        draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
+def draw_walkway(window: Window, forward: int) -> Element:
+    """Draw a walkway along x; what does not change along it goes along with the walker.
 
-    def state(self, figure: Figure, motion: Motion, frame: int) -> State:
-        """The eye goes along: all else comes towards it, but for the floor."""
-        way = float(motion.q[frame][self._forward])
+    ``forward``: coordinate with which the walker goes.
+    """
+    draw_floor(window, _FLOOR_HEIGHT, radius=3.2)
+    draw_place(window, "floor")
+    # A line each metre, every fifth twice as thick.
+    metres = range(-_BEHIND, _MARKED + 1)
+    lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP[3] - _STRIP[2]) for metre in metres]
+    draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
+
+    def state(motion: Motion, frame: int) -> State:
+        # The eye goes along: all else comes towards it, but for the floor.
+        way = float(motion.q[frame][forward])
         return {("/meshcat", "position"): [-way, 0.0, 0.0], (FLOOR, "position"): [way, 0.0, _FLOOR_HEIGHT]}
+
+    return state
 
 
 def draw_rails(window: Window, hooks: np.ndarray) -> None:

@@ -6,8 +6,9 @@ are read here.
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,22 +37,14 @@ class LinkPart(NamedTuple):
     shape: Shape  # mesh in the frame of the joint
 
 
-class Visuals(NamedTuple):
-    """What a URDF shows."""
-
-    parts: Sequence[LinkPart]  # the meshes
-    missing: Sequence[str]  # mesh files that the URDF names and that are not there
-
-
-def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
+def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
     """Load the visual geometry of a URDF for a model that was built from it.
 
     The model may have locked joints, a joint between world and pelvis, and resized segments and feet: parts
-    grow with what carries them. Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh
-    cannot be read.
+    grow with what carries them. A mesh that is not there is warned of and left out. Raises ModelError if the
+    URDF cannot be read. Raises ViewerError if a mesh cannot be read.
     """
-    text, missing = _read_with_meshes(urdf)
-    nominal, geometry = _nominal(model, urdf, text)
+    nominal, geometry = _nominal(model, urdf, _read_with_meshes(urdf))
     guides = [name for name in ALL_GUIDES if model.existJointName(name)]
     carrier = {FIXED_JOINT: guides[-1]} if guides else {}
     found: dict[tuple[str, Colour], list[Shape]] = {}
@@ -62,13 +55,12 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
             for colour, piece in _coloured(item, shapes.moved(raw, placement)):
                 rounded = tuple(round(value, 4) for value in colour)
                 found.setdefault((carrier.get(joint, joint), rounded), []).append(piece)
-    parts = [LinkPart(*key, shapes.merged(items)) for key, items in found.items()]
-    return Visuals(parts, missing)
+    return [LinkPart(*key, shapes.merged(items)) for key, items in found.items()]
 
 
-def _read_with_meshes(urdf: Path) -> tuple[str, list[str]]:
-    """URDF text with absolute mesh paths, and the meshes that were not found, whose visuals are left out."""
-    root, missing = ElementTree.fromstring(read_urdf(urdf)), []
+def _read_with_meshes(urdf: Path) -> str:
+    """URDF text with absolute mesh paths, without the visuals of meshes that were not found."""
+    root = ElementTree.fromstring(read_urdf(urdf))
     coloured = {item.get("name") for item in root.iter("material") if item.find("color") is not None}
     for link in root.iter("link"):
         for visual in link.findall("visual"):
@@ -81,9 +73,9 @@ def _read_with_meshes(urdf: Path) -> tuple[str, list[str]]:
                 found = _find_mesh(name, urdf.parent)
                 mesh.set("filename", str(found))
                 if found is None:
-                    missing.append(name)
+                    warnings.warn(f"{urdf}: mesh {name} is not there, and not drawn", stacklevel=2)
                     link.remove(visual)
-    return ElementTree.tostring(root, encoding="unicode"), missing
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _find_mesh(name: str, folder: Path) -> Path | None:
