@@ -191,14 +191,6 @@ def test_a_swing_that_ends_by_landing_has_to_say_so():
     assert leaving.cannot_leave(on_the_belt(landing(DrivenBy.CONTACT))) == []
 
 
-def test_an_exit_that_opens_only_on_the_way_is_a_warning():
-    assert leaving.leaves_in_motion_only(case_of("bench_leg")) == []
-    passing = "table.phases.swing_extension.hip.equilibrium_deg=12"  # limb_extended needs 15
-    (finding,) = leaving.leaves_in_motion_only(case_of("bench_leg", passing))
-    assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_extension")
-    assert leaving.cannot_leave(case_of("bench_leg", passing)) == []
-
-
 def holding(*settings: str):
     """The bench leg held in its first phase, and the leg that the rules see."""
     experiment = load_experiment("bench_leg", settings).experiment

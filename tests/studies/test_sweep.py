@@ -46,7 +46,7 @@ def swept(tmp_path_factory):
 
 
 def test_a_row_is_what_simulate_gives_with_the_same_settings(swept):
-    table = read_table(swept[1])
+    table = read_table(swept[1] / "table.parquet")
     assert table["episode"].tolist() == list(range(12))
     row = table.iloc[5]
     settings = [
@@ -64,7 +64,7 @@ def test_a_row_is_what_simulate_gives_with_the_same_settings(swept):
 
 def test_a_sweep_has_the_table_of_a_batch_of_its_design(swept):
     sweep = load_sweep(swept[0])
-    table = read_table(swept[1])
+    table = read_table(swept[1] / "table.parquet")
     episodes = [{**sweep.override(number), "seed": seed} for number, seed in enumerate(table["seed"])]
     batch = simulate_batch(sweep.experiment, episodes).table.drop(columns="set.seed")
     assert_same(table.astype(batch.dtypes), batch)
@@ -124,7 +124,7 @@ def test_the_specification_in_the_folder_gives_the_same_sweep(swept, tmp_path):
     spec, out = swept
     again = load_sweep(out / "spec.yaml")
     assert again.sha256 == load_sweep(spec).sha256
-    assert_same(run_sweep(again, tmp_path / "again", pictures=False).table, read_table(out))
+    assert_same(run_sweep(again, tmp_path / "again", pictures=False).table, read_table(out / "table.parquet"))
 
 
 def test_going_on_with_a_finished_sweep_changes_nothing(swept, capsys):
@@ -147,11 +147,11 @@ def test_stopping_and_going_on_gives_the_same_table(swept, tmp_path):
             progress=lambda number, total: done.append(number),
             should_stop=lambda began=began: len(done) > began + 3,
         )
-        assert len(result.table) >= result.resumed
+        assert len(result.table) >= result.summary["last_call"]["resumed_with"]
         if result.status == "completed":
             break
-    assert result.resumed > 0
-    assert_same(read_table(out), read_table(swept[1]))
+    assert result.summary["last_call"]["resumed_with"] > 0
+    assert_same(read_table(out / "table.parquet"), read_table(swept[1] / "table.parquet"))
 
 
 def test_rows_that_a_kill_left_in_table_and_parts_count_once(swept, tmp_path):
@@ -161,7 +161,7 @@ def test_rows_that_a_kill_left_in_table_and_parts_count_once(swept, tmp_path):
     (out / "parts" / ".00000000-00000001.parquet.half").write_bytes(b"PAR1")
     # What a kill between writing the table and removing the parts leaves.
     (out / "parts" / "00000000-00000011.parquet").write_bytes((out / "table.parquet").read_bytes())
-    assert_same(run_sweep(sweep, out, pictures=False).table, read_table(swept[1]))
+    assert_same(run_sweep(sweep, out, pictures=False).table, read_table(swept[1] / "table.parquet"))
 
 
 def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch):

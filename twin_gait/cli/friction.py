@@ -17,7 +17,6 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.vocabulary import JointName
 
 if TYPE_CHECKING:
-    from twin_gait.studies.campaign import CampaignResult
     from twin_gait.worlds.bench_joint import BenchJoint
 
 _PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
@@ -122,16 +121,16 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.watched(str(campaign.protocol), "test") as watch:
         result = studies.run_campaign(campaign, out, **watch)
-    print("\n".join(report_campaign(result)))
-    if result.status is simulation.RunStatus.INTERRUPTED:
+    print("\n".join(report_campaign(result, out)))
+    if result["status"] is simulation.RunStatus.INTERRUPTED:
         return terminal.interrupted("the logs so far are kept")
     return DONE
 
 
-def report_campaign(result: CampaignResult) -> Iterator[str]:
+def report_campaign(result: Mapping[str, Any], out: Path) -> Iterator[str]:
     """Results in a few lines."""
-    tests = result.tests
-    yield f"{result.status}: {len(tests)} synthetic logs in {result.directory}"
+    tests = result["tests"]
+    yield f"{result['status']}: {len(tests)} synthetic logs in {out}"
     if not tests:
         return
     fastest = max(test["highest_velocity_rad_per_s"] for test in tests)

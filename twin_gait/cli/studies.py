@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from twin_gait.runs.folders import check_target
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.sweep.sweep import SweepResult
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 COMPARED = 60.0
@@ -84,23 +83,23 @@ def sweep(arguments: argparse.Namespace) -> int:
             result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except studies.WorkersLost as error:
         return terminal.lost(error, again)
-    document = {"status": str(result.status), **result.summary, "directory": result.directory}
-    terminal.answer(arguments, report_sweep(result), lambda: document)
+    document = {**result.summary, "directory": arguments.out}
+    terminal.answer(arguments, report_sweep(document), lambda: document)
     return terminal.interrupted(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
 
 
-def report_sweep(result: SweepResult) -> Iterator[str]:
+def report_sweep(summary: Mapping[str, Any]) -> Iterator[str]:
     """Results in a few lines."""
-    summary, last = result.summary, result.summary["last_call"]
-    yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes"
-    if result.resumed:
-        yield f"  {result.resumed} were there already"
+    last = summary["last_call"]
+    yield f"{summary['status']}: {summary['finished']} of {summary['episodes']} episodes"
+    if last["resumed_with"]:
+        yield f"  {last['resumed_with']} were there already"
     yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
     if last["episodes"]:
         yield f"  {last['wall_s']:.1f} s for {last['episodes']} of them"
     if summary["not_drawn"]:
         yield f"  not drawn, because no completed episode has it: {', '.join(summary['not_drawn'])}"
-    yield f"  {result.directory}"
+    yield f"  {summary['directory']}"
 
 
 def compare(arguments: argparse.Namespace) -> int:

@@ -102,10 +102,6 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
     speed, generations = check_walker(experiment)[0].speed, tuning.generations
     names = list(tuning.search_cases)
-    stood = {
-        name: standing([walk for case, walk in finalist.walks if case in names])
-        for name, finalist in (("before", before), ("after", after))
-    }
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
@@ -116,20 +112,21 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
         "table_before": experiment.table.name,
         "joints": list(experiment.joints),
         "found_better": after.points is not None,
-        "parts": _parts(before.walks[0][1], after.walks[0][1]),
+        "parts": _parts(*(next(iter(item.walks.values())) for item in (before, after))),
         "walk_s": settings.robust_duration,
         "worst_cost": WORST,
         "nominal_weight": NOMINAL_WEIGHT,
         "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": HELD_TO},
         "cost": {"before": before.cost, "after": after.cost},
         "robust_set": [
-            {"case": name, "before": _walk(first, number), "after": _walk(second, number)}
-            for number, ((name, first), (_, second)) in enumerate(zip(before.walks, after.walks, strict=True))
+            {"case": name, "before": _walk(before.walks[name], number), "after": _walk(walk, number)}
+            for number, (name, walk) in enumerate(after.walks.items())
         ],
         "trade_offs": {
             "cases": names[1:],
             "candidates": [item for generation in generations for item in generation.tried],
-            **stood,
+            "before": standing([before.walks[name] for name in names]),
+            "after": standing([after.walks[name] for name in names]),
         },
         "parameters": _parameters(tuning, after),
         "convergence": {
