@@ -16,7 +16,6 @@ from twin_gait.checking.check import build_case, check_before_run
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import friction_torque, hanging_legs
 from twin_gait.checking.postures import (
-    Postures,
     driving_torque,
     find_rest,
     first_rests,
@@ -321,7 +320,7 @@ def test_the_jump_is_that_of_impedance_gravity_and_friction_compensation_togethe
     (leg,) = hanging_legs(case)
     (switch,) = [item for item in case.table.transitions if item.cause == "clearance"]
     angles, velocities = np.array([0.5, 0.9]), np.array([0.8, -0.4])
-    hip, _ = torques.largest_jumps(leg, switch, Postures(angles[None], velocities[None]))
+    hip, _ = torques.largest_jumps(leg, switch, np.array([[angles, velocities]]))
 
     def command(phase: str) -> float:
         k, b, zero, gain, *_, share = leg.problem.phase_rows[0][leg.phases.index(phase)]

@@ -1,8 +1,6 @@
 """The graph of phases: what one leg reaches and leaves again, and what two legs get into together."""
 
 import itertools
-import math
-from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -11,7 +9,7 @@ from twin_gait.checking.signals import OTHER_PHASE, Point, SignalSpace, signal_s
 from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
-from twin_gait.gait.table import TICK, GaitTable, Transition
+from twin_gait.gait.table import GaitTable, Transition
 
 Pair = tuple[str, str]
 # A leg that is to be freed waits no longer; the monitor takes 5 s for too long in a phase (an assumption).
@@ -24,16 +22,14 @@ def firing(case: CheckCase) -> list[Transition]:
     return [item for index, item in enumerate(space.table.transitions) if space.can_fire(index)]
 
 
-def path(transitions: Sequence[Transition], start: str, goal: str | None = None) -> dict[str, str | None]:
+def path(transitions: Sequence[Transition], start: str) -> dict[str, str | None]:
     """Search breadth first along transitions: each phase with the one before it, None at the start."""
     before: dict[str, str | None] = {start: None}
-    waiting = deque([start])
-    while waiting and goal not in before:
-        phase = waiting.popleft()
-        for item in transitions:
-            if item.source == phase and item.target not in before:
-                before[item.target] = phase
-                waiting.append(item.target)
+    reached = [start]
+    for phase in reached:  # what is found is looked at in its turn
+        found = [item.target for item in transitions if item.source == phase and item.target not in before]
+        reached += dict.fromkeys(found)
+        before |= dict.fromkeys(found, phase)
     return before
 
 
@@ -70,10 +66,9 @@ def trap(case: CheckCase) -> Iterator[Finding]:
 @rule
 def missing_time_out(case: CheckCase) -> Iterator[Finding]:
     """A phase has no time-out within a minute: if its exits stay shut, the leg stays in it for ever."""
+    space = signal_space(case)
     for phase in case.table.phases:
-        items = [item for item in case.table.transitions if item.source == phase]
-        ticks = min((item.time_out_ticks or 0 for item in items if item.is_time_out), default=math.inf)
-        if items and ticks * TICK > LATEST_TIME_OUT:
+        if space.exits(phase) and space.time_out(phase) > LATEST_TIME_OUT:
             reason = (
                 f"{phase} has no time-out within {LATEST_TIME_OUT:g} s: if none of its exits opens, the leg "
                 "stays in it for ever"
@@ -109,7 +104,7 @@ def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
                 yield Finding(Severity.ERROR, reason, suggestion, phase=source)
     meant = {edge for cycle in meant_cycles(table) for edge in _edges(cycle)}
     for item in transitions:
-        before = path(transitions, item.target, item.source)
+        before = path(transitions, item.target)
         if (item.source, item.target) not in meant and item.source in before:
             reason = f"the cycle {_chain(item, before)} is not one that is meant"
             suggestion = "take the transition out, or declare the cycle under cycles"

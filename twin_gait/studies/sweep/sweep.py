@@ -75,7 +75,6 @@ class SweepStore:
             self._directory / TABLE_FILE,
             table,
             schema_version=str(TABLE_SCHEMA_VERSION),
-            sweep_sha256=self._sweep.sha256,
             units=json.dumps({name: unit_of_column(name) for name in table.columns}),
             sweep=json.dumps(self._sweep.document),
         )
@@ -181,7 +180,6 @@ def run_sweep(
         measured = {name: np.isfinite(values_of(table, name)).any() for name in sweep.document["measures"]}
         summary = {
             "name": sweep.document["name"],
-            "sweep_sha256": sweep.sha256,
             "status": str(status),
             "episodes": len(sweep.design),
             "finished": len(table),
