@@ -66,18 +66,6 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     return table_of(choose(tuning)[0].table)
 
 
-def final_table(finalist: Finalist, experiment: Experiment, wearer: str) -> dict[str, Any]:
-    """Document of the table, with a name and a description of its own."""
-    start = experiment.table.name
-    origin = (
-        f"The table {start} as it was: the search found nothing better for {wearer}."
-        if finalist.points is None
-        else f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; "
-        "nothing here was measured on a person."
-    )
-    return {**finalist.table, "name": f"{start}_tuned", "description": origin}
-
-
 def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = False) -> dict[str, Any]:
     """Choose the table and write everything, for a wearer in words.
 
@@ -85,7 +73,14 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
     RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
     """
     finalist, found = choose(tuning)
-    table = final_table(finalist, tuning.experiment, wearer)
+    start = tuning.experiment.table.name
+    origin = (
+        f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; nothing here was "
+        "measured on a person."
+    )
+    if finalist.points is None:
+        origin = f"The table {start} as it was: the search found nothing better for {wearer}."
+    table = {**finalist.table, "name": f"{start}_tuned", "description": origin}
     result = outcome(tuning, finalist, wearer) | {"check": found}
     tables = {"before": tuning.before.table, "after": table}
     curves = gait_curves(tuning.experiment, tables, tuning.settings.robust_duration)
