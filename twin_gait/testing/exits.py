@@ -162,15 +162,12 @@ class Exit:
     ) -> Iterator[Vector]:
         """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg.
 
-        First all rivals are closed, then those that could be due, then those of them that are listed before.
+        First all rivals are closed, then only those that are listed before and could be due.
         """
         able = [item for item in self.rivals if item.debounce <= len(ticks) and item.gate < ticks.stop]
         earlier = [item for item in able if item.index < self.index]
-        choices = dict.fromkeys(
-            tuple(item.closes for item in chosen) for chosen in (self.rivals, able, earlier)
-        )
-        for phases, closing in product((self.table.others, (None,)), choices):
-            found = find(phases, [*requirements, *closing], ticks, pinned)
+        for phases, closed in product((self.table.others, (None,)), (self.rivals, earlier)):
+            found = find(phases, [*requirements, *(item.closes for item in closed)], ticks, pinned)
             if found is not None:
                 yield found
 

@@ -76,8 +76,9 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
         yield from _memberships(leave, entry, atom)
     else:
         past = _edge(leave, entry, atom, MARGIN, Exit.fires)
+        below = _edge(leave, entry, atom, -MARGIN, Exit.stays, Exit.yields)
         yield leave.scenario(f"fires just past {atom}", past)
-        yield leave.scenario(f"holds just below {atom}", _below(leave, entry, atom, past))
+        yield leave.scenario(f"holds just below {atom}", below)
         on = () if reads_own_time(atom) else _on(leave, entry, atom)
         if on:
             yield leave.scenario(f"holds on the threshold of {atom}", on)
@@ -87,30 +88,14 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
         yield _far(leave, what, entry, Requirement(atom, alone), alone)
 
 
-def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
-    """The same measurements with that one signal moved, or others if a rival opens there."""
-    if past and not reads_own_time(atom):
-        signals = past[0].vector.signals
-        below = {**signals, atom.signal: signals.get(atom.signal, 0.0) - 2.0 * _distance(atom, MARGIN)}
-        moved = tuple(step._replace(vector=step.vector._replace(signals=below)) for step in past)
-        if leave.stays(moved):
-            return moved
-    return first_of(_edge(leave, entry, atom, -MARGIN, accept) for accept in (Exit.stays, Exit.yields))
-
-
-def _distance(atom: Comparison, margin: float) -> float:
-    """Distance above the threshold, negative below, for a margin into the open side."""
-    sign = 1.0 if atom.operator == ">" else -1.0
-    return sign * margin * max(1.0, abs(atom.threshold))
-
-
-def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, accept: Accept) -> Steps:
+def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, *accepts: Accept) -> Steps:
     """Steps, one debounce long, with a condition by a margin inside (or outside, if negative)."""
     in_time = reads_only_own_time(atom)
     starts = _turns(leave, atom, margin > 0.0) if in_time else leave.starts(leave.debounce)
     stretch = (entry.requirements, leave.debounce)
     return first_of(
         leave.search(start, [stretch], accept, _pinned(atom, margin, start, start + leave.debounce - 1))
+        for accept in accepts
         for start in starts
     )
 
@@ -131,7 +116,8 @@ def _pinned(atom: Comparison, margin: float, first: int, last: int) -> list[Boun
         return []
     late = (atom.operator == ">") is (margin > 0.0)
     tick = first if late is (atom.signal == TIME) else last
-    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold + _distance(atom, margin))
+    above = (margin if atom.operator == ">" else -margin) * max(1.0, abs(atom.threshold))
+    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold + above)
     return [item.at(TIME, tick * TICK) for item in pins]
 
 
@@ -242,8 +228,8 @@ def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretc
         yield due - ticks - lead + 1, [(closed, lead), (both, ticks)]
         return
     # Both guards are open before, and at least one waits for the tick in which both are due.
-    for start in (max(1, due - slow.debounce - 1), due - slow.debounce + 1):
-        yield start, [(both, due - start + 1)]
+    start = max(1, due - slow.debounce - 1)
+    yield start, [(both, due - start + 1)]
     # The guard with the longer debounce opens earlier, so that both debounces end together.
     for start in slow.starts(slow.debounce, gate=max(1, due - slow.debounce + 1)):
         yield start, [([slow.opens, fast.closes], slow.debounce - fast.debounce), (both, fast.debounce)]
