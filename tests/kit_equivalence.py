@@ -85,7 +85,7 @@ def _entry_reason(table: GaitTable, changed: GaitTable, index: int) -> str | Non
     before = Exit(table, index)
     if is_dead(before) and is_dead(after):
         return DEAD
-    if (before.phase, before.item.target) != (after.phase, after.item.target):
+    if (before.item.source, before.item.target) != (after.item.source, after.item.target):
         return None
     if before.item.guard != after.item.guard:
         return _guard_reason(before, after.item.guard)
@@ -118,7 +118,7 @@ def is_dead(leave: Exit) -> bool:
 
 def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
     """Ticks at which other exits, whose guard is never closed, leave the phase, with their index."""
-    others = [Exit(leave.table, index) for index in exits(leave.table, leave.phase) if index != leave.index]
+    others = [item for item in leave.siblings if item.index != leave.index]
     always = Window(1, math.inf, free=True)
     return [
         (max(item.gate, item.debounce), item.index)
@@ -201,7 +201,7 @@ def _wait_reason(before: Exit, after: Transition) -> str | None:
     if waits[0] == waits[1] and item.is_time_out:
         return LONG_OPEN
     if item.debounce_ticks == after.debounce_ticks:
-        shortest = before.table.phases[before.phase].minimum_ticks
+        shortest = before.table.phases[before.item.source].minimum_ticks
         gates = [max(wait, shortest, 1) for wait in waits]
         return OTHER_WAIT if gates[0] == gates[1] else None
     return None

@@ -10,8 +10,7 @@ from kit_equivalence import reason
 from kit_mutants import Mutant, mutants
 
 from twin_gait.gait.table import GaitTable
-from twin_gait.testing.cases import TransitionTest, transition_tests
-from twin_gait.testing.driver import MachineFactory, machine_of
+from twin_gait.testing.cases import MachineFactory, TransitionTest, machine_of, transition_tests
 
 
 @dataclass(frozen=True)
@@ -74,12 +73,18 @@ def is_caught(mutant: Mutant, tests: Iterable[TransitionTest], machine: MachineF
         True at the first test that fails; those in the changed phase, and the short ones, come first.
     """
     machine = machine or machine_of(mutant.table)
-    for test in sorted(tests, key=lambda item: (item.phase != mutant.phase, item.ticks)):
+    for test in sorted(tests, key=lambda item: (item.scenario.phase != mutant.phase, kit_ticks(item))):
         try:
             replace(test, machine=machine).run()
         except AssertionError:
             return True
     return False
+
+
+def kit_ticks(test: TransitionTest) -> int:
+    """About how many ticks a test drives a machine through."""
+    again = 17 * len(test.table.joints) if test.scenario.refuses else 1
+    return again * len(test.scenario.steps)
 
 
 def mutation_table(results: Iterable[MutationResult]) -> str:

@@ -102,8 +102,9 @@ class LawFit:
 def logs_of(joint: JointName, protocol: Protocol, seed: int) -> tuple[Log, ...]:
     """Logs of a campaign on the simulated bench, written and read as files are."""
     with tempfile.TemporaryDirectory() as folder:
-        result = run_campaign(Campaign(joint=joint, protocol=protocol, seed=seed), Path(folder) / "campaign")
-        return tuple(read_log(path) for path in sorted(result.directory.glob("*.log")))
+        logs = Path(folder) / "campaign"
+        run_campaign(Campaign(joint=joint, protocol=protocol, seed=seed), logs)
+        return tuple(read_log(path) for path in sorted(logs.glob("*.log")))
 
 
 @cache

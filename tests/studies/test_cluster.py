@@ -71,7 +71,7 @@ def test_the_order_of_episodes_does_not_matter(spec, alone):
 def test_a_thousand_on_two_workers_are_the_same(spec, alone, tmp_path):
     out = tmp_path / "out"
     assert main(["sweep", str(spec), "--out", str(out), "--workers", "2", "--no-pictures"]) == 0
-    assert_same(read_table(out), alone)
+    assert_same(read_table(out / "table.parquet"), alone)
 
 
 class Cluster:
@@ -120,7 +120,7 @@ def test_a_thousand_on_a_cluster_that_loses_a_worker_half_way_are_the_same(spec,
     process.join(180)
     assert process.exitcode == 0
     assert json.loads((out / "summary.json").read_text())["last_call"]["resumed_with"] == 0
-    assert_same(read_table(out), alone)
+    assert_same(read_table(out / "table.parquet"), alone)
 
 
 def rows_kept(out: Path) -> int:
@@ -141,7 +141,7 @@ def test_a_scheduler_that_is_lost_is_one_line_and_what_is_done_stays(spec, alone
     assert process.exitcode == 1
     (line,) = errors.read_text().splitlines()
     assert "the cluster is gone" in line and "what is done is kept" in line
-    table = read_table(out)
+    table = read_table(out / "table.parquet")
     assert 5 <= len(table) < MANY
     assert_same(table, alone.iloc[table["episode"]].reset_index(drop=True))
 

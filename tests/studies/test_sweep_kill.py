@@ -59,7 +59,7 @@ def test_a_sweep_killed_ten_times_and_resumed_equals_one_that_was_not(spec, undi
     last = start_sweep(*command, "--workers", 1)
     last.join(120)
     assert last.exitcode == 0
-    pd.testing.assert_frame_equal(read_table(out), undisturbed, check_exact=True)
+    pd.testing.assert_frame_equal(read_table(out / "table.parquet"), undisturbed, check_exact=True)
     assert sorted(path.name for path in out.iterdir()) == [
         "spec.yaml",
         "summary.json",
@@ -78,7 +78,7 @@ def test_ctrl_c_keeps_what_is_done_and_ends_with_130(workers, parts, spec, undis
     assert process.exitcode == 130
     told = f"twin-gait: interrupted; the same command goes on from there: {out}\n"
     assert (tmp_path / "errors").read_text() == told
-    table = read_table(out)
+    table = read_table(out / "table.parquet")
     assert parts < len(table) < EPISODES
     first = undisturbed.iloc[: len(table)]
     pd.testing.assert_frame_equal(table, first, check_exact=True)

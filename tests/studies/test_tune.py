@@ -47,7 +47,7 @@ from twin_gait.studies.tune.space import (
     with_own_sides,
 )
 from twin_gait.studies.tune.tune import Settings, tune
-from twin_gait.studies.tune.walks import cases_of, weighted_cost
+from twin_gait.studies.tune.walks import Stopped, cases_of, weighted_cost
 from twin_gait.vocabulary import Side
 
 
@@ -401,11 +401,11 @@ class Bowl:
         workers: object,
         *,
         should_stop: Callable[[], bool] | None = None,
-    ) -> list[Rating] | None:
+    ) -> list[Rating]:
         results = []
         for walk in walks:
             if should_stop is not None and should_stop():
-                return None
+                raise Stopped
             self.walks += 1
             swing = walk.table.phases["swing_flexion"].joints
             stiffness = math.radians(swing["knee"].stiffness)
@@ -455,7 +455,7 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     portions: list[list[Experiment]] = []
 
-    def noted(walks: Sequence[Experiment], *rest: Any, **options: Any) -> list[Rating] | None:
+    def noted(walks: Sequence[Experiment], *rest: Any, **options: Any) -> list[Rating]:
         portions.append(list(walks))
         return bowl(walks, *rest, **options)
 
@@ -464,7 +464,6 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
         tune(experiment, Settings(generations=1))
     nominal, corners = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
-    assert alone is not None
     order = sorted(range(len(nominal)), key=lambda place: nominal_cost(alone[place]))[: stages.RACED]
     size = len(cases_of(experiment, "search")) - 1
     assert len(corners) == size * stages.RACED

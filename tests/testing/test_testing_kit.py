@@ -22,8 +22,8 @@ from twin_gait.gait.guards import AllOf, AnyOf
 from twin_gait.testing import TransitionTest, approval_text, transition_tests
 from twin_gait.testing.cases import check_approved
 from twin_gait.testing.compiled import compiled_machines
-from twin_gait.testing.edges import MARGIN, edges
 from twin_gait.testing.exits import Exit, Scenario, decisive
+from twin_gait.testing.scenarios import MARGIN, edges
 from twin_gait.vocabulary import Side
 
 
@@ -127,7 +127,7 @@ def test_edges_lie_a_billionth_beside_the_threshold_typed_here() -> None:
     """Angles just on either side of −8°, five ticks long, when the minimum duration is over."""
     leave = Exit(rich_table(), 0)
     entry = next(item for item in decisive(leave.item.guard) if str(item.atom) == "hip.angle_deg < -8")
-    past, below, on = (item for item in edges(leave, entry))
+    past, below, on, _ = edges(leave, entry)
     assert isinstance(past, Scenario) and isinstance(below, Scenario) and isinstance(on, Scenario)
     angles = [item.steps[0].vector.signals["hip.angle_deg"] for item in (past, below, on)]
     assert angles == pytest.approx([-8 - 8e-9, -8 + 8e-9, -8], abs=1e-14)

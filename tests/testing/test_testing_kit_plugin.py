@@ -82,7 +82,7 @@ def test_without_a_compiler_one_line_says_what_to_install(folder: Path) -> None:
     done = run(folder, "--gait-table", "walk.yaml", "--machine", "c", PATH="")
     assert done.returncode == pytest.ExitCode.USAGE_ERROR
     (line,) = done.stderr.strip().splitlines()
-    assert line == "ERROR: --machine c: walk.yaml: gcc is not installed: apt-get install gcc libc6-dev"
+    assert line == "ERROR: --gait-table walk.yaml: gcc is not installed: apt-get install gcc libc6-dev"
 
 
 def test_two_tables_and_a_selection(folder: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.checking import exits, graph, leaving, network, sense, stability, torques
-from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, unknown_rule, unused_waiver, waive
+from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, unknown_rule, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_state_table, packaged_gait_tables
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
@@ -28,7 +28,7 @@ REPORT_VERSION = 2
 
 def rules() -> dict[str, str]:
     """Ids of all rules with one line on what each finds."""
-    everything: tuple[Callable[..., Any], ...] = (*RULES, *MODE_RULES, unknown_rule, unused_waiver)
+    everything: tuple[Callable[..., Any], ...] = (*RULES, *MODE_RULES, unknown_rule)
     return {rule.__name__: (rule.__doc__ or "").splitlines()[0] for rule in everything}
 
 
@@ -112,10 +112,9 @@ def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding
     """Findings on a table by the chosen rules, or all of its kind: the worst first, then by phase."""
     if chosen is None:
         chosen = MODE_RULES if isinstance(case.table, ModeTable) else RULES
-    found = [finding for rule in chosen for finding in rule(case)]
-    known = rules()
-    found += [*unknown_rule(case, known), *unused_waiver(case, found, known)]
-    return sorted(waive(case.table, found), key=lambda finding: _order(case.table, finding))
+    found = [*unknown_rule(case, rules()), *(finding for rule in chosen for finding in rule(case))]
+    waived = (waive(case.table, finding) for finding in found)
+    return sorted(waived, key=lambda finding: _order(case.table, finding))
 
 
 def check_before_run(experiment: Experiment) -> list[Finding]:

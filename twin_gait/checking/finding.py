@@ -5,7 +5,7 @@ place. Its name is the id of all its findings, the first line of its docstring s
 module lists it in ``RULES``.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import lru_cache, wraps
@@ -96,29 +96,11 @@ def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
     return [Finding(Severity.ERROR, reason, suggestion, rule="unknown_rule") for reason in reasons]
 
 
-def unused_waiver(case: CheckCase, findings: Sequence[Finding], rules: Collection[str]) -> list[Finding]:
-    """The table waives something that is not found, or that cannot be waived."""
-    warnings = [item for item in findings if item.severity is Severity.WARNING]
-    suggestion = "take it out of the table, or correct its phase or transition"
-    result = []
-    for waiver in case.table.waivers:
-        if waiver.rule in rules and not any(_matches(case.table, waiver, item) for item in warnings):
-            reason = (
-                f"the waiver of {waiver.rule} has no effect: it matches no warning, and only they are waived"
-            )
-            note = Finding(Severity.NOTE, reason, suggestion, phase=waiver.phase, rule="unused_waiver")
-            result.append(note)
-    return result
-
-
-def waive(table: StateTable, findings: Sequence[Finding]) -> list[Finding]:
-    """Mark the warnings that the table waives with its reason; errors and notes stay as they are."""
-    result = []
-    for finding in findings:
-        reasons = [item.reason for item in table.waivers if _matches(table, item, finding)]
-        waived = reasons[0] if reasons and finding.severity is Severity.WARNING else ""
-        result.append(replace(finding, waived=waived))
-    return result
+def waive(table: StateTable, finding: Finding) -> Finding:
+    """Mark a warning that the table waives with its reason; errors and notes stay as they are."""
+    reasons = [waiver.reason for waiver in table.waivers if _matches(table, waiver, finding)]
+    waives = reasons and finding.severity is Severity.WARNING
+    return replace(finding, waived=reasons[0]) if waives else finding
 
 
 def _matches(table: StateTable, waiver: Waiver, finding: Finding) -> bool:

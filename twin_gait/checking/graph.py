@@ -1,17 +1,14 @@
 """The graph of phases: what one leg reaches and leaves again, and what two legs get into together."""
 
 import itertools
-import math
-from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
 from twin_gait.checking.signals import OTHER_PHASE, Point, SignalSpace, signal_space, swapped
 from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
-from twin_gait.gait.table import TICK, GaitTable, Transition
+from twin_gait.gait.table import GaitTable, Transition
 
 Pair = tuple[str, str]
 # A leg that is to be freed waits no longer; the monitor takes 5 s for too long in a phase (an assumption).
@@ -24,16 +21,14 @@ def firing(case: CheckCase) -> list[Transition]:
     return [item for index, item in enumerate(space.table.transitions) if space.can_fire(index)]
 
 
-def path(transitions: Sequence[Transition], start: str, goal: str | None = None) -> dict[str, str | None]:
+def path(transitions: Sequence[Transition], start: str) -> dict[str, str | None]:
     """Search breadth first along transitions: each phase with the one before it, None at the start."""
     before: dict[str, str | None] = {start: None}
-    waiting = deque([start])
-    while waiting and goal not in before:
-        phase = waiting.popleft()
-        for item in transitions:
-            if item.source == phase and item.target not in before:
-                before[item.target] = phase
-                waiting.append(item.target)
+    reached = [start]
+    for phase in reached:  # what is found is looked at in its turn
+        found = [item.target for item in transitions if item.source == phase and item.target not in before]
+        reached += dict.fromkeys(found)
+        before |= dict.fromkeys(found, phase)
     return before
 
 
@@ -70,10 +65,9 @@ def trap(case: CheckCase) -> Iterator[Finding]:
 @rule
 def missing_time_out(case: CheckCase) -> Iterator[Finding]:
     """A phase has no time-out within a minute: if its exits stay shut, the leg stays in it for ever."""
+    space = signal_space(case)
     for phase in case.table.phases:
-        items = [item for item in case.table.transitions if item.source == phase]
-        ticks = min((item.time_out_ticks or 0 for item in items if item.is_time_out), default=math.inf)
-        if items and ticks * TICK > LATEST_TIME_OUT:
+        if space.exits(phase) and space.time_out(phase) > LATEST_TIME_OUT:
             reason = (
                 f"{phase} has no time-out within {LATEST_TIME_OUT:g} s: if none of its exits opens, the leg "
                 "stays in it for ever"
@@ -87,10 +81,6 @@ def meant_cycles(table: GaitTable) -> tuple[tuple[str, ...], ...]:
     return table.cycles or (table.phase_names,)
 
 
-def _edges(cycle: Sequence[str]) -> Iterator[Pair]:
-    return zip(cycle, (*cycle[1:], cycle[0]), strict=True)
-
-
 @rule
 def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
     """Phases can be passed in a cycle that is not meant, or a declared cycle lacks a transition.
@@ -101,15 +91,15 @@ def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
     transitions = firing(case)
     listed = {(item.source, item.target) for item in transitions}
     for cycle in table.cycles:
-        for source, target in _edges(cycle):
+        for source, target in itertools.pairwise((*cycle, cycle[0])):
             if (source, target) not in listed:
                 named = " → ".join(cycle)
                 reason = f"the declared cycle {named} lacks a transition from {source} to {target}"
                 suggestion = "add the transition, or correct the cycle under cycles"
                 yield Finding(Severity.ERROR, reason, suggestion, phase=source)
-    meant = {edge for cycle in meant_cycles(table) for edge in _edges(cycle)}
+    meant = {edge for cycle in meant_cycles(table) for edge in itertools.pairwise((*cycle, cycle[0]))}
     for item in transitions:
-        before = path(transitions, item.target, item.source)
+        before = path(transitions, item.target)
         if (item.source, item.target) not in meant and item.source in before:
             reason = f"the cycle {_chain(item, before)} is not one that is meant"
             suggestion = "take the transition out, or declare the cycle under cycles"
@@ -140,52 +130,45 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
     return [*((first, phase) for phase in stances), *sent]
 
 
-class Step(NamedTuple):
-    """What two legs in a pair of phases take in one tick."""
-
-    own: str  # phase of the first leg
-    other: str  # phase of the other one
-    first: int  # transition that the first leg takes
-    second: int | None = None  # transition that the other one takes in the same tick, if any
+# Phase of the other leg, transition that a leg takes, and the other leg's in the same tick, if any.
+Step = tuple[str, int, int | None]
 
 
-def _steps(space: SignalSpace, pair: Pair) -> Iterator[tuple[Step, Pair]]:
-    """All steps out of a pair, whether signals allow them or not, with the pair that each leads to."""
-
-    def after(first: int, other: str) -> Pair:
-        return _sorted((space.transition(first).target, other))
-
+def _steps(space: SignalSpace, pair: Pair) -> Iterator[Step]:
+    """All steps out of a pair, whether signals allow them or not; those of one leg first."""
     for own, other in (pair, pair[::-1]):
-        yield from ((Step(own, other, index), after(index, other)) for index in space.exits(own))
+        yield from ((other, index, None) for index in space.exits(own))
     for first, second in itertools.product(*map(space.exits, pair)):
-        yield Step(*pair, first, second), after(first, space.transition(second).target)
+        yield pair[1], first, second
 
 
-def signals_for(space: SignalSpace, step: Step) -> dict[str, float | str] | None:
+def signals_for(
+    space: SignalSpace, other: str, first: int, second: int | None = None
+) -> dict[str, float | str] | None:
     """Signals of the first leg and the other that open a step; None if there are none.
 
     Both legs read one snapshot, ``other.phase`` is that before the tick, and each takes at most one
     transition in a tick.
     """
-    point = space.opening(step.first, step.other) if space.can_fire(step.first) else None
-    if point is not None and step.second is not None:
-        point = _together(space, step, step.second)
-    return None if point is None else {**space.counterexample(point), OTHER_PHASE: step.other}
+    point = space.opening(first, other) if space.can_fire(first) else None
+    if point is not None and second is not None:
+        point = _together(space, first, second)
+    return None if point is None else {**space.counterexample(point), OTHER_PHASE: other}
 
 
-def _together(space: SignalSpace, step: Step, second: int) -> Point | None:
+def _together(space: SignalSpace, first: int, second: int) -> Point | None:
     """Signals that open the transitions of both legs in one tick."""
-    if not space.can_fire(second) or space.opening(second, step.own) is None:
+    own, other = space.transition(first).source, space.transition(second).source
+    if not space.can_fire(second) or space.opening(second, own) is None:
         return None
 
     def holds(point: Point) -> bool:
-        mirrored = Point({swapped(name): value for name, value in point.signals.items()}, step.own)
-        return space.is_open(step.first, point) and space.is_open(second, mirrored)
+        mirrored = Point({swapped(name): value for name, value in point.signals.items()}, own)
+        return space.is_open(first, point) and space.is_open(second, mirrored)
 
-    theirs = translated(space.transition(second).guard, swapped, lambda item: step.own in item.phases)
-    times = {TIME: space.window(step.first), OTHER_TIME: space.window(second)}
-    requirements = [space.requirement(step.first), Requirement(theirs)]
-    return next(space.find(requirements, times, holds, other=step.other), None)
+    theirs = translated(space.transition(second).guard, swapped, lambda item: own in item.phases)
+    times = {TIME: space.window(first), OTHER_TIME: space.window(second)}
+    return next(space.find([space.requirement(first), Requirement(theirs)], times, holds, other=other), None)
 
 
 def _sorted(pair: Pair) -> Pair:
@@ -198,8 +181,10 @@ def pairs_of(case: CheckCase) -> list[Pair]:
     space = signal_space(case)
     pairs = list(dict.fromkeys(map(_sorted, starting_pairs(case))))
     for pair in pairs:  # breadth first: what is found is looked at in its turn
-        for step, target in _steps(space, pair):
-            if target not in pairs and signals_for(space, step) is not None:
+        for other, first, second in _steps(space, pair):
+            stays = other if second is None else space.transition(second).target
+            target = _sorted((space.transition(first).target, stays))
+            if target not in pairs and signals_for(space, other, first, second) is not None:
                 pairs.append(target)
     return pairs
 
@@ -227,16 +212,15 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
     for index in lifting:
         own = items[index].source
         # The other leg swings already, or begins to in the same tick.
-        steps = [Step(own, other, index) for other in swings]
-        steps += [Step(own, items[second].source, index, second) for second in lifting]
-        for step in steps:
-            found = signals_for(space, step) if _sorted((own, step.other)) in pairs else None
+        steps: list[tuple[str, int | None]] = [(other, None) for other in swings]
+        for other, second in [*steps, *((items[place].source, place) for place in lifting)]:
+            found = signals_for(space, other, index, second) if _sorted((own, other)) in pairs else None
             if found is not None:
-                taken = {label(items[number]): None for number in (index, step.second) if number is not None}
-                together = "" if step.second is None else " in the same tick"
+                taken = {label(items[number]): None for number in (index, second) if number is not None}
+                together = "" if second is None else " in the same tick"
                 reason = (
-                    f"with one leg in {own} and the other in {step.other}, {' and '.join(taken)} can bring "
-                    f"both into swing{together}"
+                    f"with one leg in {own} and the other in {other}, {' and '.join(taken)} can bring both "
+                    f"into swing{together}"
                 )
                 suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
                 severity = Severity.ERROR if sure else Severity.WARNING
@@ -254,8 +238,8 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
         return
     space = signal_space(case)
     for first, second in pairs_of(case):
-        alone = [step for step, _ in _steps(space, (first, second)) if step.second is None]
-        goes_on = any(signals_for(space, step) is not None for step in alone)
+        alone = [step for step in _steps(space, (first, second)) if step[2] is None]
+        goes_on = any(signals_for(space, *step) is not None for step in alone)
         if not goes_on and not {first, second} <= set(case.gait.postures):
             reason = f"with one leg in {first} and the other in {second} no signals ever let either go on"
             suggestion = "let one of them be left in this case too, or give it a time-out"

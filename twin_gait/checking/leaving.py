@@ -1,11 +1,10 @@
 """Can a leg leave a phase by its own motors, or does only the time-out take it on?"""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, once, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
@@ -15,39 +14,61 @@ from twin_gait.gait.table import TICK, DrivenBy
 _POINT = 1e-7  # [rad]; half the width of a range that stands for one angle, beyond the rounding of sums
 
 
-class _Leaving(NamedTuple):
-    """How a phase of a leg can be left at best on the way to its rest, from the worst entry."""
+@rule
+def cannot_leave(case: CheckCase) -> Iterator[Finding]:
+    """The leg comes to rest in a phase, or friction stops it, before any exit but the time-out opens.
 
-    leg: HangingLeg
-    phase: str
-    in_motion: bool  # whether an exit with a guard opens on the way at all
-    at_rest: bool  # whether one is open once the leg rests
-    contact: bool  # whether ground and other leg can move the leg
-    rest: Rest
-    causes: str  # of the exits with a guard, in words
-    remains: str  # what is left where none of them opens, in words
+    The static balance of the joints: spring with its torque, current and angle limits, gravity and its
+    compensation, and the friction that compensation leaves over at the stated friction ratio. In stance on
+    a belt the foot carries the leg and belt and other leg move the hip, so the finding is a warning there,
+    and none if an exit of the phase is declared ``driven_by: contact``. None where the controller moves the
+    legs by something else than their phases.
+    """
+    space = signal_space(case)
+    for leg in hanging_legs(case):
+        for phase in leg.phases if leg.problem.controller.by_phases else ():
+            guarded = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
+            exits, contact = [space.transition(index) for index in guarded], in_contact(leg, phase)
+            declared = contact and any(item.driven_by is DrivenBy.CONTACT for item in exits)
+            if exits and not declared:
+                in_motion, at_rest, rest = _worst_way(space, leg, phase, guarded)
+                if not (at_rest if contact else in_motion):
+                    causes = " or ".join(dict.fromkeys(item.cause for item in exits))
+                    waits = len(guarded) < len(space.exits(phase))
+                    remains = "only the time-out remains" if waits else "there is no time-out"
+                    reason = f"by its motors the leg stops at {_words(leg, rest)}, where {causes} is not open"
+                    yield _finding(leg, phase, rest, reason, remains)
 
-    @property
-    def posture(self) -> str:
-        """Rests of all joints in words."""
-        low, high = np.degrees(self.rest.corners.min(axis=0)), np.degrees(self.rest.corners.max(axis=0))
-        parts = zip(self.leg.joints, low.tolist(), high.tolist(), strict=True)
-        return ", ".join(f"{joint} {least:.1f} … {most:.1f}°" for joint, least, most in parts)
 
-    def finding(self, severity: Severity, reason: str, suggestion: str) -> Finding:
-        """A finding with the posture in which the leg rests."""
-        middle = self.leg.signals(self.rest.middle)
-        return self.leg.finding(self.phase, severity, reason, suggestion, counterexample=middle)
+def _finding(leg: HangingLeg, phase: str, rest: Rest, reason: str, remains: str) -> Finding:
+    """A warning where ground and other leg can move the leg too, else an error."""
+    middle = leg.signals(rest.middle)
+    if in_contact(leg, phase):
+        suggestion = (
+            "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
+            "equilibrium beyond the threshold"
+        )
+        reason = f"{reason}; {remains}"
+        return leg.finding(phase, Severity.WARNING, reason, suggestion, counterexample=middle)
+    suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
+    reason = f"{reason}, nor was it on the way; {remains}"
+    return leg.finding(phase, Severity.ERROR, reason, suggestion, counterexample=middle)
 
 
-def _leaving(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) -> _Leaving:
-    """How a phase can be left at best, from the worst of the phases that lead into it.
+def _words(leg: HangingLeg, rest: Rest) -> str:
+    """Rests of all joints."""
+    low, high = np.degrees(rest.corners.min(axis=0)), np.degrees(rest.corners.max(axis=0))
+    parts = zip(leg.joints, low.tolist(), high.tolist(), strict=True)
+    return ", ".join(f"{joint} {least:.1f} … {most:.1f}°" for joint, least, most in parts)
 
-    Only exits with a guard count. At rest one of them has to be open with all joints still, wherever between
-    its extremes the left-over friction stops the leg. In motion one has to be open somewhere between entry
-    and rest, each joint anywhere on its way and as fast as torque and damper allow. All signals of the other
-    leg are free; the foot carries a load in stance on a belt, and for exits that are declared to be driven by
-    contact there.
+
+def _worst_way(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) -> tuple[bool, bool, Rest]:
+    """Whether some exits open in motion, and at rest, from the worst of the phases that lead into one.
+
+    At rest one of them has to be open with all joints still, wherever between its extremes the left-over
+    friction stops the leg. In motion one has to be open somewhere between entry and rest, each joint anywhere
+    on its way and as fast as torque and damper allow. All signals of the other leg are free; the foot carries
+    a load in stance on a belt, and for exits that are declared to be driven by contact there.
     """
     index, ways = leg.problem.table.phase_index(phase), []
     for start in entries(leg, index):
@@ -58,11 +79,7 @@ def _leaving(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) 
         at_rest = all(_some_exit_opens(space, leg, exits, corner, still) for corner in corners)
         in_motion = at_rest or _some_exit_opens(space, leg, exits, rest.path(), moving)
         ways.append((in_motion, at_rest, rest))
-    in_motion, at_rest, rest = min(ways, key=lambda way: way[:2])
-    ends = any(space.transition(index).is_time_out for index in space.exits(phase))
-    causes = " or ".join(dict.fromkeys(space.transition(index).cause for index in exits))
-    remains = "only the time-out remains" if ends else "there is no time-out"
-    return _Leaving(leg, phase, in_motion, at_rest, in_contact(leg, phase), rest, causes, remains)
+    return min(ways, key=lambda way: way[:2])
 
 
 def _some_exit_opens(
@@ -83,58 +100,4 @@ def _some_exit_opens(
     return False
 
 
-@once
-def _leavings(case: CheckCase) -> list[_Leaving]:
-    """Worst way out of every phase with guarded exits; not of a stance that is declared to end by contact.
-
-    None where the controller moves the legs by something else than their phases.
-    """
-    space, found = signal_space(case), []
-    for leg in hanging_legs(case):
-        for phase in leg.phases if leg.problem.controller.by_phases else ():
-            exits = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
-            declared = in_contact(leg, phase) and any(
-                space.transition(index).driven_by is DrivenBy.CONTACT for index in exits
-            )
-            if exits and not declared:
-                found.append(_leaving(space, leg, phase, exits))
-    return found
-
-
-@rule
-def cannot_leave(case: CheckCase) -> Iterator[Finding]:
-    """The leg comes to rest in a phase, or friction stops it, before any exit but the time-out opens.
-
-    The static balance of the joints: spring with its torque, current and angle limits, gravity and its
-    compensation, and the friction that compensation leaves over at the stated friction ratio. In stance on
-    a belt the foot carries the leg and belt and other leg move the hip, so the finding is a warning there,
-    and none if an exit of the phase is declared ``driven_by: contact``.
-    """
-    for found in _leavings(case):
-        stops = f"by its motors the leg stops at {found.posture}, where {found.causes} is not open"
-        if found.contact and not found.at_rest:
-            suggestion = (
-                "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
-                "equilibrium beyond the threshold"
-            )
-            yield found.finding(Severity.WARNING, f"{stops}; {found.remains}", suggestion)
-        elif not found.in_motion:
-            reason = f"{stops}, nor was it on the way; {found.remains}"
-            suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
-            yield found.finding(Severity.ERROR, reason, suggestion)
-
-
-@rule
-def leaves_in_motion_only(case: CheckCase) -> Iterator[Finding]:
-    """The exits of a swing open only on the way: once the leg rests, only the time-out is left."""
-    for found in _leavings(case):
-        if found.in_motion and not found.at_rest and not found.contact:
-            reason = (
-                f"{found.causes} can open on the way only: once the leg rests at {found.posture}, "
-                f"{found.remains}"
-            )
-            suggestion = "move the equilibrium beyond the thresholds of one exit, or keep an early time-out"
-            yield found.finding(Severity.WARNING, reason, suggestion)
-
-
-RULES = (cannot_leave, leaves_in_motion_only)
+RULES = (cannot_leave,)

@@ -5,7 +5,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.guards import Comparison, atoms
-from twin_gait.gait.signals import ANGLE, OTHER, TIME, VELOCITY, Signal
+from twin_gait.gait.signals import ANGLE, OTHER, TIME, VELOCITY
 from twin_gait.parameters import FrictionLaw
 
 _STEPS = 2000
@@ -142,28 +141,23 @@ def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
 
     If nothing leads into it, its own equilibrium.
     """
-    table = leg.problem.table
+    table, equilibria = leg.problem.table, leg.column(EQUILIBRIUM)
     leading = [item.source for item in table.transitions if table.phase_index(item.target) == phase]
-    equilibria = leg.column(EQUILIBRIUM)
     found = [
-        rest_posture(leg, source, equilibria[source], np.zeros(equilibria.shape[1]))
+        rest_posture(leg, source, equilibria[source], np.zeros(len(leg.joints)))
         for source in dict.fromkeys(map(table.phase_index, leading))
     ]
     return found or [np.clip(equilibria[phase], *leg.limits().T)]
 
 
-class Postures(NamedTuple):
-    """Postures and velocities at which a switch can happen."""
-
-    angles: np.ndarray  # in [rad], shape ``(n, n_joints)``
-    velocities: np.ndarray  # in [rad] / [s], shape ``(n, n_joints)``
-
-
 def _thresholds(space: SignalSpace, index: int, name: str) -> list[float]:
     """Values beside the thresholds that a guard sets one signal, in the units of the table."""
-    found = [atom for atom in atoms(space.transition(index).guard) if isinstance(atom, Comparison)]
-    thresholds = [atom.threshold for atom in found if (atom.signal, atom.minus) == (name, None)]
-    return [value + side for value in dict.fromkeys(thresholds) for side in (-_BESIDE, _BESIDE)]
+    return [
+        atom.threshold + side
+        for atom in dict.fromkeys(atoms(space.transition(index).guard))
+        for side in (-_BESIDE, _BESIDE)
+        if isinstance(atom, Comparison) and (atom.signal, atom.minus) == (name, None)
+    ]
 
 
 def _candidates(
@@ -171,27 +165,22 @@ def _candidates(
 ) -> Iterator[dict[str, float]]:
     """Signals of the leg on its way through the phase that is left, in the units of the table."""
     waits = space.transition(index).is_time_out
-    names, values = [], []
-    for joint, (low, high), speed in zip(
-        range(len(leg.joints)), rest.path(), rest.velocities.tolist(), strict=True
-    ):
-        ends = (rest.corners[:, joint].min(), rest.corners[:, joint].max())
-        angles = np.degrees(ends) if waits else np.degrees(np.linspace(low, high, samples))
-        name = ANGLE.of(leg.joints[joint])
-        least, most = space.range(name)
-        names.append(name)
-        values.append(np.clip([*angles, *_thresholds(space, index, name)], least, most).tolist())
-        names.append(VELOCITY.of(leg.joints[joint]))
-        values.append([0.0] if waits else [0.0, math.degrees(speed), *_thresholds(space, index, names[-1])])
-    choices = [list(dict.fromkeys(several)) for several in values]
-    lengths = [len(several) for several in choices]
-    count = math.prod(lengths)
+    choices: dict[str, list[float]] = {}
+    ways = zip(leg.joints, rest.path(), rest.corners.T, rest.velocities.tolist(), strict=True)
+    for joint, (low, high), rests, speed in ways:
+        angle, velocity = ANGLE.of(joint), VELOCITY.of(joint)
+        angles = (rests.min(), rests.max()) if waits else np.linspace(low, high, samples)
+        all_angles = [*np.degrees(angles), *_thresholds(space, index, angle)]
+        choices[angle] = np.clip(all_angles, *space.range(angle)).tolist()
+        moving = [] if waits else [math.degrees(speed), *_thresholds(space, index, velocity)]
+        choices[velocity] = [0.0, *moving]
+    several = [list(dict.fromkeys(values)) for values in choices.values()]
+    count = math.prod(map(len, several))
     # A fixed choice among too many of them.
     few = count <= _MOST
     chosen = np.arange(count) if few else np.random.default_rng(0).choice(count, size=_MOST, replace=False)
-    for number in chosen.tolist():
-        picked = zip(choices, np.unravel_index(number, lengths), strict=True)
-        yield dict(zip(names, (several[place] for several, place in picked), strict=True))
+    for places in zip(*np.unravel_index(chosen, list(map(len, several))), strict=True):
+        yield {name: values[place] for name, values, place in zip(choices, several, places, strict=True)}
 
 
 def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
@@ -208,32 +197,30 @@ def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
 
 def postures(
     space: SignalSpace, index: int, leg: HangingLeg, rest: Rest, samples: int = SAMPLES
-) -> Postures | None:
+) -> np.ndarray:
     """Postures of a guard that lie on the way of the leg through the phase that it leaves.
 
     Each joint is anywhere between the entry of the phase and its rest, or beside a threshold of the guard, at
     rest or at the speed of :class:`Rest`. A time-out finds the leg at rest.
 
-    None if the guard cannot open.
+    Returns angles in [rad] and velocities in [rad] / [s], shape ``(n, 2, n_joints)``; none if the guard
+    cannot open.
     """
     backgrounds = _backgrounds(space, index)
-    if not backgrounds:
-        return None
-    found = [
-        own
-        for own in _candidates(space, index, leg, rest, samples)
-        if any(
-            space.is_open(index, replace(point, signals={**point.signals, **own})) for point in backgrounds
-        )
+
+    def opens(own: dict[str, float]) -> bool:
+        points = (replace(point, signals={**point.signals, **own}) for point in backgrounds)
+        return any(space.is_open(index, point) for point in points)
+
+    # Off the way the point that opens the guard has to do.
+    found = list(filter(opens, _candidates(space, index, leg, rest, samples))) if backgrounds else []
+    found = found or [dict(point.signals) for point in backgrounds[:1]]
+    rows = [
+        [own.get(signal.of(joint), 0.0) * signal.unit.factor for joint in leg.joints]
+        for own in found
+        for signal in (ANGLE, VELOCITY)
     ]
-    # A guard off the way: the point that opens it has to do.
-    found = found or [dict(backgrounds[0].signals)]
-
-    def column(signal: Signal) -> np.ndarray:
-        names = [signal.of(joint) for joint in leg.joints]
-        return np.array([[own.get(name, 0.0) * signal.unit.factor for name in names] for own in found])
-
-    return Postures(column(ANGLE), column(VELOCITY))
+    return np.array(rows).reshape(-1, 2, len(leg.joints))
 
 
 @lru_cache(maxsize=64)  # rules follow each other, and ways into a phase share what comes before
@@ -250,8 +237,8 @@ def first_rests(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DE
         if item.target != phase or item.is_time_out or depth == 0:
             continue
         for rest in first_rests(space, leg, item.source, depth - 1):
-            opened = postures(space, index, leg, rest, _ENTRY_SAMPLES)
-            if opened is not None:
-                angles = opened.angles[np.abs(opened.angles - rest.start).sum(axis=1).argmin()]
+            opened = postures(space, index, leg, rest, _ENTRY_SAMPLES)[:, 0]
+            if len(opened):
+                angles = opened[np.abs(opened - rest.start).sum(axis=1).argmin()]
                 starts[angles.tobytes()] = angles
     return [find_rest(leg, number, start) for start in starts.values() or entries(leg, number)]

@@ -83,9 +83,9 @@ class SignalSpace:
         """A transition of the table."""
         return self.table.transitions[index]
 
-    def requirement(self, index: int, true: bool = True) -> Requirement:
-        """The guard of a transition as something to be open, or closed."""
-        return Requirement(self.transition(index).guard, true)
+    def requirement(self, index: int) -> Requirement:
+        """The guard of a transition as something to be open."""
+        return Requirement(self.transition(index).guard)
 
     def time_out(self, phase: str | None) -> float:
         """Time in [s] at which the first pure time-out ends a phase, an hour without one."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, rule
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
-from twin_gait.checking.postures import Postures, command_at_rest, first_rests, postures
+from twin_gait.checking.postures import command_at_rest, first_rests, postures
 from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
@@ -47,29 +47,30 @@ def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, list[float]]:
     return np.array([-1.0, *ticks]), [0.0, *shares]
 
 
-def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) -> list[Jump]:
-    """Largest change of the commanded torque (impedance, gravity and friction compensation), per joint."""
+def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) -> list[Jump]:
+    """Largest change of the commanded torque (impedance, gravity and friction compensation), per joint.
+
+    ``samples``: angles and velocities of :func:`postures`.
+    """
     table, laws = leg.problem.table, leg.problem.experiment.control.friction_model
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     ticks, shares = _blend(leg, new)
-    gravity = np.array([leg.modelled_gravity(posture) for posture in samples.angles])
+    gravity = np.array([leg.modelled_gravity(angles) for angles, _ in samples])
     jumps = []
     for joint, (name, limit) in enumerate(zip(leg.joints, leg.torque_limits().tolist(), strict=True)):
-        angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
+        angles, velocities = samples[:, :, joint].T
         friction = np.array([friction_torque(laws[name], velocity) for velocity in velocities.tolist()])
         columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
         columns.append(leg.gravity_shares)
         commands = []
         for share in shares:
             k, b, zero, gain, carried = (blend(column[old], column[new], share) for column in columns)
-            # The law is linear: arrays of postures pass as numbers do.
-            impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
+            impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))
             commands.append(impedance + gain * friction + carried * gravity[:, joint])
         whole = np.abs(commands[-1] - commands[0])
         tick = np.abs(np.diff(commands, axis=0) / np.diff(ticks)[:, None]).max(axis=0)
         worst = int(np.argmax(np.maximum(whole, tick / KNOCK)))
-        at = leg.signals(samples.angles[worst], samples.velocities[worst])
-        jumps.append(Jump(name, limit, float(whole.max()), float(tick.max()), at))
+        jumps.append(Jump(name, limit, float(whole.max()), float(tick.max()), leg.signals(*samples[worst])))
     return jumps
 
 
@@ -87,7 +88,7 @@ def torque_jump(case: CheckCase) -> Iterator[Finding]:
             jumps = [
                 jump
                 for rest in first_rests(space, leg, item.source)
-                if (samples := postures(space, index, leg, rest)) is not None
+                if len(samples := postures(space, index, leg, rest))
                 for jump in largest_jumps(leg, item, samples)
             ]
             worst = max(jumps, key=lambda jump: jump.excess, default=None)

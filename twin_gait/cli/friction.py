@@ -70,11 +70,11 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.watched(str(protocol), "test") as watch:
         result = studies.run_campaign(campaign, out, **watch)
-    print(f"{result.status}: {len(result.tests)} synthetic logs in {result.directory}")
-    diverged = [test["file"] for test in result.tests if test["status"] == "diverged"]
+    print(f"{result['status']}: {len(result['tests'])} synthetic logs in {out}")
+    diverged = [test["file"] for test in result["tests"] if test["status"] == "diverged"]
     if diverged:
         print(f"  diverged: {', '.join(diverged)}")
-    if result.status is simulation.RunStatus.INTERRUPTED:
+    if result["status"] is simulation.RunStatus.INTERRUPTED:
         return terminal.stopped("the logs so far are kept")
     return DONE
 

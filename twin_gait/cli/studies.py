@@ -77,9 +77,8 @@ def sweep(arguments: argparse.Namespace) -> int:
             result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except studies.WorkersLost as error:
         return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
-    document = {"status": str(result.status), **result.summary, "directory": result.directory}
-    shown = lines("sweep.txt", {**document, "resumed": result.resumed})
-    terminal.answer(arguments, shown, document)
+    document = {**result.summary, "directory": arguments.out}
+    terminal.answer(arguments, lines("sweep.txt", document), document)
     return terminal.stopped(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
 
 

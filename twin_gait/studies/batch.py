@@ -145,11 +145,10 @@ def simulate_batch(
     ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an episode
     cannot be run, or the workers make no sense.
     """
-    base, named = with_document(experiment), dict[str, dict[str, dict[str, Any]]]()
+    base = with_document(experiment)
     for index, override in enumerate(overrides):
-        read_named(named, override, Path(f"episode {index}"))
-        changed(base, override, f"episode {index}", named)
-    experiment_of = partial(changed, base, known=named)
+        changed(base, override, f"episode {index}")
+    experiment_of = partial(changed, base)
     rows = run_episodes(
         experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
     )
@@ -164,16 +163,6 @@ def simulate_batch(
 def name_of(value: Any) -> str:
     """Name by which a wearer or a gait table is exchanged; a person with changes is written as JSON."""
     return value if isinstance(value, str) else json.dumps(value, default=str)
-
-
-def read_named(named: dict[str, dict[str, dict[str, Any]]], override: Override, path: Path) -> None:
-    """Add what an override names and is not there yet; ``path``: as :func:`named_document` takes it."""
-    for key in WHOLE:
-        found = named.setdefault(key, {})
-        if key in override and (name := name_of(override[key])) not in found:
-            document = named_document(key, override[key], path)
-            if document is not None:
-                found[name] = document
 
 
 def with_document(experiment: Experiment) -> LoadedExperiment:

@@ -176,19 +176,11 @@ def _loaded(campaign: Campaign, mass: float, **changes: Any) -> BenchJoint:
     return replace(bench, link=replace(bench.link, mass=mass), start_angle=HORIZONTAL, **changes)
 
 
-@dataclass(frozen=True, eq=False)
-class CampaignResult:
-    """What a campaign left behind."""
-
-    directory: Path  # its folder
-    status: RunStatus  # completed or interrupted
-    tests: tuple[Mapping[str, Any], ...]  # a line on each test, as in ``campaign.json``
-
-
-def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) -> CampaignResult:
+def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) -> dict[str, Any]:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
-    Raises RunDirectoryError if the folder exists or cannot be written.
+    Returns the content of ``campaign.json``: ``status``, and ``tests`` with a line on each. Raises
+    RunDirectoryError if the folder exists or cannot be written.
     """
     plans = planned_tests(campaign)
     with staged_directory(directory, CAMPAIGN) as staging:
@@ -201,7 +193,7 @@ def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) ->
             "tests": lines,
         }  # fmt: skip
         write_json(staging / SETTINGS_FILE, document)
-    return CampaignResult(directory, status, tuple(lines))
+    return document
 
 
 def _perform(

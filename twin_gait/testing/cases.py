@@ -5,18 +5,47 @@ approved by a person, can.
 """
 
 import difflib
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+from typing import Protocol
 
+from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.documents import transition_table, truth_table
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME, signal_of
 from twin_gait.gait.table import StateTable
-from twin_gait.testing import edges, timing
-from twin_gait.testing.driver import MachineFactory, machine_of, play, refuse
-from twin_gait.testing.exits import Exit, Scenario, decisive
+from twin_gait.testing.exits import Exit, Scenario
+from twin_gait.testing.reference import Vector
+from twin_gait.testing.scenarios import scenarios
 
-Check = Callable[[MachineFactory], None]
+
+class Machine(Protocol):
+    """What the kit asks of a machine: :class:`~twin_gait.gait.GaitStateMachine` is one.
+
+    Attributes:
+        phase: Present phase.
+    """
+
+    phase: str
+
+    def step(self, tick: int, signals: Mapping[str, float], member: str | None = None) -> PhaseSwitch | None:
+        """Advance by one tick; raise MeasurementError if a measurement is missing or not finite.
+
+        ``signals``: by name in the unit of that, but for the time in the phase; none of a leg that is not
+        there. ``member``: phase of the other leg, or of modes the request, or None.
+        """
+
+
+MachineFactory = Callable[[str], Machine]  # from the phase that the leg has entered at tick 0
+
+
+def machine_of(table: StateTable) -> MachineFactory:
+    """The package's own machine for a table; the guards are compiled once."""
+    program = compile_guards(table)
+    return lambda phase: GaitStateMachine(table, initial_phase=phase, program=program)
 
 
 @dataclass(frozen=True)
@@ -26,15 +55,14 @@ class TransitionTest:
     # transition and what is shown, for example ``late_stance→swing_flexion (trailing_limb)::holds just below
     # hip.angle_deg < -2.8``
     name: str
-    phase: str  # phase in which it starts
+    table: StateTable  # what is expected is worked out from it alone
     machine: MachineFactory  # builds the machine under test
-    check: Check | None  # drives a machine and raises AssertionError; None if no measurements can show it
-    ticks: int = 0  # about how many ticks it drives a machine through
+    scenario: Scenario  # measurements, and what the leg has to do
 
     @property
     def undecided(self) -> str | None:
         """Why there is nothing to drive, or None for a test that runs."""
-        if self.check is not None:
+        if self.scenario.steps:
             return None
         return (
             "no measurements make this decide: it is implied by other conditions, the exit is shadowed, or "
@@ -43,8 +71,10 @@ class TransitionTest:
 
     def run(self) -> None:
         """Drive the machine, unless :attr:`undecided`; AssertionError if it does not as the table says."""
-        if self.check is not None:
-            self.check(self.machine)
+        if self.scenario.refuses:
+            _refuse(self.table, self.scenario, self.machine)
+        else:
+            _play(self.table, self.scenario, self.machine)
 
 
 def transition_tests(table: StateTable, machine: MachineFactory | None = None) -> list[TransitionTest]:
@@ -60,61 +90,74 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
     """
     factory = machine_of(table) if machine is None else machine
     tests: dict[str, TransitionTest] = {}
-    for index in range(len(table.transitions)):
-        leave = Exit(table, index)
-        title = f"{leave.item.source}→{leave.item.target} ({leave.item.cause})"
-        for what, check, ticks in _checks(leave):
-            name, number = f"{title}::{what}", 1
+    for index, item in enumerate(table.transitions):
+        for scenario in scenarios(Exit(table, index)):
+            plain = name = f"{item.source}→{item.target} ({item.cause})::{scenario.what}"
+            number = 1
             while name in tests:
                 number += 1
-                name = f"{title}::{what} [{number}]"
-            tests[name] = TransitionTest(name, leave.phase, factory, check, ticks)
+                name = f"{plain} [{number}]"
+            tests[name] = TransitionTest(name, table, factory, scenario)
     return list(tests.values())
 
 
-Shown = tuple[str, Check | None, int]  # what a test shows, what it does, ticks
+def _told(table: StateTable, vector: Vector) -> dict[str, float]:
+    """What a machine is told: 0 of what a vector does not name, nothing of a leg that is not there."""
+    untold = (TIME, OTHER) if vector.other_phase is None else TIME
+    return {name: vector.signals.get(name, 0.0) for name in table.signals if not name.startswith(untold)}
 
 
-def _checks(leave: Exit) -> Iterator[Shown]:
-    found = list(_scenarios(leave))
-    yield from (_playing(leave.table, item) for item in found)
-    taking = [item for item in found if item.expected and item.expected[-1] == leave.index]
-    if taking:
-        yield from _more(leave, min(taking, key=lambda item: len(item.steps)))
+def _play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
+    """Drive a machine through a scenario; AssertionError at the first tick that is not as expected."""
+    machine, phase = factory(scenario.phase), scenario.phase
+    told: dict[int, dict[str, float]] = {}
+    for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
+        if id(vector) not in told:
+            told[id(vector)] = _told(table, vector)
+        switch, source, wanted = machine.step(tick, told[id(vector)], vector.other_phase), phase, None
+        if index is not None:
+            item = table.transitions[index]
+            wanted, phase = (tick, phase, item.target, item.cause), item.target
+        got = None if switch is None else (switch.tick, switch.source, switch.target, switch.cause)
+        assert got == wanted and machine.phase == phase, (
+            f"tick {tick} in {source}: expected that the leg {_words(wanted)}, the machine {_words(got)}"
+            f"; measured {_measured(vector)}"
+        )
 
 
-def _scenarios(leave: Exit) -> Iterator[Scenario]:
-    if leave.item.is_time_out:
-        yield from timing.time_out(leave)
-    else:
-        for entry in decisive(leave.item.guard):
-            yield from edges.edges(leave, entry)
-            yield from edges.groups(leave, entry)
-        yield from timing.debounce(leave)
-        yield from timing.waiting(leave)
-    for second in leave.siblings:
-        if second.index > leave.index:
-            yield from edges.priority(leave, second)
+def _words(switch: tuple[int, str, str, str] | None) -> str:
+    return "stays" if switch is None else f"goes to {switch[2]} ({switch[3]})"
 
 
-def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
-    """Tests that start from measurements with which the exit is taken."""
-    table = leave.table
-    last = taking.steps[-leave.debounce - 1 :]
-    for item in (*timing.clock(leave, last), *timing.elsewhere(leave)):
-        yield _playing(table, item)
-    steps = leave.comfortable([leave.opens], Exit.fires) or last
-    alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
-    if leave.yields(alone):
-        absent = "another leg" if table.words.member == "phase" else f"a {table.words.member}"
-        yield _playing(table, leave.scenario(f"holds without {absent}", alone))
-    check = partial(refuse, table, leave.phase, steps)
-    yield "refuses signals that are NaN, infinite or missing", check, 17 * len(steps) * len(table.joints)
+def _measured(vector: Vector) -> str:
+    values = [f"{name} = {value:.12g}" for name, value in vector.signals.items()]
+    other = "no other leg" if vector.other_phase is None else f"other leg in {vector.other_phase}"
+    return ", ".join([*values, other])
 
 
-def _playing(table: StateTable, item: Scenario) -> Shown:
-    check = partial(play, table, item) if item.steps else None
-    return item.what, check, len(item.steps)
+def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
+    """A machine about to take an exit is given one bad measurement instead; AssertionError if it accepts.
+
+    Each signal in turn is NaN or infinite, or is missing if it has to be measured.
+    """
+    *before, last = scenario.steps
+    told = _told(table, last.vector)
+    signals = [name for name in told if name != OTHER_TIME]
+    broken = (math.nan, math.inf, -math.inf)
+    spoilt = {f"{name} = {value}": {**told, name: value} for name in signals for value in broken}
+    for name in signals:
+        if math.isnan(signal_of(name).first):
+            spoilt[f"{name} is missing"] = {key: told[key] for key in told if key != name}
+    for text, bad in spoilt.items():
+        machine = factory(scenario.phase)
+        for tick, vector in before:
+            machine.step(tick, _told(table, vector), vector.other_phase)
+        try:
+            machine.step(last.tick, bad, last.vector.other_phase)
+        except MeasurementError:
+            assert machine.phase == scenario.phase, f"{text}: refused, but the phase is now {machine.phase}"
+        else:
+            raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
 
 
 def approval_text(table: StateTable) -> str:

@@ -15,7 +15,7 @@ from twin_gait.firmware.cross import compile_library
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.gait.table import StateTable
-from twin_gait.testing.driver import MachineFactory
+from twin_gait.testing.cases import MachineFactory
 from twin_gait.vocabulary import Side
 
 

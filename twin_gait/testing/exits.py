@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple, TypeGuard
 
 from twin_gait.exceptions import GaitTableError
@@ -25,6 +26,7 @@ class Scenario(NamedTuple):
     phase: str  # phase that the leg has entered at tick 0
     steps: Steps  # the measurements; none if no measurements can show it
     expected: tuple[int | None, ...]  # for every step the index of the transition that is taken, or None
+    refuses: bool = False  # whether the last measurements are spoilt, and have to be refused
 
 
 class Decisive(NamedTuple):
@@ -51,13 +53,6 @@ def decisive(guard: Guard) -> Iterator[Decisive]:
             yield Decisive(item.atom, (*requirements, *item.requirements), group)
 
 
-class Window(NamedTuple):
-    """First and last tick in the phase between which requirements have to hold."""
-
-    first: int
-    last: int
-
-
 def reads_own_time(atom: Comparison) -> bool:
     """Whether a comparison reads the time in the leg's own phase."""
     return TIME in (atom.signal, atom.minus)
@@ -69,13 +64,13 @@ def reads_only_own_time(atom: Comparison | PhaseMembership) -> TypeGuard[Compari
 
 
 def find(
-    phases: Phases, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
+    phases: Phases, requirements: Sequence[Requirement], ticks: range, pinned: Sequence[Bound] = ()
 ) -> Vector | None:
-    """Measurements that fulfil requirements over a window, far from all thresholds; None if none do.
+    """Measurements that fulfil requirements at some ticks, far from all thresholds; None if none do.
 
     ``phases``: allowed ones of the other leg, ``(None,)`` without another.
     """
-    ends = sorted(set(window))
+    ends = sorted({ticks[0], ticks[-1]})
 
     def bounds_of(atom: Comparison, true: bool) -> list[Bound] | None:
         if reads_only_own_time(atom):
@@ -103,15 +98,10 @@ class Exit:
     index: int
     spared: int = -1  # Index of a rival that is never closed, -1 for none.
 
-    @cached_property
+    @property
     def item(self) -> Transition:
         """The transition."""
         return self.table.transitions[self.index]
-
-    @property
-    def phase(self) -> str:
-        """Phase that it leaves."""
-        return self.item.source
 
     @property
     def debounce(self) -> int:
@@ -131,12 +121,12 @@ class Exit:
     @property
     def gate(self) -> int:
         """First tick in the phase in which it may be taken, its debounce apart."""
-        return max(1, self.table.phases[self.phase].minimum_ticks, self.item.time_out_ticks or 0)
+        return max(1, self.table.phases[self.item.source].minimum_ticks, self.item.time_out_ticks or 0)
 
     @cached_property
-    def siblings(self) -> tuple[Exit, ...]:
+    def siblings(self) -> list[Exit]:
         """Exits of the same phase, itself among them."""
-        return tuple(exits_of(self.table, self.phase))
+        return exits_of(self.table, self.item.source)
 
     @cached_property
     def latest(self) -> float:
@@ -156,39 +146,34 @@ class Exit:
         found = decisive(self.item.guard)
         return [(atom, beside) for atom, beside, _ in found if reads_only_own_time(atom)]
 
-    @cached_property
-    def own_time_ticks(self) -> set[int]:
-        """Ticks about which a threshold on the time in the phase changes its truth."""
-        return {round(atom.threshold / TICK) for item in (self, *self.rivals) for atom, _ in item.timed}
-
     def starts(self, ticks: int, *, gate: int | None = None) -> list[int]:
-        """First ticks of windows worth trying, of a length and from a gate on, before the phase is left."""
+        """First ticks of stretches worth trying, of a length and from a gate on, before the phase is left.
+
+        They begin or end about a threshold on the time in the phase.
+        """
         earliest = self.gate if gate is None else gate
-        near = {time + shift for time in self.own_time_ticks for shift in range(-1, 3)}
+        turns = {round(atom.threshold / TICK) for item in (self, *self.rivals) for atom, _ in item.timed}
+        near = {turn + shift for turn in turns for shift in range(-1, 3)}
         candidates = {earliest, *near, *(tick - ticks + 1 for tick in near)}
         return sorted(tick for tick in candidates if earliest <= tick and tick + ticks - 1 < self.latest)
 
-    def closings(self, window: Window) -> list[tuple[Requirement, ...]]:
-        """Which rivals to close, in the order of preference: all, those that could be due, the earlier."""
-        ticks = window.last - window.first + 1
-        able = [item for item in self.rivals if item.debounce <= ticks and item.gate <= window.last]
-        earlier = [item for item in able if item.index < self.index]
-        choices = (tuple(item.closes for item in chosen) for chosen in (self.rivals, able, earlier))
-        return list(dict.fromkeys(choices))
-
     def look(
-        self, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
+        self, requirements: Sequence[Requirement], ticks: range, pinned: Sequence[Bound] = ()
     ) -> Iterator[Vector]:
-        """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg."""
-        for phases in (self.table.members or (None,), (None,)):
-            for closing in self.closings(window):
-                found = find(phases, [*requirements, *closing], window, pinned)
-                if found is not None:
-                    yield found
+        """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg.
+
+        First all rivals are closed, then only those that are listed before and could be due.
+        """
+        able = [item for item in self.rivals if item.debounce <= len(ticks) and item.gate < ticks.stop]
+        earlier = [item for item in able if item.index < self.index]
+        for phases, closed in product((self.table.members or (None,), (None,)), (self.rivals, earlier)):
+            found = find(phases, [*requirements, *(item.closes for item in closed)], ticks, pinned)
+            if found is not None:
+                yield found
 
     def outcomes(self, steps: Steps) -> list[int | None]:
         """Transition that a leg takes at each step, or None; it has entered the phase at tick 0."""
-        return outcomes(self.table, self.phase, steps)
+        return outcomes(self.table, self.item.source, steps)
 
     def fires(self, steps: Steps) -> bool:
         """Whether a leg takes the exit in the last of some steps and none before."""
@@ -214,17 +199,14 @@ class Exit:
             if not left:
                 yield ()
                 return
-            (requirements, ticks), later = left[0], left[1:]
-            if ticks == 0:
-                yield from ways(first, later)
-                return
-            window = Window(first, first + ticks - 1)
-            for vector in self.look(requirements, window, pinned):
-                for rest in ways(window.last + 1, later):
-                    yield constant(vector, *window) + rest
+            requirements, length = left[0]
+            ticks = range(first, first + length)
+            for vector in self.look(requirements, ticks, pinned):
+                for rest in ways(ticks.stop, left[1:]):
+                    yield constant(vector, ticks) + rest
 
-        end = start + sum(ticks for _, ticks in stretches) - 1
-        if start < 1 or end > self.latest:
+        stretches = [stretch for stretch in stretches if stretch[1]]
+        if start < 1 or start + sum(length for _, length in stretches) - 1 > self.latest:
             return ()
         return next((steps for steps in ways(start, stretches) if accept(self, steps)), ())
 
@@ -240,17 +222,17 @@ class Exit:
 
     def scenario(self, what: str, steps: Steps) -> Scenario:
         """Scenario with what the rules of the table demand."""
-        return Scenario(what, self.phase, steps, tuple(self.outcomes(steps)))
+        return Scenario(what, self.item.source, steps, tuple(self.outcomes(steps)))
 
 
-def exits_of(table: StateTable, phase: str) -> Iterator[Exit]:
+def exits_of(table: StateTable, phase: str) -> list[Exit]:
     """Exits of a phase, in their order of priority."""
-    return (Exit(table, index) for index in exits(table, phase))
+    return [Exit(table, index) for index in exits(table, phase)]
 
 
-def constant(vector: Vector, first: int, last: int) -> Steps:
-    """The same measurements from tick to tick, both ends included."""
-    return tuple(Step(tick, vector) for tick in range(first, last + 1))
+def constant(vector: Vector, ticks: range) -> Steps:
+    """The same measurements from tick to tick."""
+    return tuple(Step(tick, vector) for tick in ticks)
 
 
 def turning_tick(atom: Comparison) -> int:

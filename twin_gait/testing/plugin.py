@@ -15,8 +15,7 @@ import pytest
 
 if TYPE_CHECKING:
     from twin_gait.gait.table import StateTable
-    from twin_gait.testing.cases import TransitionTest
-    from twin_gait.testing.driver import MachineFactory
+    from twin_gait.testing.cases import MachineFactory, TransitionTest
 
 
 class Request(NamedTuple):
@@ -25,7 +24,6 @@ class Request(NamedTuple):
     table: StateTable
     machine: MachineFactory | None  # what is tested; None is the package's own
     approved: Path | None  # file with its approved text
-    approve: bool  # whether that file is to be written instead of compared
 
 
 _REQUESTS = pytest.StashKey[dict[Path, Request]]()
@@ -33,34 +31,20 @@ _REQUESTS = pytest.StashKey[dict[Path, Request]]()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options."""
-    group = parser.getgroup("twin_gait", "gait tables")
-    group.addoption(
-        "--gait-table",
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="test every transition of a gait table",
-    )
-    group.addoption(
-        "--machine",
-        choices=("python", "c"),
-        default="python",
-        help="what is tested: the package's state machine, or its guards in C as the firmware has them",
-    )
-    group.addoption(
-        "--approved",
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="compare the gait table with its approved text (Markdown); one for each --gait-table, in order",
-    )
-    group.addoption("--approve", action="store_true", help="write the approved text instead of comparing")
+    add = parser.getgroup("twin_gait", "gait tables").addoption
+    text = "test every transition of a gait table"
+    add("--gait-table", action="append", default=[], metavar="FILE", help=text)
+    text = "what is tested: the package's state machine, or its guards in C as the firmware has them"
+    add("--machine", choices=("python", "c"), default="python", help=text)
+    text = "compare the gait table with its approved text (Markdown); one for each --gait-table, in order"
+    add("--approved", action="append", default=[], metavar="FILE", help=text)
+    add("--approve", action="store_true", help="write the approved text instead of comparing")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Read the tables and have their files collected."""
     tables, approved = config.getoption("gait_table"), config.getoption("approved")
-    approve, in_c = bool(config.getoption("approve")), config.getoption("machine") == "c"
+    approve, in_c = config.getoption("approve"), config.getoption("machine") == "c"
     if not (tables or approved or approve or in_c):
         return
     paths = [Path(name).resolve() for name in tables]
@@ -70,14 +54,10 @@ def pytest_configure(config: pytest.Config) -> None:
             "expected --gait-table FILE, each once, with --machine, and one --approved FILE for each with "
             "--approve"
         )
-    texts: list[Path | None] = [Path(name) for name in approved]
-    loaded = [_load(name, in_c) for name in tables]
-    requests = {
-        path: Request(*item, text, approve)
-        for path, item, text in zip(paths, loaded, texts or [None] * len(paths), strict=True)
-    }
-    config.stash[_REQUESTS] = requests
-    config.args.extend(str(path) for path in requests if str(path) not in config.args)
+    texts: list[Path | None] = [*map(Path, approved)] or [None] * len(paths)
+    requests = [Request(*_load(name, in_c), text) for name, text in zip(tables, texts, strict=True)]
+    config.stash[_REQUESTS] = dict(zip(paths, requests, strict=True))
+    config.args.extend(str(path) for path in paths if str(path) not in config.args)
 
 
 def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
@@ -85,19 +65,14 @@ def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
     from twin_gait.configuration.gait_table_file import load_state_table
     from twin_gait.exceptions import TwinGaitError
     from twin_gait.gait.program import compile_guards
+    from twin_gait.testing.compiled import compiled_machines
 
-    place = "--gait-table: "
     try:
         table = load_state_table(name)
         compile_guards(table)
-        if not in_c:
-            return table, None
-        from twin_gait.testing.compiled import compiled_machines
-
-        place = f"--machine c: {name}: "
-        return table, compiled_machines([table])[0]
+        return table, compiled_machines([table])[0] if in_c else None
     except TwinGaitError as error:
-        raise pytest.UsageError(f"{place}{error}") from error
+        raise pytest.UsageError(f"--gait-table {name}: {error}") from error
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GaitTableTests | None:
@@ -119,10 +94,10 @@ class GaitTableTests(pytest.File):
         for test in transition_tests(request.table, machine=request.machine):
             yield KitItem.from_parent(self, name=test.name, check=partial(_drive, test))
         if request.approved is not None:
-            check = partial(self._approve, request.table, request.approved, request.approve)
+            check = partial(self._approve, request.table, request.approved)
             yield KitItem.from_parent(self, name="approved text", check=check)
 
-    def _approve(self, table: StateTable, path: Path, approve: bool) -> None:
+    def _approve(self, table: StateTable, path: Path) -> None:
         """Compare the text of the table with the one that was approved, or write it."""
         from twin_gait.exceptions import TwinGaitError
         from twin_gait.files import write_atomically
@@ -130,7 +105,7 @@ class GaitTableTests(pytest.File):
 
         text = approval_text(table)
         try:
-            if approve:
+            if self.config.getoption("approve"):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_atomically(path, text)
             problem = check_approved(path, text)

@@ -25,7 +25,7 @@ from twin_gait.worlds.world import BELT_SPEED
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
 # luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.
-MASS_SPREAD, FRICTION_SPREAD, SPEED_SPREAD, EFFORT_SPREAD = 0.03, 0.2, 0.03, 0.1
+SPREADS = (0.03, 0.2, 0.03, 0.1)  # of mass, friction, speed and effort
 CONFIDENCE = 0.95
 # TwinCare gives each joint a share of the table's impedance; four fifths is an assumption. An experiment that
 # sets shares of its own keeps them.
@@ -124,7 +124,13 @@ def compare(
 
     Returns the comparison, or None if it was stopped; what cannot be compared is a ParameterError.
     """
-    _check(experiment, seeds)
+    if experiment.scenario.walking is None:
+        raise ParameterError(
+            f"{experiment.name}: controllers are compared where legs walk on the ground; name such a preset"
+        )
+    if experiment.patient is None:
+        raise ParameterError("patient: nobody wears the device; name somebody with --patient")
+    require(seeds >= 1, "seeds", "1 or more", seeds)
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
     day_of, measure = partial(_changed, experiment), partial(_measured, experiment.seed)
     found = run_episodes(day_of, measure, asked, named=lambda place: asked[place][0].name, **watch)
@@ -148,25 +154,14 @@ def _measured(nominal_seed: int, run: Run) -> tuple[dict[str, object], Run | Non
     return row, run if run.experiment.seed == nominal_seed else None
 
 
-def _check(experiment: Experiment, seeds: int) -> None:
-    if experiment.scenario.walking is None:
-        raise ParameterError(
-            f"{experiment.name}: controllers are compared where legs walk on the ground; name such a preset"
-        )
-    if experiment.patient is None:
-        raise ParameterError("patient: nobody wears the device; name somebody with --patient")
-    require(seeds >= 1, "seeds", "1 or more", seeds)
-
-
 def varied(experiment: Experiment, seed: int) -> Experiment:
     """The experiment on another day."""
     if seed == 0:
         return experiment
     scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
     assert scenario.walking is not None and patient is not None  # the caller has checked
-    spreads = np.array((MASS_SPREAD, FRICTION_SPREAD, SPEED_SPREAD, EFFORT_SPREAD))
     drawn = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4)
-    weight, rough, fast, form = (1.0 + spreads * drawn).tolist()
+    weight, rough, fast, form = (1.0 + np.array(SPREADS) * drawn).tolist()
     conditions = {
         place: replace(item, effort=min(1.0, form * item.effort))
         for place, item in patient.conditions.items()

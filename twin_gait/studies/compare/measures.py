@@ -56,19 +56,14 @@ def _means(rows: pd.DataFrame) -> Measures:
 def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
     own, others = leg.record, other.record
     assert own.loaded is not None and others.loaded is not None  # there is ground
-    assert leg.run.walkway is not None  # it carries a share of the weight
     known, times = leg.by_contact(), strides.stride_times(leg.strides, TICK)
     speed = ground_speed(leg.run.log, leg.strides, TICK)
     return {
-        "strides": float(len(leg.strides)),
         "stride_time_s": known["stride_time_mean_s"],
-        "cadence_per_min": strides.cadence(times),
         "stride_length_m": strides.finite_mean(speed * times),
         "step_time_s": strides.finite_mean(counted_steps(own, others, leg.strides)),
-        "swing_share": known["swing_share"],
         "double_support_share": strides.double_support_share(own.loaded, others.loaded, leg.strides),
         "toe_clearance_m": known["toe_clearance_least_m"],
-        "scuffs": float(known["scuffs"]),
     }
 
 
@@ -192,10 +187,8 @@ def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measure
     return {
         **_means(by_leg),
         "toe_clearance_m": by_leg["toe_clearance_m"].min(skipna=False),
-        "scuffs": by_leg["scuffs"].sum(),
         "gps_koopman_deg": gait_profile_score(by_joint["gvs_koopman_deg"].tolist()),
         "step_time_symmetry": strides.symmetry_index(*by_leg["step_time_s"]),
-        "swing_symmetry": strides.symmetry_index(*by_leg["swing_share"]),
         **{f"{joint}_range_symmetry": strides.symmetry_index(*ranges[joint]) for joint in ranges},
         "interaction_symmetry": strides.symmetry_index(*by_joint["interaction_rms_Nm"].unstack().sum(axis=1)),
         **{name: effort.root_mean_square(by_joint[name].to_numpy()) for name in rms},

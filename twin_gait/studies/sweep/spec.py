@@ -16,14 +16,13 @@ import pandas as pd
 from pydantic import ConfigDict, Field, model_validator
 
 from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
-from twin_gait.configuration.documents import content_hash
-from twin_gait.configuration.experiments import load_experiment, resolved_document
+from twin_gait.configuration.experiments import load_experiment, named_document, resolved_document
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
-from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import versions
 from twin_gait.simulation.problem import build_problem
-from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, changed, read_named, with_document
+from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, changed, name_of, with_document
 from twin_gait.studies.jobs import sources_hash
 
 MOST_EPISODES = 10_000_000
@@ -74,7 +73,6 @@ class SweepFile(Strict):
     parameters: dict[str, Any] = Field(default_factory=dict)
     episodes: list[dict[str, Any]] = Field(default_factory=list)
     samples: Count | None = Field(default=None, ge=1)
-    repetitions: Count = Field(default=1, ge=1)
     seed: Count = Field(default=0, ge=0)
     measures: list[str] = Field(default_factory=list)
     named: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
@@ -92,11 +90,6 @@ class Sweep:
     # it gives the same sweep.
     document: Mapping[str, Any]
 
-    @property
-    def sha256(self) -> str:
-        """Hash of specification, experiment, versions and sources; equal hashes give equal tables."""
-        return content_hash(dict(self.document))
-
     def override(self, number: int) -> dict[str, Any]:
         """What an episode changes."""
         changes = self.design.iloc[number].items()
@@ -112,8 +105,6 @@ def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
     experiment that it names does.
     """
     path = Path(path).expanduser()
-    if path.is_dir():
-        raise ParameterError(f"{path}: expected a sweep specification (YAML), got a folder")
     return sweep_from_mapping(validation.read_yaml(path), str(path), path.parent, path.stem, settings)
 
 
@@ -138,7 +129,6 @@ def sweep_from_mapping(
         "name": entry.name or name,
         "experiment": _experiment_document(experiment, typed),
         **{key: data[key] for key in ("method", "parameters", "episodes", "samples") if key in data},
-        "repetitions": entry.repetitions,
         "seed": entry.seed,
         "measures": entry.measures,
         "named": _named(entry, folder / Path(source).name),
@@ -149,10 +139,13 @@ def sweep_from_mapping(
 
 def _named(entry: SweepFile, path: Path) -> Named:
     """What the wearers and gait tables stand for that the values name; once read they are kept."""
-    levels = {key: entry.parameters.get(key) for key in WHOLE}
-    rows = [{key: value} for key, values in levels.items() if isinstance(values, list) for value in values]
-    for row in [*rows, *entry.episodes]:
-        read_named(entry.named, row, path)
+    for key in WHOLE:
+        found, levels = entry.named.setdefault(key, {}), entry.parameters.get(key)
+        values = [row[key] for row in entry.episodes if key in row]
+        for value in [*(levels if isinstance(levels, list) else ()), *values]:
+            document = None if name_of(value) in found else named_document(key, value, path)
+            if document is not None:
+                found[name_of(value)] = document
     return entry.named
 
 
@@ -185,7 +178,7 @@ def design_of(entry: SweepFile, source: str) -> pd.DataFrame:
     """What each episode changes: a column of objects by key, NaN where a row of a list leaves it as it is.
 
     Of a grid the first key changes slowest. A Latin hypercube cuts each range into as many slices as there
-    are samples, and uses each once. Each point stands ``repetitions`` times in a row.
+    are samples, and uses each once.
     """
     for key in ("episodes", "samples", "parameters"):
         needed = key in _NEEDED[entry.method]
@@ -194,16 +187,15 @@ def design_of(entry: SweepFile, source: str) -> pd.DataFrame:
             raise ParameterFileError(source, key, problem.format(entry.method))
     levels = {key: _levels(key, value, entry.method, source) for key, value in entry.parameters.items()}
     count = entry.samples or len(entry.episodes) or math.prod(map(len, levels.values()))
-    if count * entry.repetitions > MOST_EPISODES:
-        problem = f"expected at most {MOST_EPISODES} episodes, got {count * entry.repetitions}"
+    if count > MOST_EPISODES:
+        problem = f"expected at most {MOST_EPISODES} episodes, got {count}"
         raise ParameterFileError(source, "", problem)
     points: Any = entry.episodes
     if entry.method == "grid":
         points = list(itertools.product(*levels.values()))
     elif entry.method == "latin_hypercube":
         points = _drawn(levels, count, entry.seed)
-    design = pd.DataFrame(points, columns=list(levels) or None, dtype=object)
-    return design.loc[design.index.repeat(entry.repetitions)].reset_index(drop=True)
+    return pd.DataFrame(points, columns=list(levels) or None, dtype=object)
 
 
 def _levels(key: str, value: Any, method: str, source: str) -> Any:

@@ -49,7 +49,7 @@ class SweepStore:
         self.done = np.zeros(len(sweep.design), dtype=bool)
         self._directory, self._parts, self._sweep = directory, directory / PARTS_FOLDER, sweep
         for path in self._files():
-            self.done[_read_parquet(path, ["episode"])["episode"]] = True
+            self.done[read_table(path, ["episode"])["episode"]] = True
 
     def append(self, rows: Mapping[int, batch.Flat]) -> None:
         """Keep the summaries of some episodes in a part of their own."""
@@ -64,7 +64,7 @@ class SweepStore:
 
     def merge(self) -> None:
         """Bring everything that is kept into the table: sorted by episode, settings first."""
-        parts = [pd.DataFrame({"episode": []}, dtype=int), *map(_read_parquet, self._files())]
+        parts = [pd.DataFrame({"episode": []}, dtype=int), *map(read_table, self._files())]
         rows = pd.concat(parts).drop_duplicates("episode").sort_values("episode", ignore_index=True)
         settings = self._sweep.design.apply(_typed).rename(columns=batch.setting_columns(self._sweep.design))
         settings = settings.iloc[rows["episode"]].reset_index(drop=True)
@@ -75,7 +75,6 @@ class SweepStore:
             self._directory / TABLE_FILE,
             table,
             schema_version=str(TABLE_SCHEMA_VERSION),
-            sweep_sha256=self._sweep.sha256,
             units=json.dumps({name: unit_of_column(name) for name in table.columns}),
             sweep=json.dumps(self._sweep.document),
         )
@@ -114,12 +113,8 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
         )
 
 
-def read_table(directory: Path) -> pd.DataFrame:
-    """Read the table of a sweep."""
-    return _read_parquet(directory / TABLE_FILE)
-
-
-def _read_parquet(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
+def read_table(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
+    """Read the table of a sweep, or a part of it."""
     try:
         return pd.read_parquet(path, columns=columns)
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
@@ -146,10 +141,8 @@ def _typed(values: pd.Series) -> pd.Series:
 class SweepResult:
     """What a sweep gives back."""
 
-    directory: Path  # where everything is
     table: pd.DataFrame  # one row per finished episode, sorted by episode
     status: RunStatus  # COMPLETED, or INTERRUPTED if it was stopped; the same call goes on with it
-    resumed: int  # episodes that were there before
     summary: dict[str, Any]  # content of ``summary.json``
 
 
@@ -182,12 +175,11 @@ def run_sweep(
             _run(sweep, store, workers, **watch)
         finally:
             store.merge()
-        table = read_table(directory)
+        table = read_table(directory / TABLE_FILE)
         status = RunStatus.COMPLETED if store.done.all() else RunStatus.INTERRUPTED
         measured = {name: np.isfinite(values_of(table, name)).any() for name in sweep.document["measures"]}
         summary = {
             "name": sweep.document["name"],
-            "sweep_sha256": sweep.sha256,
             "status": str(status),
             "episodes": len(sweep.design),
             "finished": len(table),
@@ -203,7 +195,7 @@ def run_sweep(
         write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
             write_report(sweep, table, directory)
-    return SweepResult(directory, table, status, resumed, summary)
+    return SweepResult(table, status, summary)
 
 
 def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None) -> None:

@@ -66,18 +66,6 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     return table_of(choose(tuning)[0].table)
 
 
-def final_table(finalist: Finalist, experiment: Experiment, wearer: str) -> dict[str, Any]:
-    """Document of the table, with a name and a description of its own."""
-    start = experiment.table.name
-    origin = (
-        f"The table {start} as it was: the search found nothing better for {wearer}."
-        if finalist.points is None
-        else f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; "
-        "nothing here was measured on a person."
-    )
-    return {**finalist.table, "name": f"{start}_tuned", "description": origin}
-
-
 def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = False) -> dict[str, Any]:
     """Choose the table and write everything, for a wearer in words.
 
@@ -85,7 +73,14 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
     RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
     """
     finalist, found = choose(tuning)
-    table = final_table(finalist, tuning.experiment, wearer)
+    start = tuning.experiment.table.name
+    origin = (
+        f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; nothing here was "
+        "measured on a person."
+    )
+    if finalist.points is None:
+        origin = f"The table {start} as it was: the search found nothing better for {wearer}."
+    table = {**finalist.table, "name": f"{start}_tuned", "description": origin}
     result = outcome(tuning, finalist, wearer) | {"check": found}
     tables = {"before": tuning.before.table, "after": table}
     curves = gait_curves(tuning.experiment, tables, tuning.settings.robust_duration)
@@ -102,10 +97,6 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
     speed, generations = check_walker(experiment)[0].speed, tuning.generations
     names = list(tuning.search_cases)
-    stood = {
-        name: standing([walk for case, walk in finalist.walks if case in names])
-        for name, finalist in (("before", before), ("after", after))
-    }
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
@@ -116,20 +107,21 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
         "table_before": experiment.table.name,
         "joints": list(experiment.joints),
         "found_better": after.points is not None,
-        "parts": _parts(before.walks[0][1], after.walks[0][1]),
+        "parts": _parts(*(next(iter(item.walks.values())) for item in (before, after))),
         "walk_s": settings.robust_duration,
         "worst_cost": WORST,
         "nominal_weight": NOMINAL_WEIGHT,
         "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": HELD_TO},
         "cost": {"before": before.cost, "after": after.cost},
         "robust_set": [
-            {"case": name, "before": _walk(first, number), "after": _walk(second, number)}
-            for number, ((name, first), (_, second)) in enumerate(zip(before.walks, after.walks, strict=True))
+            {"case": name, "before": _walk(before.walks[name], number), "after": _walk(walk, number)}
+            for number, (name, walk) in enumerate(after.walks.items())
         ],
         "trade_offs": {
             "cases": names[1:],
             "candidates": [item for generation in generations for item in generation.tried],
-            **stood,
+            "before": standing([before.walks[name] for name in names]),
+            "after": standing([after.walks[name] for name in names]),
         },
         "parameters": _parameters(tuning, after),
         "convergence": {

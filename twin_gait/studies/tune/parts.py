@@ -22,7 +22,7 @@ import yaml
 
 from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square
-from twin_gait.measures.strides import error_parts, normalise_strides, symmetry_index
+from twin_gait.measures.strides import normalise_strides, symmetry_index
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
@@ -97,10 +97,12 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: WalkMeasures
         f"{joint}_error_deg": reference_error(leg.run, angles, joint, leg.strides)
         for joint, angles in leg.compared_angles().items()
     }
+    apart = leg.errors().get("errors", {})
+    offsets = [abs(parts["offset_deg"]) for joint, parts in apart.items() if joint in joints]
     return {
         "ankle_error_deg": math.nan,
         **errors,
-        "offset_deg": float(np.max([abs(_offset(leg, joint)) for joint in joints])),
+        "offset_deg": max(offsets, default=math.nan),
         "knee_at_contact_deg": math.degrees(walk.knee_at_contact),
         "yield_lack_deg": math.degrees(healthy["knee_yield"] - walk.knee_yield),
         "stride_time_error_pct": 100.0 * abs(walk.stride_time / healthy["stride_time"] - 1.0),
@@ -117,16 +119,6 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: WalkMeasures
         "torque_jump_Nm": float(np.max([item["switch_torque_jump_Nm"] for item in switches])),
         "clearance_lack_mm": NEEDED_CLEARANCE - 1e3 * contact["toe_clearance_least_m"],
     }
-
-
-def _offset(leg: MeasuredLeg, joint: JointName) -> float:
-    """Mean difference of a joint from healthy walking in [deg]; NaN without strides or reference."""
-    reference = reference_cycle(leg.run.experiment, joint)
-    if reference is None:
-        return math.nan
-    return math.degrees(
-        error_parts(normalise_strides(leg.record.angles[joint], leg.strides), reference).offset
-    )
 
 
 def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]]) -> float:

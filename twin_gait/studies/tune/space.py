@@ -122,28 +122,22 @@ def table_with(
 
 def _in_degrees(entry: Mapping[str, float]) -> dict[str, float]:
     """Impedance with stiffness and equilibrium in degrees."""
-    known = {
-        **entry,
+    damping = [key for key in entry if key.startswith("damping")]
+    return {
         "stiffness_Nm_per_deg": rounded(entry["stiffness_Nm_per_rad"] / _PER_DEGREE),
         "equilibrium_deg": rounded(entry["equilibrium_rad"] * _PER_DEGREE),
+        **{key: entry[key] for key in (*damping, "friction_compensation_gain")},
     }
-    order = ("stiffness_Nm_per_deg", "damping_ratio", "damping_Nms_per_rad", "equilibrium_deg")
-    return {key: known[key] for key in (*order, "friction_compensation_gain") if key in known}
 
 
 def _impedances(
     phases: Mapping[str, Any], joints: Sequence[str], path: tuple[str, ...]
 ) -> Iterator[Parameter]:
     for phase, joint in product(phases, joints):
-        entry, place = phases[phase][joint], (*path, phase, str(joint))
-        keys = ["equilibrium_deg", "damping_ratio", "friction_compensation_gain"]
-        if "damping_ratio" not in entry:
-            keys[1] = "damping_Nms_per_rad"
-        if entry["stiffness_Nm_per_deg"] != 0.0:  # steps by ratios never leave zero
-            stiff = "stiffness_Nm_per_deg"
-            yield _parameter((*place, stiff), entry[stiff], f"{joint}_{stiff}")
-        for key in filter(entry.__contains__, keys):
-            yield _parameter((*place, key), entry[key], key)
+        for key, value in phases[phase][joint].items():
+            kind = f"{joint}_{key}" if key.startswith("stiffness") else key
+            if value != 0.0 or kind == key:  # steps by ratios never leave zero
+                yield _parameter((*path, phase, str(joint), key), value, kind)
 
 
 def _parameter(

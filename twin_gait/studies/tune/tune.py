@@ -2,8 +2,8 @@
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -60,22 +60,18 @@ class Finalist:
 
     table: dict[str, Any]  # its document
     # coordinates of what was searched for; None for the table that it began with
-    points: tuple[float, ...] | None
-    walks: tuple[tuple[str, Rating], ...] = ()  # name of the case and result, nominal first
+    points: Sequence[float] | None
+    walks: Mapping[str, Rating] = field(default_factory=dict)  # results by name of the case, nominal first
 
     @property
     def falls(self) -> int:
         """Cases in which it fell."""
-        return sum(walk.fell for _, walk in self.walks)
+        return sum(walk.fell for walk in self.walks.values())
 
     @property
     def cost(self) -> float:
         """Cost over the robust set; the nominal case weighs as much as in the search."""
-        return weighted_cost([walk for _, walk in self.walks])
-
-
-class Stopped(Exception):  # not an error: somebody asked for it
-    """The tuning was asked to stop."""
+        return weighted_cost(list(self.walks.values()))
 
 
 class Tuning:
@@ -114,27 +110,30 @@ class Tuning:
 
     def run(self, on_compile: Callable[[], None] | None) -> None:
         """Run all stages, unless somebody asks to stop."""
+        settings = self.settings
         self._tell("compiling")
         for walked in self._robust_cases.values():  # here, or all workers would
             for quick, count in ((True, SEARCH_WALKS), (False, (FINALISTS + 1) * len(self._robust_cases))):
-                duration = self.settings.search_duration
-                compile_ahead(walker(walked, duration=duration, quick=quick), count, on_compile)
-        descent = self._start()
-        while not self._over(descent):
-            self._tell(f"search: generation {descent.generation + 1}")
-            self.generations.append(self._generation(descent))
+                compile_ahead(
+                    walker(walked, duration=settings.search_duration, quick=quick), count, on_compile
+                )
+        for done, generation in enumerate(self._search()):
+            self.generations.append(generation)
+            minutes = self._tell(f"search: generation {done + 1}")
+            late = done > 0 and minutes > SEARCH_SHARE * settings.minutes  # one generation it always gets
+            if done == settings.generations or (settings.generations is None and late):
+                break
         self._tell("the robust set")
         finalists = self._finalists()
         self.before, self.ranked = finalists[0], sorted(finalists, key=lambda item: (item.falls, item.cost))
-        self.elapsed = self._elapsed()
+        self.elapsed = time.perf_counter() - self._began
 
-    def _elapsed(self) -> float:
-        return time.perf_counter() - self._began
-
-    def _tell(self, stage: str) -> None:
-        line, found = f"{self._elapsed() / 60.0:4.1f} min  {stage}", self.generations
+    def _tell(self, stage: str) -> float:
+        """Say what comes next; the minutes so far."""
+        minutes, found = (time.perf_counter() - self._began) / 60.0, self.generations
         best = f", best: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
-        self._told(line + best)
+        self._told(f"{minutes:4.1f} min  {stage}{best}")
+        return minutes
 
     def _walk(
         self, tables: Sequence[GaitTable], cases: Iterable[Experiment], *, last: bool = False
@@ -145,17 +144,16 @@ class Tuning:
         walked = [walker(case, duration=duration, quick=not last) for case in cases]
         asked = [in_case(case, table) for table in tables for case in walked]
         results = walks.walk_all(asked, self._workers, should_stop=self._stop)
-        if results is None:
-            raise Stopped
         return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]
 
-    def _start(self) -> Descent:
-        """Walk the table that is to be bettered."""
+    def _search(self) -> Iterator[Generation]:
+        """Walk the table that is to be bettered, then generations until there is nothing more to gain."""
         (ratings,) = self._walk([self.experiment.table], self.search_cases.values())
-        cost, nominal = weighted_cost(ratings), ratings[0]
         point = [item.start_coordinate for item in self.parameters]
-        self.generations.append(Generation(point, cost, nominal_cost(nominal), [standing(ratings)]))
-        return Descent(point, cost, residuals(nominal))
+        descent = Descent(point, weighted_cost(ratings), residuals(ratings[0]))
+        yield Generation(point, descent.cost, nominal_cost(ratings[0]), [standing(ratings)])
+        while not descent.has_ended:
+            yield self._generation(descent)
 
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
@@ -186,26 +184,19 @@ class Tuning:
     def _table_at(self, point: Sequence[float]) -> GaitTable:
         return table_of(space.table_with(self._table, self.parameters, point))
 
-    def _over(self, descent: Descent) -> bool:
-        """Whether the search has come to its end, or had its generations or time; one it always gets."""
-        done, wanted = descent.generation, self.settings.generations
-        if descent.has_ended:
-            return True
-        if wanted is not None:
-            return done >= wanted
-        return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self.settings.minutes
-
     def _finalists(self) -> list[Finalist]:
         """What was to be bettered, and where the search stood, over the robust set."""
         chosen = [Finalist(self._table, None)]
         for item in leaders(self.generations, FINALISTS):
             table = space.table_with(self._table, self.parameters, item.point)
             if all(table != other.table for other in chosen):
-                chosen.append(Finalist(table, tuple(item.point)))
+                chosen.append(Finalist(table, item.point))
         tables = [table_of(item.table) for item in chosen]
         results = self._walk(tables, self._robust_cases.values(), last=True)
-        named = [tuple(zip(self._robust_cases, ratings, strict=True)) for ratings in results]
-        return [replace(item, walks=ratings) for item, ratings in zip(chosen, named, strict=True)]
+        return [
+            replace(item, walks=dict(zip(self._robust_cases, ratings, strict=True)))
+            for item, ratings in zip(chosen, results, strict=True)
+        ]
 
 
 def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
@@ -250,6 +241,6 @@ def tune(
     tuning = Tuning(experiment, settings, workers or Workers(), tell, should_stop)
     try:
         tuning.run(on_compile)
-    except Stopped:
+    except walks.Stopped:
         return None
     return tuning

@@ -60,10 +60,16 @@ def quick_errors(experiment: Experiment) -> set[str]:
     return {item.rule for rule in QUICK_RULES for item in rule(case) if item.severity is Severity.ERROR}
 
 
-def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating] | None:
-    """Rate walks of :func:`walker`, each with its table and case, in their order; None if it was stopped."""
+class Stopped(Exception):  # not an error: somebody asked for it
+    """A tuning was asked to stop."""
+
+
+def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating]:
+    """Rate walks of :func:`walker`, each with its table and case, in their order; raises :class:`Stopped`."""
     results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
-    return results if len(results) == len(walks) else None
+    if len(results) < len(walks):
+        raise Stopped
+    return results
 
 
 def itself(walk: Experiment) -> Experiment:

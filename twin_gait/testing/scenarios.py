@@ -1,0 +1,284 @@
+"""What the kit shows of an exit: its thresholds, its lists, debounce and times, priority, other phases."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from twin_gait.gait.feasibility import ZERO, Bound, Requirement, equal
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, PhaseMembership
+from twin_gait.gait.signals import TIME, signal_scale
+from twin_gait.gait.table import TICK
+from twin_gait.testing.exits import (
+    LONGEST_RUN,
+    Accept,
+    Decisive,
+    Exit,
+    Scenario,
+    Stretch,
+    constant,
+    decisive,
+    exits_of,
+    find,
+    first_of,
+    reads_only_own_time,
+    reads_own_time,
+    turning_tick,
+)
+from twin_gait.testing.reference import Steps, outcomes
+
+MARGIN = 1e-9  # distance from a threshold, relative to it or to 1, in the unit of the table
+
+
+def scenarios(leave: Exit) -> Iterator[Scenario]:
+    """All scenarios of an exit; those without steps are of what no measurements can show."""
+    found = list(_of_its_phase(leave))
+    yield from found
+    taking = [item for item in found if item.expected and item.expected[-1] == leave.index]
+    if taking:
+        yield from _once_taken(leave, min(taking, key=lambda item: len(item.steps)))
+
+
+def _of_its_phase(leave: Exit) -> Iterator[Scenario]:
+    if leave.item.is_time_out:
+        time = leave.item.time_out_ticks or 0
+        yield leave.scenario(f"time-out: fires after {time * TICK:g} s, not a tick before", _quiet(leave))
+    else:
+        if leave.debounce <= LONGEST_RUN:
+            for entry in decisive(leave.item.guard):
+                yield from edges(leave, entry)
+        yield from _debounce(leave)
+        yield from _waiting(leave)
+    for second in leave.siblings:
+        if second.index > leave.index:
+            yield from _priority(leave, second)
+
+
+def _once_taken(leave: Exit, taking: Scenario) -> Iterator[Scenario]:
+    """Scenarios that start from measurements with which the exit is taken."""
+    last = taking.steps[-leave.debounce - 1 :]
+    yield from _clock(leave, last)
+    yield from _elsewhere(leave)
+    steps = leave.comfortable([leave.opens], Exit.fires) or last
+    alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
+    if leave.yields(alone):
+        words = leave.table.words.member
+        yield leave.scenario(f"holds without {'another leg' if words == 'phase' else f'a {words}'}", alone)
+    refused = leave.scenario("refuses signals that are NaN, infinite or missing", steps)
+    yield refused._replace(refuses=True)
+
+
+# ---------------------------------------------------------------------- thresholds and lists
+
+
+def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
+    """Scenarios about one condition of a guard, and about the list that it stands in."""
+    atom = entry.atom
+    if isinstance(atom, PhaseMembership):
+        yield from _memberships(leave, entry, atom)
+    else:
+        past = _edge(leave, entry, atom, MARGIN, Exit.fires)
+        below = _edge(leave, entry, atom, -MARGIN, Exit.stays, Exit.yields)
+        yield leave.scenario(f"fires just past {atom}", past)
+        yield leave.scenario(f"holds just below {atom}", below)
+        on = () if reads_own_time(atom) else _on(leave, entry, atom)
+        if on:
+            yield leave.scenario(f"holds on the threshold of {atom}", on)
+    if entry.group is not None:
+        alone = isinstance(entry.group, AnyOf)
+        what = f"any: fires by {atom} alone" if alone else f"all: holds while only {atom} is missing"
+        yield _far(leave, what, entry, Requirement(atom, alone), alone)
+
+
+def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, *accepts: Accept) -> Steps:
+    """Steps, one debounce long, with a condition by a margin inside (or outside, if negative)."""
+    in_time = reads_only_own_time(atom)
+    starts = _turns(leave, atom, margin > 0.0) if in_time else leave.starts(leave.debounce)
+    stretch = (entry.requirements, leave.debounce)
+    return first_of(
+        leave.search(start, [stretch], accept, _pinned(atom, margin, start, start + leave.debounce - 1))
+        for accept in accepts
+        for start in starts
+    )
+
+
+def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
+    """Start of the debounce that just fits, or just does not fit, a threshold in time."""
+    turn = turning_tick(atom)
+    start = turn if atom.operator == ">" else turn - leave.debounce
+    outward = -1 if atom.operator == ">" else 1
+    start += 0 if inside else outward
+    fits = leave.gate <= start and start + leave.debounce - 1 < leave.latest
+    return [start] if fits else []
+
+
+def _pinned(atom: Comparison, margin: float, first: int, last: int) -> list[Bound]:
+    """Bounds that put a difference to its edge, at the tick nearest to it; none of a time alone."""
+    if reads_only_own_time(atom):
+        return []
+    late = (atom.operator == ">") is (margin > 0.0)
+    tick = first if late is (atom.signal == TIME) else last
+    above = (margin if atom.operator == ">" else -margin) * max(1.0, abs(atom.threshold))
+    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold + above)
+    return [item.at(TIME, tick * TICK) for item in pins]
+
+
+def _on(leave: Exit, entry: Decisive, atom: Comparison) -> Steps:
+    """Steps exactly on a threshold; of a difference one signal is zero, so that no digit is lost."""
+
+    def on(leave: Exit, steps: Steps) -> bool:
+        signals = steps[0].vector.signals
+        scale = signal_scale(atom.signal)
+        minus = 0.0 if atom.minus is None else signals[atom.minus] * scale
+        exact = signals[atom.signal] * scale - minus == atom.threshold * scale
+        return exact and leave.yields(steps)
+
+    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold)
+    ends = [] if atom.minus is None else [atom.signal, atom.minus]
+    zeros = [equal(name, ZERO, 0.0) for name in ends] or [[]]
+    return first_of(leave.comfortable(entry.requirements, on, pinned=[*pins, *zero]) for zero in zeros)
+
+
+def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterator[Scenario]:
+    words = leave.table.words.member
+    for phase in leave.table.members:
+        inside = phase in atom.phases
+        when = f"while the other leg is in {phase}" if words == "phase" else f"on the {words} {phase}"
+        what = f"{'fires' if inside else 'holds'} {when}"
+        yield _far(leave, what, entry, Requirement(replace(atom, phases=(phase,))), inside)
+
+
+def _far(leave: Exit, what: str, entry: Decisive, more: Requirement, opens: bool) -> Scenario:
+    """The exit is taken, or not, with a condition as it is required, far from thresholds."""
+    accepts = (Exit.fires,) if opens else (Exit.stays, Exit.yields)
+    return leave.scenario(what, leave.comfortable([*entry.requirements, more], *accepts))
+
+
+# ---------------------------------------------------------------------- time
+
+
+def _debounce(leave: Exit) -> Iterator[Scenario]:
+    """The guard has to be open on consecutive ticks; one closed tick starts the count anew."""
+    ticks = leave.debounce
+    if ticks == 1 or 2 * ticks > LONGEST_RUN:
+        return
+    steps = leave.comfortable([leave.opens], Exit.fires)
+    yield leave.scenario(f"debounce: holds for {ticks - 1} ticks, fires on tick {ticks}", steps)
+    stretches = [([leave.opens], ticks - 1), ([leave.closes], 1), ([leave.opens], ticks)]
+    steps = first_of(leave.search(start, stretches, Exit.fires) for start in leave.starts(2 * ticks))
+    yield leave.scenario(f"debounce: one closed tick starts the count of {ticks} anew", steps)
+
+
+def _waiting(leave: Exit) -> Iterator[Scenario]:
+    """A guard that is open long before waits for the minimum duration or the time, and fires in its tick."""
+    minimum, time = leave.table.phases[leave.item.source].minimum_ticks, leave.item.time_out_ticks
+    if minimum > 1 and leave.gate == minimum:
+        what = f"minimum duration: open before, fires after {minimum} ticks"
+        yield leave.scenario(what, _waits(leave, minimum))
+    if time is not None:
+        yield leave.scenario(f"time: open before, fires after {time * TICK:g} s", _waits(leave, time))
+
+
+def _waits(leave: Exit, until: int) -> Steps:
+    """Steps with an open guard whose debounce is over before a tick, up to that tick."""
+    start = max(1, until - leave.debounce - 1)
+    if start + leave.debounce - 1 >= until or until >= leave.latest or leave.debounce > LONGEST_RUN:
+        return ()
+    return leave.search(start, [([leave.opens], until - start + 1)], Exit.fires)
+
+
+def _quiet(leave: Exit) -> Steps:
+    """Steps with all guards closed until a pure time-out fires; the last ``LONGEST_RUN`` ticks of them."""
+    due = max(leave.item.time_out_ticks or 0, leave.debounce)
+    starts = (max(1, due - LONGEST_RUN), max(1, due - leave.debounce))
+    return first_of(leave.search(first, [([], due - first + 1)], Exit.fires) for first in starts)
+
+
+# ---------------------------------------------------------------------- other exits and phases
+
+
+def _priority(first: Exit, second: Exit) -> Iterator[Scenario]:
+    """Both exits due at once, and no sooner: the one listed first is taken; nothing if they never are."""
+    items = list(first.table.transitions)
+    items[first.index], items[second.index] = items[second.index], items[first.index]
+    swapped = Exit(replace(first.table, transitions=tuple(items)), first.index)
+
+    def wins(leave: Exit, steps: Steps) -> bool:
+        """In each other's place the other one is taken."""
+        return leave.fires(steps) and swapped.fires(steps)
+
+    sparing = replace(first, spared=second.index)
+    steps = first_of(sparing.search(*schedule, wins) for schedule in _schedules(first, second))
+    if steps:
+        what = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"
+        yield first.scenario(what, steps)
+
+
+def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretch]]]:
+    """Ticks from which on, and stretches in which, both exits may come to be due at once."""
+    slow, fast = (first, second) if first.debounce >= second.debounce else (second, first)
+    if slow.debounce > LONGEST_RUN:
+        return
+    both, due = [first.opens, second.opens], max(first.gate, second.gate)
+    waits = [item for item in (first, second) if item.item.is_time_out]
+    if waits:
+        # A guard opens so that its debounce ends with the time-out.
+        guarded = [item for item in (first, second) if not item.item.is_time_out]
+        due, ticks = int(first.latest), max((item.debounce for item in guarded), default=1)
+        lead = max(0, min(due - ticks, max(item.debounce for item in waits)))
+        closed = [item.closes for item in guarded]
+        yield due - ticks - lead + 1, [(closed, lead), (both, ticks)]
+        return
+    # Both guards are open before, and at least one waits for the tick in which both are due.
+    start = max(1, due - slow.debounce - 1)
+    yield start, [(both, due - start + 1)]
+    # The guard with the longer debounce opens earlier, so that both debounces end together.
+    for start in slow.starts(slow.debounce, gate=max(1, due - slow.debounce + 1)):
+        yield start, [([slow.opens, fast.closes], slow.debounce - fast.debounce), (both, fast.debounce)]
+
+
+def _clock(leave: Exit, before: Steps) -> Iterator[Scenario]:
+    """Times and debounces in the phase that follows count from its entry, which some steps lead to."""
+    target = leave.item.target
+    for follower in exits_of(leave.table, target):
+        for later in filter(None, _from_entry(follower)):
+            both = (*before, *(step._replace(tick=step.tick + before[-1].tick) for step in later))
+            taken = [index for index in leave.outcomes(both) if index is not None]
+            if taken == [leave.index, follower.index]:
+                cause = follower.item.cause
+                what = f"clock: {later[-1].tick} ticks for {cause} count from the entry of {target}"
+                yield leave.scenario(what, both)
+
+
+def _from_entry(leave: Exit) -> Iterator[Steps]:
+    """Steps that keep an exit open from the entry on until it is taken; its last wait if it is a time-out."""
+    if leave.item.is_time_out:
+        yield _quiet(leave)[-leave.debounce - 1 :]
+        return
+    for requirements in [[leave.opens], *([*beside, Requirement(atom)] for atom, beside in leave.timed)]:
+        inside = leave.comfortable(requirements, Exit.fires) if leave.debounce <= LONGEST_RUN else ()
+        if inside and 1 < inside[-1].tick <= LONGEST_RUN:
+            steps = constant(inside[0].vector, range(1, inside[-1].tick + 1))
+            taken = leave.outcomes(steps)
+            due = next((place for place, index in enumerate(taken) if index is not None), 0)
+            yield steps[: due + 1] if due and taken[due] == leave.index else ()
+
+
+def _elsewhere(leave: Exit) -> Iterator[Scenario]:
+    """In another phase the exit does not exist; nothing if there is always something that leaves it."""
+    for phase in leave.table.phase_names:
+        if phase != leave.item.source and leave.debounce <= LONGEST_RUN and (steps := _idle(leave, phase)):
+            what = f"holds in {phase}, which it does not leave"
+            yield Scenario(what, phase, steps, (None,) * len(steps))
+
+
+def _idle(leave: Exit, phase: str) -> Steps:
+    """Steps in another phase with which an exit would be taken in its own, and nothing is there."""
+    table = leave.table
+    closed = [item.closes for item in exits_of(table, phase) if item.item.guard != AllOf(guards=())]
+    gate = max(leave.gate, table.phases[phase].minimum_ticks)
+    for first in leave.starts(leave.debounce, gate=gate) or [gate]:
+        ticks = range(first, first + leave.debounce)
+        found = find(table.members or (None,), [leave.opens, *closed], ticks)
+        steps = () if found is None else constant(found, ticks)
+        if steps and not any(index is not None for index in outcomes(table, phase, steps)):
+            return steps
+    return ()
