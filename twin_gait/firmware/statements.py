@@ -124,8 +124,8 @@ class Statements(Expressions):
     def _assign(self, target: ast.expr, node: ast.expr, value: Value, fresh: set[str]) -> None:
         if isinstance(target, ast.Name):
             kind = self._declare(target, node, value)
-            is_new = target.id in fresh
-            place = self._declaration(target.id, once=True) if is_new else self.local(target.id)
+            name = target.id
+            place = self._declaration(name, once=True) if name in fresh else self.local(name)
         else:
             to = self.place(target)
             kind, place = to.kind, to.text
