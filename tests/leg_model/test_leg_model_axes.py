@@ -101,7 +101,7 @@ def test_a_plus_keeps_the_way_of_the_urdf(tmp_path: Path) -> None:
 
 
 def test_a_minus_on_a_joint_that_flexes_already_is_followed_and_told() -> None:
-    with pytest.warns(ReversedJointWarning, match="positive -(left|right)_knee moves the ankle forward"):
+    with pytest.warns(ReversedJointWarning, match="positive -(left|right)_knee extends the knee"):
         model = LegModel("twin.urdf", legs(knee="-"))
     assert ankle_moves(model, JointName.KNEE)[0] > 0.0
 
@@ -137,7 +137,7 @@ def test_the_walk_on_a_reversed_knee_is_that_of_the_original(engine: str, tmp_pa
 
 def test_a_leg_without_an_ankle_is_read_the_same_way(tmp_path: Path) -> None:
     path = turned(tmp_path, ("right_hip",), source="twin_leg.urdf")
-    with pytest.warns(ReversedJointWarning, match="right hip: positive right_hip moves the ankle backward"):
+    with pytest.warns(ReversedJointWarning, match="right hip: positive right_hip extends the hip"):
         found = walk("bench_leg", f"leg.urdf={path}").log
     assert_frame_equal(found, walk("bench_leg").log)
 

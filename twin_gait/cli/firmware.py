@@ -66,7 +66,7 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress, terminal.note_compilation)
-    project.write(folder, vectors.csv(project.joints), document)
+    project.write(folder, vectors, document)
     return project.manifest(document)
 
 

@@ -33,6 +33,11 @@ OPERATORS: dict[type[ast.operator], tuple[str, int, tuple[Scalar, ...]]] = {
     ast.BitXor: ("^", BIT_XOR, (INT, BOOL)),
     ast.BitOr: ("|", BIT_OR, (INT, BOOL)),
 }
+SIGNS: dict[type[ast.unaryop], tuple[str, tuple[Scalar, ...]]] = {
+    ast.USub: ("-", (INT, REAL)),
+    ast.Invert: ("~", (INT,)),
+    ast.Not: ("!", (BOOL,)),
+}
 RELATIONS: dict[type[ast.cmpop], tuple[str, int]] = {
     ast.Lt: ("<", RELATION),
     ast.LtE: ("<=", RELATION),
@@ -195,24 +200,15 @@ class Expressions:
                 if kind is None:
                     raise self.source.refused(node, f"no sample of {field[0].__name__} has {name}")
                 self.functions.used.add(field)
-                return replace(
-                    record,
-                    kind=kind,
-                    text=f"{record.text}{'->' if record.is_address else '.'}{identifier(name)}",
-                    is_address=field not in self.functions.mutable,
-                    fields=(*record.fields, field),
-                )
+                text = f"{record.text}{'->' if record.is_address else '.'}{identifier(name)}"
+                reached, address = (*record.fields, field), field not in self.functions.mutable
+                return replace(record, kind=kind, text=text, is_address=address, fields=reached)
             case ast.Subscript(value=base, slice=index):
                 items, at = self.value(base), self.expect(index, INT)
                 if not isinstance(items.kind, ListKind) or isinstance(index, ast.UnaryOp):
                     raise self.source.refused(node, "is no entry of a list, counted from its beginning")
-                return replace(
-                    items,
-                    kind=items.kind.item,
-                    text=f"{items.text}[{at.text}]",
-                    is_address=False,
-                    fields=(*items.fields, None),
-                )
+                kind, text, reached = items.kind.item, f"{items.text}[{at.text}]", (*items.fields, None)
+                return replace(items, kind=kind, text=text, is_address=False, fields=reached)
         raise self.source.refused(node, "is no place in a record")
 
     def _constant(self, node: ast.Name) -> Value:
@@ -224,13 +220,10 @@ class Expressions:
         return Value(kind, identifier(node.id))
 
     def _unary(self, node: ast.UnaryOp) -> Value:
-        if isinstance(node.op, ast.Not):
-            inner, sign = self.expect(node.operand, BOOL), "!"
-        else:
-            (inner,), kind = self.numbers([node.operand])
-            sign = {ast.USub: "-", ast.Invert: "~"}.get(type(node.op), "")
-            if not sign or kind is BOOL or (kind is REAL and sign == "~"):
-                raise self.source.refused(node, "is no number with a sign")
+        (inner,), kind = self.numbers([node.operand])
+        sign, kinds = SIGNS.get(type(node.op), ("", ()))
+        if kind not in kinds:
+            raise self.source.refused(node, f"a sign that {kind} does not take")
         text = inner.inside(UNARY)
         text = f"{sign}({text})" if text[0] == sign == "-" else sign + text
         return Value(inner.kind, text, UNARY)

@@ -7,15 +7,14 @@ lists their lengths.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, is_dataclass
-from typing import Any, get_args, get_origin
+from dataclasses import is_dataclass
+from typing import Any, NamedTuple, get_args, get_origin
 
 from twin_gait.exceptions import FirmwareError
 from twin_gait.simulation.record import ABSENT, kinds_of
 
 
-@dataclass(frozen=True, slots=True)
-class Scalar:
+class Scalar(NamedTuple):
     """A number."""
 
     name: str  # its type in C
@@ -30,23 +29,20 @@ INT_LIMIT = 2**31
 LARGEST_SINGLE = (2.0 - 2.0**-23) * 2.0**127  # of float
 
 
-@dataclass(frozen=True, slots=True)
-class RecordKind:
+class RecordKind(NamedTuple):
     """An instance of a dataclass, which C handles by its address."""
 
     record: type  # the class
 
 
-@dataclass(frozen=True, slots=True)
-class ListKind:
+class ListKind(NamedTuple):
     """A list, all entries alike."""
 
     item: Kind  # kind of an entry
     length: int | None  # number of entries; None where it depends on the caller
 
 
-@dataclass(frozen=True, slots=True)
-class TupleKind:
+class TupleKind(NamedTuple):
     """Several numbers that a function returns."""
 
     items: tuple[Scalar, ...]  # kinds of the numbers

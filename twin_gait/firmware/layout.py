@@ -68,19 +68,15 @@ def _depth(text: str) -> int:
     return sum(text.count(left) - text.count(right) for left, right in ("()", "[]", "{}"))
 
 
+# Comments above an attribute, its name, and a comment behind it.
+_ATTRIBUTE = re.compile(r"((?: *# .*\n)*) +(\w+): [^#\n]*(?:# (.*))?$", re.MULTILINE)
+
+
 def attributes_of(kind: type) -> dict[str, str]:
-    """What a class says of its attributes, by name: in its docstring, or in comments behind or above them."""
+    """What a class says of its attributes, by name: in comments behind or above them, or in its docstring."""
     found: dict[str, str] = {}
-    above: list[str] = []
-    listed = False
-    for line in map(str.strip, inspect.getsource(kind).splitlines()):
-        code, _, said = line.partition("# ")
-        entry = re.match(r"(\w+): (.*)", code)
-        listed = line == "Attributes:" or (listed and line != '"""')
-        if entry and listed:
-            found[entry[1]] = entry[2]
-        elif entry and (above or said):
-            found[entry[1]], above = " ".join(above) or said, []
-        elif said:
-            above.append(said)
-    return found
+    listed = re.findall(r"(\w+): (.*)", (kind.__doc__ or "").partition("Attributes:\n")[2])
+    for above, name, behind in _ATTRIBUTE.findall(inspect.getsource(kind)):
+        said = " ".join(line.strip(" #") for line in above.splitlines()) or behind
+        found |= {name: said} if said else {}
+    return dict(listed) | found

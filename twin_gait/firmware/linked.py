@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from typing import Any, NamedTuple, TypeAlias
 
@@ -55,8 +55,7 @@ ANSWERS = {
 }
 
 
-@dataclass(frozen=True)
-class LinkedUnit:
+class LinkedUnit(NamedTuple):
     """All that the unit of an experiment is printed from, or bound to."""
 
     record: units.Exoskeleton  # at tick 0

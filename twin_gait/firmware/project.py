@@ -19,7 +19,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
 from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, linked_unit
+from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards, require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
@@ -48,8 +48,8 @@ class Project:
         """Joints in the order of the units, such as ``left_hip``."""
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
-    def write(self, folder: Path, vectors: str, document: Mapping[str, Any]) -> None:
-        """Write C, the vectors of a short walk as CSV and the resolved document of the experiment."""
+    def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
+        """Write C, vectors of a short walk and the resolved document of the experiment into a folder."""
         self.write_linked(folder)
         problem, experiment = self.problem, self.problem.experiment
         counts, legs = experiment.sensors.encoder_counts, self.linked.record.controller.legs
@@ -68,7 +68,7 @@ class Project:
         texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
         texts["experiment.yaml"] = dump_yaml(dict(document))
         texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
-        texts["vectors.csv"] = vectors
+        texts["vectors.csv"] = vectors.csv(self.joints)
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
 

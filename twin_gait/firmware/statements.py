@@ -21,8 +21,7 @@ class Statements(Expressions):
     def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = TAKEN) -> None:
         """Begin before its first line; see :class:`Expressions`."""
         super().__init__(functions, function, taken)
-        self.tree = self.source.tree
-        names = [item for item in ast.walk(self.tree) if isinstance(item, ast.Name)]
+        names = [item for item in ast.walk(self.source.tree) if isinstance(item, ast.Name)]
         self.stores = Counter(item.id for item in names if isinstance(item.ctx, ast.Store))
         self.read = {item.id for item in names if isinstance(item.ctx, ast.Load)}
         self.declared = set(function.params)
@@ -36,14 +35,14 @@ class Statements(Expressions):
 
     def definition(self, *, exported: bool) -> list[str]:
         """The function with the first line of its docstring."""
-        says = (ast.get_docstring(self.tree) or "").split("\n")[0]
+        says = (ast.get_docstring(self.source.tree) or "").split("\n")[0]
         head = self.signature() if exported else f"static {self.signature()}"
         self.lines = [*comment(says), *wrapped(f"{head} {{", 0)]
         self.depth = 1
         for name in self.function.params:
             if name not in self.read:
                 self._emit(f"(void){self.local(name)};")
-        self._block(self.tree.body)
+        self._block(self.source.tree.body)
         return [*self.lines, "}"]
 
     def _emit(self, line: str) -> None:
@@ -124,8 +123,8 @@ class Statements(Expressions):
     def _assign(self, target: ast.expr, node: ast.expr, value: Value, fresh: set[str]) -> None:
         if isinstance(target, ast.Name):
             kind = self._declare(target, node, value)
-            is_new = target.id in fresh
-            place = self._declaration(target.id, once=True) if is_new else self.local(target.id)
+            name = target.id
+            place = self._declaration(name, once=True) if name in fresh else self.local(name)
         else:
             to = self.place(target)
             kind, place = to.kind, to.text

@@ -16,11 +16,6 @@ FORWARD = np.array([1.0, 0.0, 0.0])
 # About the axis to the left, by the right-hand rule: hip flexion takes the thigh from down to forward, knee
 # flexion the shank from down to backward, dorsiflexion the toes from forward to up.
 _FLEXION = {JointName.HIP: -1.0, JointName.KNEE: 1.0, JointName.ANKLE: -1.0}
-_WRONG_WAY = {
-    JointName.HIP: "moves the ankle backward",
-    JointName.KNEE: "moves the ankle forward",
-    JointName.ANKLE: "moves the toes down",
-}
 _SIDEWAYS = 0.5  # an axis more than 60° off the line from left to right tells no sign
 
 
@@ -58,13 +53,13 @@ def reversed_joints(
         if not sign and flexes < -_SIDEWAYS:
             sign = "-"
             problem = (
-                f"positive {name} {_WRONG_WAY[joint]}, so it is taken as -{name}; write {joint}: -{name} "
+                f"positive {name} extends the {joint}, so it is taken as -{name}; write {joint}: -{name} "
                 f"to say so, or +{name} to keep it"
             )
         elif not sign and flexes <= _SIDEWAYS:
             problem = f"{name} has no axis from left to right; see leg.up_axis, or write +{name}"
         elif sign == "-" and flexes > _SIDEWAYS:
-            problem = f"positive {given} {_WRONG_WAY[joint]}; write {name} unless that is meant"
+            problem = f"positive {given} extends the {joint}; write {name} unless that is meant"
         if sign == "-":
             found.add(name)
         if problem:
