@@ -14,7 +14,7 @@ from twin_gait.parameters.quantities import WHOLE, AsInFile, Notation, Parameter
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds import LegSource, Scenario, World
 from twin_gait.worlds.bracing import brace_world, carries
-from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
+from twin_gait.worlds.faults import Fault, FaultKind, parse_fault
 from twin_gait.worlds.registry import built
 
 
@@ -131,7 +131,8 @@ class Experiment(Parameters):
         plain = isinstance(self.name, str) and self.name and not set(self.name) & set("/\\\0\n")
         require(bool(plain), "name", "a plain name", self.name)
         self._check_joints()
-        check_faults(self.faults, self.leg.legs, self.scenario.grounded, self.duration, self.joints)
+        for fault in self.faults:
+            fault.require_fit(self.leg.legs, self.joints, self.scenario.grounded, self.duration)
         for side, angles in self.sensors.offset.items():
             require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
             for joint in angles:

@@ -12,8 +12,8 @@ DUTIES = quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
 TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
 # ω_min of (2.1) in [rad] / [s], which the thesis does not print: where A = 140 to 195 counts just break the
 # joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
-LOWEST_OF_KNEE, LOWEST_OF_HIP = 0.11, 0.07
-LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: LOWEST_OF_KNEE, JointName.HIP: LOWEST_OF_HIP}
+LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: 0.11, JointName.HIP: 0.07}
+_LOWEST = LOWEST_VELOCITIES[JointName.KNEE]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class DutyControl(quantities.Parameters):
     amplitude: Annotated[float, quantities.Unit("counts"), quantities.NOT_NEGATIVE] = 170.0
     frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 3.0
     transparency_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 1.10
-    lowest_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = LOWEST_OF_KNEE
+    lowest_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = _LOWEST
     static_voltage: Annotated[quantities.Voltage, quantities.NOT_NEGATIVE] = 0.05
     back_emf_share: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.9
     braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), quantities.NOT_NEGATIVE] = 18.0

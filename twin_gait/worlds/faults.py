@@ -94,6 +94,22 @@ class Fault:
         """Magnitude in SI units; 0 for a kind without one."""
         return _MAGNITUDES.get(self.kind, (0.0, {}))[0] if self.magnitude is None else self.magnitude
 
+    def require_fit(
+        self, sides: Collection[Side], joints: Collection[JointName], feet: bool, duration: float
+    ) -> None:
+        """Refuse, by a ParameterError, a fault of what is not there, or that comes after the end of the run.
+
+        ``joints``: those that are controlled. ``duration``: of the run in [s].
+        """
+        there = {
+            f"a leg among {', '.join(sides)}": self.side in (None, *sides),
+            f"a controlled joint, {self.kind.places(joints)}": self.joint in (None, *joints),
+            "feet with load sensors": feet or self.kind is not FaultKind.FOOT_LOAD_STUCK,
+            f"a time before the end of the run at {duration:g} s": self.time < duration,
+        }
+        for expected, fits in there.items():
+            require(fits, "fault", expected, str(self))
+
     def __str__(self) -> str:
         """The fault in its notation; reading it gives an equal fault."""
         place = f":{self.place}" if self.place else ""
@@ -123,25 +139,3 @@ def parse_fault(text: str) -> Fault:
         return Fault(kind=kind, time=float(time), place=place or "", magnitude=magnitude)
     except ParameterError as error:
         raise ParameterError(f"fault {text!r}: {error}") from error
-
-
-def check_faults(
-    faults: Collection[Fault],
-    sides: Collection[Side],
-    feet: bool,
-    duration: float,
-    joints: Collection[JointName],
-) -> None:
-    """Check that faults act on something that is there, within the run.
-
-    ``duration``: of the run in [s]. ``joints``: those that are controlled.
-    """
-    for fault in faults:
-        there = {
-            f"a leg among {', '.join(sides)}": fault.side in (None, *sides),
-            f"a controlled joint, {fault.kind.places(joints)}": fault.joint in (None, *joints),
-            "feet with load sensors": feet or fault.kind is not FaultKind.FOOT_LOAD_STUCK,
-            f"a time before the end of the run at {duration:g} s": fault.time < duration,
-        }
-        for expected, fits in there.items():
-            require(fits, "fault", expected, str(fault))
