@@ -10,7 +10,6 @@ from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 import numpy as np
@@ -77,7 +76,7 @@ def page_data(
     mode: str,
     view: View,
     phases: Sequence[str] = (),
-    shown: Mapping[Side, Iterable[str]] = MappingProxyType({}),
+    shown: Mapping[Side, Iterable[str]] | None = None,
     arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
@@ -90,7 +89,7 @@ def page_data(
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
          "dark": palette.SIDE_COLOURS_ON_DARK[side], "shows": ["phase", *keys]}
-        for side, keys in shown.items()
+        for side, keys in (shown or {}).items()
     ]  # fmt: skip
     return {
         **about,
