@@ -477,7 +477,7 @@ def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_
     wrong = {
         "[": "expected JSON",
         '{"kind": "set", "id": "x1", "user": "", "control": "warp", "value": 1}': "no 'warp'",
-        '{"kind": "do", "id": "x2", "user": "", "action": "explode"}': "input should be 'walk'",
+        '{"kind": "do", "id": "x2", "user": "", "action": "explode"}': "explode: there is nothing like it",
         '{"kind": "set", "id": "x3", "control": "belt_speed", "value": "fast"}': "belt_speed: expected",
         '{"kind": "set", "id": "x4", "user": "", "control": "belt_speed", "value": NaN}': "value: expected",
         f'{{"kind": "set", "id": "x5", "user": "{"u" * 5000}"}}': "at most 4096",

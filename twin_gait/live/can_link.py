@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.core.can_codec import unpack_frame
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
-from twin_gait.export.can import BusFrame, bus_frames, messages_of
+from twin_gait.export.can import bus_frames, messages_of
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.loop import PERIOD
 from twin_gait.live.news import Block, EventBook
@@ -120,7 +120,7 @@ class CanLink:
         self._book, self._submit = book, submit
         self._blocks: deque[Block] = deque()
         self.take = self._blocks.append  # takes a block of the walk; returns at once
-        self._due: deque[tuple[float, BusFrame]] = deque()
+        self._due: deque[tuple[float, can.Message]] = deque()
         self._start = 0.0  # of the walk, in the time of this machine
         self._heard: dict[int, Commands] = {}
         self._wanted: Commands = {}
@@ -153,7 +153,8 @@ class CanLink:
         try:
             while self._blocks:
                 self._lay_out(self._blocks.popleft())
-            self._send()
+            while self._due and self._due[0][0] <= time.monotonic():
+                self._bus.send(self._due.popleft()[1], SEND_TIME)
             wait = self._due[0][0] - time.monotonic() if self._due else LISTENING
             message = self._bus.recv(min(max(wait, 0.0), LISTENING))
             if message is not None:
@@ -173,6 +174,8 @@ class CanLink:
 
     def _lay_out(self, block: Block) -> None:
         """Give every frame of a block its time."""
+        import can
+
         weight, tripped = self._body_weight, block.tripped
         columns, messages = block.columns, self._messages
         frames = bus_frames(columns, messages, first=block.first, body_weight=weight, tripped=tripped)
@@ -180,17 +183,11 @@ class CanLink:
         # A block is ready when its time begins, now and then a little later: it goes out one block after it.
         if frames and abs(self._start + frames[0].time - now - PERIOD) > FARTHEST:
             self._start = now + PERIOD - frames[0].time  # after a pause, a restart, a stall
-        self._due.extend((self._start + frame.time, frame) for frame in frames)
-
-    def _send(self) -> None:
-        import can
-
-        while self._due and self._due[0][0] <= time.monotonic():
-            _, frame = self._due.popleft()
+        for frame in frames:
             message = can.Message(
                 arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, is_rx=False
             )
-            self._bus.send(message, SEND_TIME)
+            self._due.append((self._start + frame.time, message))
 
     # ------------------------------------------------------------------ listening
 

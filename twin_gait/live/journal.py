@@ -227,10 +227,8 @@ def _names(folder: Path, force: bool) -> Iterator[Path]:
     """Run folders of the walks of a session: this one, then ``folder-2`` …, which nothing has yet."""
     if force or not folder.exists():  # else it is somebody else's; what was walked is not lost for it
         yield folder
-    for number in itertools.count(2):
-        path = folder.with_name(f"{folder.name}-{number}")
-        if not path.exists():
-            yield path
+    numbered = (folder.with_name(f"{folder.name}-{number}") for number in itertools.count(2))
+    yield from (path for path in numbered if not path.exists())
 
 
 def _changes_table(changes: Iterable[Mapping[str, Any]]) -> str:

@@ -82,8 +82,9 @@ class LiveFigure:
         legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in codes.items()}
         self.window.apply(self._scene.state_at(Motion(now, posture, legs, self._names, row), 0))
         self._move_belt(blocks)
+        values = {side: leg_values(row, side) for side in self._shown}
         numbers = [
-            {key: float(leg_values(row, side)[key][0]) for key in keys} | {"phase": codes[side]}
+            {key: float(values[side][key][0]) for key in keys} | {"phase": codes[side]}
             for side, keys in self._shown.items()
         ]
         sample = {"time": float(now[0]), "legs": numbers, "curves": self._curves(blocks)}

@@ -110,25 +110,20 @@ class LiveSession:
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self._force)
-        document = self._loaded.document
-        setup = {"document": document, "folder": str(self.folder), "force": self._force}
+        document, name = self._loaded.document, self._loaded.experiment.name
         with contextlib.ExitStack() as undo:
             undo.callback(self._close_processes)
-            self._begin(setup)
+            if self._can is not None:
+                self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
+                self.news.on_block = self._link.take
+            setup = {"document": document, "folder": str(self.folder), "force": self._force}
+            answered(self.news.start(setup))
+            self._worker.submit(self._prepare).add_done_callback(Future.result)
+            if self._records is not None:
+                self.book.recorder = SessionRecorder(
+                    self._records, user=self.user, experiment=name, document=document, folder=self.folder
+                )
             undo.pop_all()
-
-    def _begin(self, setup: Mapping[str, Any]) -> None:
-        """Start the process; what is first asked for waits until the settings are prepared."""
-        if self._can is not None:
-            self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
-            self.news.on_block = self._link.take
-        answered(self.news.start(setup))
-        self._worker.submit(self._prepare).add_done_callback(Future.result)
-        if self._records is not None:
-            name = self._loaded.experiment.name
-            self.book.recorder = SessionRecorder(
-                self._records, user=self.user, experiment=name, document=setup["document"], folder=self.folder
-            )
 
     def _close_processes(self) -> None:
         if self._link is not None:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 
+from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
@@ -19,7 +20,7 @@ from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, Window, rgb, set_animation
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
-from twin_gait.viewer.page import About, packed, packed_json, page_data, recorded_page
+from twin_gait.viewer.page import About, packed, page_data, recorded_page
 from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
 
@@ -64,9 +65,9 @@ def recorded_run(
         phases=motion.phase_names,
         shown={side: leg.curves for side, leg in motion.legs.items()},
         arrows=bool(scene.arrows),
-        duration=round(motion.duration, 3),
+        duration=round(float(motion.times[-1]), 3),
         strides=_strides(log, model, motion),
-        frames=packed_json(_frames(motion)),
+        frames=packed(dump(_frames(motion)).encode("ascii")),
         scene=packed(recorder.packed()),
     )
 

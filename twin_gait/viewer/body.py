@@ -84,17 +84,13 @@ def trunk_axes(figure: Figure) -> np.ndarray:
     return _axes(figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0]))
 
 
-def girth(patient: Patient) -> float:
-    """Scale of limb radii: the same density in a body of other height and mass.
-
-    Returns 1 for the body that the meshes show.
-    """
-    return math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
-
-
 def _sized(patient: Patient, length: float) -> np.ndarray:
-    """Scales of a mesh along z, across by the girth of the wearer; shape ``(4, 4)``."""
-    return np.diag([girth(patient), girth(patient), length, 1.0])
+    """Scales of a mesh along z, and across by the girth of the wearer; shape ``(4, 4)``.
+
+    That is 1 for the body that the meshes show: the same density in a body of other height and mass.
+    """
+    girth = math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
+    return np.diag([girth, girth, length, 1.0])
 
 
 def _inside(figure: Figure, side: Side, hip: str, patient: Patient) -> float:

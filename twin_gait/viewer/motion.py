@@ -64,11 +64,6 @@ class Motion:
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
     modes: PhaseSpells | None = None  # operating modes by their codes, or None
 
-    @property
-    def duration(self) -> float:
-        """Time of the last frame in [s]."""
-        return float(self.times[-1])
-
 
 # What is drawn beside the figure and moves or changes: properties of it in a frame of a motion.
 Element = Callable[[Motion, int], State]

@@ -10,7 +10,6 @@ from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Required, TypedDict
 
 import numpy as np
@@ -77,7 +76,7 @@ def page_data(
     mode: str,
     view: View,
     phases: Sequence[str] = (),
-    shown: Mapping[Side, Iterable[str]] = MappingProxyType({}),
+    shown: Mapping[Side, Iterable[str]] | None = None,
     arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
@@ -90,7 +89,7 @@ def page_data(
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
          "dark": palette.SIDE_COLOURS_ON_DARK[side], "shows": ["phase", *keys]}
-        for side, keys in shown.items()
+        for side, keys in (shown or {}).items()
     ]  # fmt: skip
     return {
         **about,
@@ -145,13 +144,10 @@ def _words(name: str) -> str:
 
 def _contrast(one: str, other: str) -> float:
     """The contrast ratio of two colours, as WCAG 2 defines it."""
-    darker, lighter = sorted(_luminance(colour) + 0.05 for colour in (one, other))
-    return lighter / darker
-
-
-def _luminance(colour: str) -> float:
-    shares = [s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in rgb(colour)]
-    return float(np.dot([0.2126, 0.7152, 0.0722], shares))
+    shares = np.array([rgb(one), rgb(other)])
+    linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    darker, lighter = sorted(linear @ [0.2126, 0.7152, 0.0722] + 0.05)
+    return float(lighter / darker)
 
 
 def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
@@ -187,11 +183,6 @@ def _filled(**content: Any) -> str:
 def packed(content: bytes) -> str:
     """Compress bytes and write them as text that a page can hold."""
     return base64.b64encode(zlib.compress(content, _EFFORT)).decode("ascii")
-
-
-def packed_json(data: Any) -> str:
-    """The same of data that JSON can hold."""
-    return packed(dump(data).encode("ascii"))
 
 
 def embedded_json(data: Mapping[str, Any]) -> str:
