@@ -26,7 +26,7 @@ from twin_gait.simulation.compiling import (
     Pruning,
     compile_loop,
     compiled_in,
-    compiled_ticks,
+    compiled_tick,
     jit,
     record_at,
     rows_at,
@@ -308,4 +308,4 @@ def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
 
     device = dtype_of(Device(NoMemory()))
     with pytest.raises(UncompiledControllerError, match="numba cannot compile the controller 'Mine'"):
-        compiled_ticks("Mine", {"controller_tick": tick}, device)
+        compiled_tick("Mine", tick, False, device)

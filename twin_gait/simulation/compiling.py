@@ -11,6 +11,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import chain
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -31,7 +32,7 @@ from twin_gait.control.controller import (
     require_no_answer,
     require_whole_numbers,
 )
-from twin_gait.simulation.binding import bind, is_ours
+from twin_gait.simulation.binding import bind
 from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, MachineCode, function_at
 
 _BITS = ir.IntType(64)
@@ -132,12 +133,11 @@ def compile_loop(
 
     ``own``: what messages call functions of the user's among the names; empty without any.
     """
-    loop = bind(
-        entry,
-        {**ON_BITS, **names},
-        lambda function: jit(function, inline=function.__name__ != entry.__name__, pipeline=pipeline),
-        _made.setdefault(pipeline, {}),
-    )
+
+    def made(function: FunctionType) -> Any:
+        return jit(function, inline=function.__name__ != entry.__name__, pipeline=pipeline)
+
+    loop = bind(entry, {**ON_BITS, **names}, made, _made.setdefault(pipeline, {}))
     signature = (numba.intp,) * ARGUMENTS
     with compiled_in(pipeline):
         loop.compile(signature)
@@ -172,24 +172,14 @@ def _stands_alone(library: Any) -> bool:
     return all(name.startswith("llvm.") or hasattr(process, name) for name in needed)
 
 
-def compiled_ticks(
-    controller: str, functions: Mapping[str, TickFunction], device: np.dtype[Any]
-) -> dict[str, Any]:
-    """The user's functions among those of a controller, compiled.
-
-    ``device``: layout of the record that they are handed, with their memory in it. Raises
-    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something, or keeps a
-    float in a field of whole numbers.
-    """
-    return {
-        name: _compiled_tick(controller, tick, name == "assisted_tick", device)
-        for name, tick in functions.items()
-        if not is_ours(tick)
-    }
-
-
 @lru_cache(maxsize=16)
-def _compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: np.dtype[Any]) -> Any:
+def compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: np.dtype[Any]) -> Any:
+    """A function of the user's that is a part of a controller, compiled.
+
+    ``assisted``: whether its memory is that beside the assistance. ``device``: layout of the record that it
+    is handed, with its memory in it. Raises UncompiledControllerError if numba cannot compile it,
+    ParameterError if it returns something, or keeps a float in a field of whole numbers.
+    """
     memory = device["memory"]["other"] if assisted else device["memory"]
     kinds = (numba.from_dtype(memory), numba.from_dtype(device), numba.int64, numba.float64)
     try:

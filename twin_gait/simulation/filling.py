@@ -172,15 +172,15 @@ def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network
     boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     messages = load_messages(parameters.dbc)
     frames, delay = cyclic_messages(messages, boards), _delay_ticks(parameters)
-    setpoints, measurements = (
-        [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
-        for kind in (SETPOINT, MEASUREMENT)
-    )
+
+    def wires(kind: str) -> list[episode.Wire]:
+        return [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
+
     return episode.Network(
         bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
         delay=delay,
-        setpoints=setpoints,
-        measurements=measurements,
+        setpoints=wires(SETPOINT),
+        measurements=wires(MEASUREMENT),
         numbers=[0.0] * max(len(message.signals) for message in frames),
     )
 
