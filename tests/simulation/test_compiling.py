@@ -15,7 +15,6 @@ import numba
 import numpy as np
 import pytest
 from numba.core import types
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import DefaultPassBuilder
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
@@ -27,7 +26,7 @@ from twin_gait.simulation.compiling import (
     Pruning,
     compile_loop,
     compiled_in,
-    compiled_ticks,
+    compiled_tick,
     jit,
     record_at,
     rows_at,
@@ -233,20 +232,6 @@ def test_the_next_loop_of_a_process_compiles_only_what_is_different_in_it(
     assert compiled == ["scaled_at", "scaled"]
 
 
-def test_machine_code_is_made_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of numba's own, of every function in it."""
-    made: list[str] = []
-    finalize = JITCodeLibrary._finalize_specific
-
-    def note(self: Any) -> None:
-        made.append(self.name)
-        finalize(self)
-
-    monkeypatch.setattr(JITCodeLibrary, "_finalize_specific", note)
-    assert compile_loop(scaled_at, {"COUNT": 4}).function(0, 10, 7) == 4 * 10 + 10 + 7
-    assert made == ["scaled_at"]
-
-
 def wrong(address: int, first: int, end: int) -> int:
     return address.missing  # type: ignore[attr-defined,no-any-return]
 
@@ -323,4 +308,4 @@ def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
 
     device = dtype_of(Device(NoMemory()))
     with pytest.raises(UncompiledControllerError, match="numba cannot compile the controller 'Mine'"):
-        compiled_ticks("Mine", {"controller_tick": tick}, device)
+        compiled_tick("Mine", tick, False, device)

@@ -138,11 +138,14 @@ def loop_of(
     """
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop, compiled_ticks, record_at
+        from twin_gait.simulation.compiling import compile_loop, compiled_tick, record_at
         from twin_gait.simulation.vectors import in_vectors
 
-        bound = bound_to(pattern)
-        own = compiled_ticks(pattern.controller, pattern.functions, pattern.episode["controller"])
+        bound, own = bound_to(pattern), {}
+        for name, tick in pattern.functions.items():
+            if not is_ours(tick):
+                assisted, device = name == "assisted_tick", pattern.episode["controller"]
+                own[name] = compiled_tick(pattern.controller, tick, assisted, device)
         names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
         return compile_loop(entry, names, own=pattern.controller if own else "")
 

@@ -1,8 +1,8 @@
 """Compile a bound loop with numba.
 
-Four internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
-when one of the first three changes, tests/simulation/test_controllers.py of the last: a pipeline of passes of
-one's own, the template that types a call, what is made of a function once it is lowered, and its types.
+Three internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
+when one of the first two changes, tests/simulation/test_controllers.py of the last: a pipeline of passes of
+one's own, the template that types a call, and the types of a function.
 """
 
 import ctypes
@@ -11,6 +11,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import chain
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -18,9 +19,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core import ir as numba_ir
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_machinery import register_pass
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError, UnsupportedBytecodeError
 from numba.core.typed_passes import NativeLowering
@@ -33,7 +32,7 @@ from twin_gait.control.controller import (
     require_no_answer,
     require_whole_numbers,
 )
-from twin_gait.simulation.binding import bind, is_ours
+from twin_gait.simulation.binding import bind
 from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, MachineCode, function_at
 
 _BITS = ir.IntType(64)
@@ -41,36 +40,10 @@ _REFUSED = NumbaError, UnsupportedBytecodeError
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
 
 
-class _Inlined(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
-    """Code of a function that becomes a part of its callers', and is never run by itself."""
-
-    def _finalize_final_module(self) -> None:
-        self._finalized = True
-
-
-@register_pass(mutates_CFG=True, analysis_only=False)
-class Lowering(NativeLowering):  # type: ignore[misc]
-    """numba's, but machine code is made of the loop alone; with that of its parts it takes a fifth longer."""
-
-    _name = "lowering"
-
-    def run_pass(self, state: Any) -> bool:
-        """Lower a function."""
-        if not state.flags.forceinline:
-            return bool(super().run_pass(state))
-        state.library = _Inlined(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.flags.no_compile = True
-        super().run_pass(state)
-        key = list[None]().append  # callers find it by any built-in function that is equal to no other
-        state.targetctx.insert_user_function(key, state["cr"].fndesc, [state.library])
-        state["cr"] = state["cr"]._replace(cfunc=key)
-        return True
-
-
 class Pruning(CompilerBase):  # type: ignore[misc]
     """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
 
-    lowering: type[NativeLowering] = Lowering  # The pass that makes LLVM's code.
+    lowering: type[NativeLowering] = NativeLowering  # The pass that makes LLVM's code.
     # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops
     # over the coordinates for long ones and makes the treadmill 15 to 20 % slower.
     level, vectorise = 1, False
@@ -160,12 +133,11 @@ def compile_loop(
 
     ``own``: what messages call functions of the user's among the names; empty without any.
     """
-    loop = bind(
-        entry,
-        {**ON_BITS, **names},
-        lambda function: jit(function, inline=function.__name__ != entry.__name__, pipeline=pipeline),
-        _made.setdefault(pipeline, {}),
-    )
+
+    def made(function: FunctionType) -> Any:
+        return jit(function, inline=function.__name__ != entry.__name__, pipeline=pipeline)
+
+    loop = bind(entry, {**ON_BITS, **names}, made, _made.setdefault(pipeline, {}))
     signature = (numba.intp,) * ARGUMENTS
     with compiled_in(pipeline):
         loop.compile(signature)
@@ -200,24 +172,14 @@ def _stands_alone(library: Any) -> bool:
     return all(name.startswith("llvm.") or hasattr(process, name) for name in needed)
 
 
-def compiled_ticks(
-    controller: str, functions: Mapping[str, TickFunction], device: np.dtype[Any]
-) -> dict[str, Any]:
-    """The user's functions among those of a controller, compiled.
-
-    ``device``: layout of the record that they are handed, with their memory in it. Raises
-    UncompiledControllerError if numba cannot compile one, ParameterError if one returns something, or keeps a
-    float in a field of whole numbers.
-    """
-    return {
-        name: _compiled_tick(controller, tick, name == "assisted_tick", device)
-        for name, tick in functions.items()
-        if not is_ours(tick)
-    }
-
-
 @lru_cache(maxsize=16)
-def _compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: np.dtype[Any]) -> Any:
+def compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: np.dtype[Any]) -> Any:
+    """A function of the user's that is a part of a controller, compiled.
+
+    ``assisted``: whether its memory is that beside the assistance. ``device``: layout of the record that it
+    is handed, with its memory in it. Raises UncompiledControllerError if numba cannot compile it,
+    ParameterError if it returns something, or keeps a float in a field of whole numbers.
+    """
     memory = device["memory"]["other"] if assisted else device["memory"]
     kinds = (numba.from_dtype(memory), numba.from_dtype(device), numba.int64, numba.float64)
     try:

@@ -161,12 +161,11 @@ class EpisodeEngine(ABC):
         """Counts of the bus in a run of at least 1 tick; None without one."""
         if self.problem.experiment.network is None:
             return None
-        network, boards = self.state.network, [f"{item.side}_{item.joint}" for item in self.problem.joints]
-        bus = network.bus
+        network, bus = self.state.network, self.state.network.bus
         frames = tuple(
-            _frame_traffic(f"{board}_{kind}", wire, bus.frames[int(wire.frame)], ticks)
+            _frame_traffic(f"{joint.side}_{joint.joint}_{kind}", wire, bus.frames[int(wire.frame)], ticks)
             for kind, wires in ((SETPOINT, network.setpoints), (MEASUREMENT, network.measurements))
-            for board, wire in zip(boards, wires, strict=True)
+            for joint, wire in zip(self.problem.joints, wires, strict=True)
         )
         bus_offs = {name: int(node.bus_offs) for name, node in zip(NODES, bus.nodes, strict=True)}
         return BusTraffic(float(bus.busy) / (ticks * float(bus.tick)), bus_offs, frames)

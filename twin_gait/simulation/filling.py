@@ -18,7 +18,7 @@ from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, Transitio
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.safety import Bounds
-from twin_gait.gait.modes import ModeTable
+from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import KernelBodies, body_values
@@ -66,12 +66,7 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         torque=[0.0] * n,
         stages=episode.Stages(*([0.0] * n for _ in range(4))),
         bodies=body_values(bodies.bodies, bodies.points),
-        rates=Rates(
-            period=TICK,
-            fast_gain=problem.fast_gain,
-            decimation=experiment.sensors.decimation,
-            blend_law=problem.table.blending.law.code,
-        ),
+        rates=Rates(TICK, problem.fast_gain, experiment.sensors.decimation, problem.table.blending.law.code),
         supply=_supply(problem),
         limits=limits_of(problem, problem.experiment.network),
         controller=_controller(problem, body_values(bodies.control_bodies)),
@@ -174,15 +169,15 @@ def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network
     boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     messages = load_messages(parameters.dbc)
     frames, delay = cyclic_messages(messages, boards), _delay_ticks(parameters)
-    setpoints, measurements = (
-        [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
-        for kind in (SETPOINT, MEASUREMENT)
-    )
+
+    def wires(kind: str) -> list[episode.Wire]:
+        return [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
+
     return episode.Network(
         bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
         delay=delay,
-        setpoints=setpoints,
-        measurements=measurements,
+        setpoints=wires(SETPOINT),
+        measurements=wires(MEASUREMENT),
         numbers=[0.0] * max(len(message.signals) for message in frames),
     )
 
@@ -223,16 +218,14 @@ def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
     table, initial = problem.table, problem.experiment.initial_mode
     modes = replace(modes, joints=table.joints)  # in whose places the signals stand
     program = compile_guards(modes)
+
+    def told(mode: Mode) -> ModeCommand:
+        posture = NO_POSTURE if mode.posture is None else table.phase_index(mode.posture)
+        return ModeCommand(posture, float(mode.walk), float(mode.step))
+
     return Supervisor(
         program=_padded(program),
-        modes=[
-            ModeCommand(
-                NO_POSTURE if mode.posture is None else table.phase_index(mode.posture),
-                float(mode.walk),
-                float(mode.step),
-            )
-            for mode in modes.phases.values()
-        ],
+        modes=[told(mode) for mode in modes.phases.values()],
         hold=modes.phase_index(modes.hold),
         swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
         signals=modes.in_si({}),

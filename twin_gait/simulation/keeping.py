@@ -43,9 +43,7 @@ def cache_folder() -> Path | None:
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     try:
-        if chosen:
-            return private_folder(Path(chosen))
-        return private_folder(_home("XDG_CACHE_HOME", ".cache") / "twin_gait")
+        return private_folder(Path(chosen) if chosen else _home("XDG_CACHE_HOME", ".cache") / "twin_gait")
     except (OSError, RuntimeError):  # pathlib's error where the user has no home
         return None
 

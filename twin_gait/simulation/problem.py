@@ -98,9 +98,8 @@ class Problem:
     def passive(self) -> tuple[tuple[Side, JointName], ...]:
         """Joints that are not controlled, leg by leg."""
         legs, controlled = self.world.model.legs, self.experiment.joints
-        return tuple(
-            (side, joint) for side, leg in legs.items() for joint, _ in leg.items() if joint not in controlled
-        )
+        every = ((side, joint) for side, leg in legs.items() for joint, _ in leg.items())
+        return tuple((side, joint) for side, joint in every if joint not in controlled)
 
     def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
         """Motor and gear of a joint."""

@@ -40,10 +40,9 @@ class ReferenceEngine(EpisodeEngine):
         super().__init__(problem)
         _, self.episode, structure = laid_out(problem)
         self.state = self.episode
+        starts = problem.world.initial_phases
         self.machines = [
-            GaitStateMachine(
-                problem.table, side, initial_phase=problem.world.initial_phases[side], program=problem.program
-            )
+            GaitStateMachine(problem.table, side, initial_phase=starts[side], program=problem.program)
             for side in problem.sides
         ]
         self.switches = np.zeros(self.episode.recording.most_switches, SWITCHES).view(np.recarray)

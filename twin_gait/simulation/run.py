@@ -109,9 +109,8 @@ class Run:
             *(("why", reason) for reason in (self.verdict.reason,) if reason),
         ]
         lines = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
-        return (
-            f"<table><caption>{escape(self.experiment.name)}: <b>{escape(word)}</b></caption>{lines}</table>"
-        )
+        name = escape(self.experiment.name)
+        return f"<table><caption>{name}: <b>{escape(word)}</b></caption>{lines}</table>"
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the run directory; see :func:`twin_gait.save_run`."""

@@ -101,11 +101,8 @@ def engine_of(problem: Problem, on_compile: Callable[[], None] | None = None) ->
         try:
             return CompiledEngine(problem, on_compile=on_compile)
         except UncompiledControllerError as error:
-            warnings.warn(
-                f"{error}; stepping through Python instead, which takes some twenty times as long",
-                SlowControllerWarning,
-                stacklevel=3,
-            )
+            told = f"{error}; stepping through Python instead, which takes some twenty times as long"
+            warnings.warn(told, SlowControllerWarning, stacklevel=3)
     return ReferenceEngine(problem)
 
 

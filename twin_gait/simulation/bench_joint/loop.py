@@ -1,4 +1,4 @@
-"""A test on the joint bench: its record at tick 0, and its run, compiled and kept or as plain Python."""
+"""A test on the joint bench: its record at tick 0, and its run in a loop that is compiled and kept."""
 
 import math
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.episode import COLUMNS
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
-from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.binding import kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows, run_at
 from twin_gait.simulation.episode import DIVERGED
 from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
@@ -64,7 +64,6 @@ def simulate_bench(
     *,
     seed: int = 0,
     variation: record.BenchVariation | None = None,
-    compiled: bool = True,
     on_compile: OnCompile = None,
 ) -> BenchRun:
     """Simulate a test.
@@ -73,7 +72,6 @@ def simulate_bench(
         test: The bench and what is done on it.
         seed: Of the noise of current and encoder.
         variation: What chance adds to this test.
-        compiled: False runs the same loop as plain Python, some hundred times slower.
         on_compile: Called if the loop has to be compiled.
 
     Returns:
@@ -84,34 +82,29 @@ def simulate_bench(
     """
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or record.BenchVariation()), bench_noise(test, ticks, seed)
-    rows = np.zeros((ticks, len(COLUMNS)))
-    writer = kernel_functions(writer_of([(0, record.BENCH)]), {"TICK": TICK})
-    # The laws beside (3.1) slow the others down.
-    names = {"OTHER_LAWS": episode.friction.law > ROTATIONAL, **writer}
-    if compiled:
-        recording = episode.recording
-        recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
-        store = stored(episode)
-        done = _compiled(store.dtype, names, on_compile)(store.ctypes.data, 0, ticks)
-        status = int(store[0]["status"])
-    else:
-        table = noise.reshape(-1, 1).tolist()
-        found = {"log_row": lambda e, tick: rows[tick], "noise_row": lambda e, number: table[number]}
-        done, status = bind(run_ticks, {**names, **found})(episode, 0, ticks), episode.status
-    return BenchRun(test, rows[:done], RunStatus.DIVERGED if status == DIVERGED else RunStatus.COMPLETED)
+    rows, recording = np.zeros((ticks, len(COLUMNS))), episode.recording
+    recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
+    store, other_laws = stored(episode), episode.friction.law > ROTATIONAL
+    done = _loop(store.dtype, other_laws, on_compile)(store.ctypes.data, 0, ticks)
+    diverged = store[0]["status"] == DIVERGED
+    return BenchRun(test, rows[:done], RunStatus.DIVERGED if diverged else RunStatus.COMPLETED)
 
 
-def _compiled(episode: np.dtype[Any], names: dict[str, Any], on_compile: OnCompile) -> NativeFunction:
-    """The compiled loop of tests of one layout."""
+def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> NativeFunction:
+    """The compiled loop of tests of one layout; the laws beside (3.1) slow the others down."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
 
-        rows = compiled_rows(len(COLUMNS), 1)
-        found = {"run_ticks": run_ticks, "episode_at": record_at(episode)}
-        return compile_loop(run_at, {**names, **rows, **found})
+        names = {**bound_rooms(other_laws), **compiled_rows(len(COLUMNS), 1), "run_ticks": run_ticks}
+        return compile_loop(run_at, {**names, "episode_at": record_at(episode)})
 
-    return kept_loop(_key(episode, names["OTHER_LAWS"]), make, on_compile)
+    return kept_loop(_key(episode, other_laws), make, on_compile)
+
+
+def bound_rooms(other_laws: bool) -> dict[str, Any]:
+    """What the rooms of a test are bound to, beside the rows of its log and its noise."""
+    return {"OTHER_LAWS": other_laws, **kernel_functions(writer_of([(0, record.BENCH)]), {"TICK": TICK})}
 
 
 @lru_cache(maxsize=8)

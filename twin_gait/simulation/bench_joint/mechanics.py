@@ -62,12 +62,10 @@ def accelerations(
     What acts on them beside the motor's torque is kept in ``e.torques`` and the imposed motion.
     """
     torques, motion, link = e.torques, e.imposed_motion, e.test.link
-    stops = link.stops
+    base = link.stops
     load = link_load_torque(q2, e.moment, e.test.gravity, e.horizontal_angle)
     friction = _friction(e, q1, v1, load)
-    stop = mechanical_stop_torque(
-        q2, v2, link.lower_stop, link.upper_stop, stops.stiffness, stops.dissipation
-    )
+    stop = mechanical_stop_torque(q2, v2, link.lower_stop, link.upper_stop, base.stiffness, base.dissipation)
     imposed = 0.0
     if motion.place >= 0:
         imposed = imposed_motion_torque(motion, time, q2, v2)

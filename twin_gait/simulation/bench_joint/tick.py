@@ -92,9 +92,8 @@ def _unit_reading(e: BenchEpisode) -> float:
     if e.acceleration.source != ACCELEROMETER:
         return e.link.velocity
     _, acceleration = present_accelerations(e, e.time)
-    return tangential_specific_force(
-        acceleration, e.link.angle, e.unit.lever, e.test.gravity, e.horizontal_angle
-    )
+    angle, lever = e.link.angle, e.unit.lever
+    return tangential_specific_force(acceleration, angle, lever, e.test.gravity, e.horizontal_angle)
 
 
 def control(e: BenchEpisode, tick: int) -> None:

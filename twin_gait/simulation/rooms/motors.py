@@ -137,12 +137,10 @@ def _drive(e: Episode, number: int) -> None:
 def _drive_faulty(e: Episode, number: int, tick: int) -> None:
     joint, row = e.joints[number], drive_fault(number, tick, e.faults)
     if row != NO_FAULT:
-        motor, fault, expected = joint.motor, e.faults[row], joint.current
+        motor, place, fault, expected = joint.motor, joint.place, e.faults[row], joint.current
         wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
         asked = target_current(motor, wrong, e.limits.torque, e.limits.current)
-        joint.current, e.motor[joint.place] = driven_motor(
-            motor, asked, e.v[joint.place], e.supply.bus_voltage
-        )
+        joint.current, e.motor[place] = driven_motor(motor, asked, e.v[place], e.supply.bus_voltage)
         joint.current_deviation = joint.current - expected
 
 

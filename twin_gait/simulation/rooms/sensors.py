@@ -39,10 +39,8 @@ def trunk_pitch(one: Episode) -> float:
 def _measure_pitch(one: Episode, tick: int) -> None:
     """Let the inertial unit of the trunk feel the last accelerations; at rest at the start."""
     unit, noise, first = one.trunk_unit, noise_row(one, tick), len(one.joints) + len(one.limbs)
-    rate = one.v[PITCH]
-    ahead, up = trunk_specific_force(
-        unit, one.q[PITCH], rate, one.a[PITCH], one.a[FORWARD], one.a[PELVIS], one.gravity
-    )
+    rate, a = one.v[PITCH], one.a
+    ahead, up = trunk_specific_force(unit, one.q[PITCH], rate, a[PITCH], a[FORWARD], a[PELVIS], one.gravity)
     follow_pitch(unit, rate + noise[first], ahead + noise[first + 1], up + noise[first + 2], one.rates.period)
 
 

@@ -166,15 +166,12 @@ def push_crutches(e: Episode, q: list[float], v: list[float]) -> None:
 def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
     """Accelerations of the tips of the crutches, on the ground or in the air."""
     for number in range(CRUTCHES):
-        arm = e.arms[number]
-        place = arm.place
-        tip = arm.tip
+        arm, ground = e.arms[number], e.ground
+        place, tip = arm.place, arm.tip
         tip.height = q[place + 1]
-        tip.upward = contact_normal_force(
-            -tip.height, -v[place + 1], e.ground.stiffness, e.ground.dissipation
-        )
+        tip.upward = contact_normal_force(-tip.height, -v[place + 1], ground.stiffness, ground.dissipation)
         tip.forward = anchored_friction_force(
-            arm, q[place], v[place], tip.upward, e.ground.friction_coefficient
+            arm, q[place], v[place], tip.upward, ground.friction_coefficient
         )
         e.a[place] = (e.torque[place] + tip.forward) / arm.mass
         e.a[place + 1] = (e.torque[place + 1] + tip.upward) / arm.mass - e.gravity
