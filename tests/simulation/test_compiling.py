@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 from numba.core import types
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import DefaultPassBuilder
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
@@ -230,6 +231,20 @@ def test_the_next_loop_of_a_process_compiles_only_what_is_different_in_it(
     compiled.clear()
     assert compile_loop(scaled_at, {"COUNT": 3}).function(0, 10, 7) == 3 * 10 + 10 + 7
     assert compiled == ["scaled_at", "scaled"]
+
+
+def test_machine_code_is_made_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of numba's own, of every function in it."""
+    made: list[str] = []
+    finalize = JITCodeLibrary._finalize_specific
+
+    def note(self: Any) -> None:
+        made.append(self.name)
+        finalize(self)
+
+    monkeypatch.setattr(JITCodeLibrary, "_finalize_specific", note)
+    assert compile_loop(scaled_at, {"COUNT": 4}).function(0, 10, 7) == 4 * 10 + 10 + 7
+    assert made == ["scaled_at"]
 
 
 def wrong(address: int, first: int, end: int) -> int:

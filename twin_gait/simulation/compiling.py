@@ -1,8 +1,8 @@
 """Compile a bound loop with numba.
 
-Three internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
-when one of the first two changes, tests/simulation/test_controllers.py of the last: a pipeline of passes of
-one's own, the template that types a call, and the types of a function.
+Four internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
+when one of the first three changes, tests/simulation/test_controllers.py of the last: a pipeline of passes of
+one's own, the template that types a call, what is made of a function once it is lowered, and its types.
 """
 
 import ctypes
@@ -19,7 +19,9 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core import ir as numba_ir
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError, UnsupportedBytecodeError
 from numba.core.typed_passes import NativeLowering
@@ -40,10 +42,36 @@ _REFUSED = NumbaError, UnsupportedBytecodeError
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
 
 
+class _Inlined(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+    """Code of a function that becomes a part of its callers', and is never run by itself."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class Lowering(NativeLowering):  # type: ignore[misc]
+    """numba's, but machine code is made of the loop alone; with that of its parts it takes a fifth longer."""
+
+    _name = "lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower a function."""
+        if not state.flags.forceinline:
+            return bool(super().run_pass(state))
+        state.library = _Inlined(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        key = list[None]().append  # callers find it by any built-in function that is equal to no other
+        state.targetctx.insert_user_function(key, state["cr"].fndesc, [state.library])
+        state["cr"] = state["cr"]._replace(cfunc=key)
+        return True
+
+
 class Pruning(CompilerBase):  # type: ignore[misc]
     """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
 
-    lowering: type[NativeLowering] = NativeLowering  # The pass that makes LLVM's code.
+    lowering: type[NativeLowering] = Lowering  # The pass that makes LLVM's code.
     # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops
     # over the coordinates for long ones and makes the treadmill 15 to 20 % slower.
     level, vectorise = 1, False

@@ -25,10 +25,9 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
-from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 
-from twin_gait.simulation.compiling import Pruning, distinct, jit, rows_at
+from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, rows_at
 from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
@@ -85,7 +84,7 @@ class _Marking(lowering.Lower):
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
-class _MarkingPass(NativeLowering):
+class _MarkingPass(Lowering):
     _name = "marking"
     lowering_class = _Marking
 
