@@ -37,7 +37,7 @@ def experiment_from_mapping(
     """
     known = {} if like is None else _known(data, like)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
-    found: dict[str, Any] = {**entry.values(), "scenario": entry.scenario}
+    found: dict[str, Any] = entry.values()
     # A table without a name has the experiment's.
     if like is not None and entry.name == like.experiment.name and data["table"] is like.document["table"]:
         found["table"] = like.experiment.table

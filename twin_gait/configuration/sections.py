@@ -227,10 +227,12 @@ def _section(parameters: type[Any]) -> Any:
         fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
     defaults, inline = {}, {}
     for item in declarations(parameters):
+        if item.mark(quantities.AsInFile) or item.key in base.model_fields:
+            continue
         if item.mark(quantities.Inline):
             more, inline[item.name] = _by_name(item, item.kind, 1.0)
             fields |= more
-        elif not item.mark(quantities.AsInFile) and item.key not in base.model_fields:
+        else:
             fields |= {key: _field(item, factor) for key, factor in item.keys.items()}
             if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.mark(Word):
                 defaults[next(iter(item.keys))] = written(item.default, item)

@@ -203,10 +203,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
         if path.stat().st_size > MAXIMUM_FILE_SIZE:
             raise ParameterFileError(path, "", f"larger than {MAXIMUM_FILE_SIZE} bytes; not a parameter file")
         text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ParameterFileError(path, "", f"cannot be read ({error.strerror}); check the path") from error
-    except UnicodeDecodeError as error:
-        raise ParameterFileError(path, "", "is not UTF-8 text") from error
+    except (OSError, UnicodeDecodeError) as error:
+        problem = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ParameterFileError(path, "", f"cannot be read ({problem}); check the path") from error
     return parse_yaml(text, str(path))
 
 
