@@ -81,12 +81,11 @@ def written(value: Any, item: Declaration | None = None) -> Any:
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
-        inside = item is not None and item.unit is not None and item.mark(quantities.UnitInside)
-        end = f"_{next(iter(item.unit.factors))}" if item and item.unit and inside else ""
-        return {
-            f"{name}{'' if isinstance(inner, Mapping) else end}": written(inner, item)
-            for name, inner in value.items()
-        }
+        unit, found = item.unit if item is not None and item.mark(quantities.UnitInside) else None, {}
+        for name, inner in value.items():
+            end = f"_{next(iter(unit.factors))}" if unit and not isinstance(inner, Mapping) else ""
+            found[f"{name}{end}"] = written(inner, item)
+        return found
     if isinstance(value, tuple):
         return [written(one) for one in value]
     if isinstance(value, float) and math.isinf(value):
@@ -124,8 +123,6 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
     def read(value: Any, section: Callable[[Any], Any]) -> Any:
         if isinstance(value, parameters):
             return value
-        if not isinstance(value, (str, Mapping)):
-            raise ValueError(f"expected {word.without}, {word.kind} or a mapping, got {value!r}")
         found = section({"kind": value} if isinstance(value, str) else value)
         if found.kind == word.kind:
             return found.convert()
