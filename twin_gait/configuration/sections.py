@@ -62,8 +62,7 @@ class Section(Strict):
     @classmethod
     def document(cls, parameters: Any) -> dict[str, Any]:
         """Parameters as the mapping of a file, in SI; reading it gives the same."""
-        named = cls.parameters.kind and not cls.parameters.implied
-        found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if named else {}
+        found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if cls.parameters.kind else {}
         for item in declarations(cls.parameters):
             value, word = getattr(parameters, item.name), item.mark(Word)
             if item.mark(quantities.Inline):
@@ -103,11 +102,11 @@ def type_of(parameters: type[Any]) -> Any:
 
 
 def _one_of(kinds: tuple[type[Any], ...]) -> Any:
-    """Type of a section of one of some kinds, told apart by their tag; the first may be implied."""
-    tag, first = kinds[0].tag, kinds[0]
+    """Type of a section of one of some kinds, told apart by their tag; without one it is the first."""
+    tag, first = kinds[0].tag, kinds[0].kind
 
     def with_tag(value: Any) -> Any:
-        return {tag: first.kind, **value} if isinstance(value, Mapping) and first.implied else value
+        return {tag: first, **value} if isinstance(value, Mapping) else value
 
     sections = reduce(or_, map(section_of, kinds))
     converted = AfterValidator(lambda section: section.convert())

@@ -44,8 +44,8 @@ def refuse_two_units(keys: Iterable[Any]) -> None:
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Lay changes over a mapping; a quantity given in another unit replaces the old one.
 
-    Neither is changed; what no change touches is the same object in both. A friction law of a joint that is
-    named where none was has other keys and takes the place of the old one.
+    Neither is changed; what no change touches is the same object in both. Another friction law of a joint has
+    other keys and takes the place of the old one.
     """
     refuse_two_units(changes)
     merged = dict(base)
@@ -62,7 +62,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
-    return key in _JOINTS and "law" in new and "law" not in old
+    return key in _JOINTS and "law" in new and new["law"] != old.get("law")
 
 
 _DIGITS = 9  # of a list position; no list is longer

@@ -12,6 +12,7 @@ from twin_gait.parameters.quantities import require
 
 
 class _FrictionLaw(quantities.Parameters):
+    tag = "law"
     # What is proportional to the friction; velocities, exponents and the way until bristles slide are not.
     torques: ClassVar[tuple[str, ...]]
 
@@ -38,7 +39,7 @@ class FrictionParameters(_FrictionLaw):
         viscous_friction: d in [N m s] / [rad].
     """
 
-    kind, tag, implied = "rotational", "law", True
+    kind = "rotational"
     torques = ("breakaway_torque", "coulomb_friction", "viscous_friction")
     breakaway_torque: quantities.Torque
     coulomb_friction: quantities.Torque
@@ -116,7 +117,6 @@ class StribeckFriction(_FrictionLaw):
         offset: T_0 in [N m].
     """
 
-    tag: ClassVar[str] = "law"
     law: ClassVar[int]
     torques: ClassVar[tuple[str, ...]] = (
         "coulomb_friction", "breakaway_torque", "offset",
