@@ -8,7 +8,6 @@ import difflib
 import re
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -211,7 +210,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 def packaged(folder: str) -> dict[str, Path]:
     """YAML files in a folder of this package, by their names."""
-    return yaml_files(Path(str(files("twin_gait.configuration"))) / folder)
+    return yaml_files(Path(__file__).parent / folder)
 
 
 def yaml_files(folder: Path) -> dict[str, Path]:
