@@ -39,7 +39,7 @@ class Section(Strict):
         if not isinstance(data, Mapping):
             return data
         given = {key: data[key] for key in cls.defaults if isinstance(data.get(key), Mapping)}
-        return {**data, **{key: merge(cls.defaults[key], value) for key, value in given.items()}}
+        return {**data, **{key: merge(cls.defaults[key], value, key) for key, value in given.items()}}
 
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""

@@ -31,22 +31,23 @@ def quantity_of(key: str) -> str:
     return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
 
 
-def refuse_two_units(keys: Iterable[Any]) -> None:
-    """Raise a ParameterError if keys give one quantity in two units: it is ambiguous."""
+def refuse_two_units(keys: Iterable[Any], place: str = "") -> None:
+    """Raise a ParameterError if keys at a place give one quantity in two units: it is ambiguous."""
     said: dict[str, str] = {}
     for key in keys:
         other = said.setdefault(quantity_of(str(key)), key)
         if other != key:
-            raise ParameterError(f"expected exactly one of {other} or {key}, got both; leave one out")
+            problem = f"{place}: expected exactly one of {other} or {key}, got both; leave one out"
+            raise ParameterError(problem.removeprefix(": "))
 
 
-def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     """Lay changes over a mapping; a quantity given in another unit replaces the old one.
 
     Neither is changed; what no change touches is the same object in both. Another friction law of a joint has
     other keys and takes the place of the old one.
     """
-    refuse_two_units(changes)
+    refuse_two_units(changes, place)
     merged = dict(base)
     for key, value in changes.items():
         if key not in merged:
@@ -54,7 +55,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
                 del merged[other]
         old = merged.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
-            merged[key] = merge(old, value)
+            merged[key] = merge(old, value, f"{place}.{key}".removeprefix("."))
         else:
             merged[key] = copy.deepcopy(value)
     return merged
