@@ -22,17 +22,18 @@ SIDES = ("both", "left", "right")
 
 
 _Condition = section_of(JointCondition)
-_Joints = create_model(  # type: ignore[call-overload]
+_Joints: Any = create_model(  # type: ignore[call-overload]
     "Joints", __base__=Strict, **{joint: (_Condition, _Condition()) for joint in WEARER_JOINTS}
-)
-_Sides = create_model(  # type: ignore[call-overload]
-    "Sides", __base__=Section, **{name: (_Joints, _Joints()) for name in SIDES}
 )
 
 
 @reads(Patient)
-class PatientReader(_Sides):  # type: ignore[misc, valid-type]
+class PatientReader(Section):
     """The wearer: ``left`` and ``right`` are laid over what stands under ``both``."""
+
+    both: _Joints = _Joints()
+    left: _Joints = _Joints()
+    right: _Joints = _Joints()
 
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""
