@@ -213,7 +213,7 @@ BAD_SETTINGS = {
     "name=a/b": "plain name",
     "nonsense": "key=value",
     "=3": "key=value",
-    "a b=3": "not a key",
+    "a b=3": "a key of names joined by dots",
     "patient.mass_kg=[1": "not valid YAML",
 }
 

@@ -66,21 +66,18 @@ def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bo
 
 
 _DIGITS = 9  # of a list position; no list is longer
-_STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
+_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+_NAME = r"[A-Za-z_]\w*(?:\[\d+\])*"
+_PATH = re.compile(rf"\s*{_NAME}(?:\.{_NAME})*\s*")
 
 
 def parse_assignment(text: str) -> tuple[list[str | int], Any]:
     """Split ``patient.mass_kg=80`` into a path and a value."""
     key, separator, value = text.partition("=")
-    if not separator or not key.strip():
-        raise ParameterError(f"--set {text!r}: expected key=value, for example patient.mass_kg=80")
-    path: list[str | int] = []
-    for part in key.strip().split("."):
-        match = _STEP.fullmatch(part)
-        if not match:
-            raise ParameterError(f"--set {text!r}: {part!r} is not a key; write names joined by dots")
-        path.append(match.group(1))
-        path += [int(number[:_DIGITS]) for number in re.findall(r"\d+", match.group(2))]
+    if not separator or not _PATH.fullmatch(key):
+        expected = "expected key=value with a key of names joined by dots, for example patient.mass_kg=80"
+        raise ParameterError(f"--set {text!r}: {expected}")
+    path = [int(number[:_DIGITS]) if number else name for name, number in _STEP.findall(key)]
     try:
         return path, _loaded(value)
     except ParameterError as error:
