@@ -22,14 +22,12 @@ class Convention:
 
     Attributes:
         name: What it is called on the command line.
-        description: Whose it is, and where that is written.
         columns: Name of the column of each joint of each side; empty where the user chooses them.
         signs: Of each joint, 1 or -1; 1 where it is not named.
         unit: Of columns that do not state theirs, ``rad`` or ``deg``; None if it must be asked for.
     """
 
     name: str
-    description: str
     columns: Mapping[tuple[Side, JointName], str] = field(default_factory=dict)
     signs: Mapping[JointName, float] = field(default_factory=dict)
     unit: str | None = None
@@ -45,33 +43,28 @@ _OPENSIM_COLUMNS = {
     for joint, name in zip(JointName, ("hip_flexion", "knee_angle", "ankle_angle"), strict=True)
 }
 
+# This package's own: flexion of hip and knee and dorsiflexion positive.
 HOUSE = Convention(
     name="twin_gait",
-    description="this package's own: flexion of hip and knee and dorsiflexion positive",
     columns={(side, joint): f"{side}_{joint}_angle_rad" for side in Side for joint in JointName},
 )
+# OpenSim's gait2392, gait2354 and gait10dof18musc: knee flexion negative.
 OPENSIM_GAIT2392 = Convention(
     name="opensim_gait2392",
-    description="OpenSim's gait2392, gait2354 and gait10dof18musc: knee flexion negative",
     columns=_OPENSIM_COLUMNS,
     signs={JointName.KNEE: -1.0},
 )
+# Rajagopal et al. (2016) in OpenSim: the names of gait2392, but knee flexion positive.
 RAJAGOPAL = Convention(
     name="rajagopal",
-    description="Rajagopal et al. (2016) in OpenSim: the names of gait2392, but knee flexion positive",
     columns=_OPENSIM_COLUMNS,
 )
-OSL = Convention(
-    name="osl",
-    description="Open-Source Leg: knee flexion and ankle dorsiflexion positive; its logger takes any names",
-    unit=RADIANS,
-)
+# Open-Source Leg: knee flexion and ankle dorsiflexion positive; its logger takes any names.
+OSL = Convention(name="osl", unit=RADIANS)
+# ExoMotus X2 in CANOpenRobotController: left hip, left knee, right hip, right knee; knee flexion negative
+# (0 to -120 deg).
 CORC_X2 = Convention(
     name="corc_x2",
-    description=(
-        "ExoMotus X2 in CANOpenRobotController: left hip, left knee, right hip, right knee as "
-        "JointPositions_1 to _4; knee flexion negative (0 to -120 deg)"
-    ),
     columns={
         place: f"JointPositions_{number}"
         for number, place in enumerate(product(Side, (JointName.HIP, JointName.KNEE)), start=1)

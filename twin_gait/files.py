@@ -9,7 +9,6 @@ import math
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ def shipped_file(name: str) -> Path | None:
     Returns:
         The path, or None if there is no such file.
     """
-    package = Path(str(files("twin_gait")))
+    package = Path(__file__).parent
     paths = (package / "urdf" / name, package.parent / "urdf" / name)
     return next((path for path in paths if path.is_file()), None)
 

@@ -188,7 +188,7 @@ BAD_SETTINGS = {
     "table.phases.early_stance.hip.stiffness_Nm=2": "unknown key",
     "table.phases.early_stance.hip.friction_compensation_gain=1.5": "expected a number from 0 to 1, got 1.5",
     "table.phases.early_stance.hip.damping_ratio=.inf": "finite number",
-    "table.transitions[2].all[0]=hip.angle_deg < x": "expected 'signal < number'",
+    "table.transitions[2].all[0]=hip.angle_deg < x": "expected a strict 'signal < number'",
     "table.transitions[2].to=nowhere": "no phase 'nowhere'",
     "table.transitions[99].to=late_stance": "no such place",
     "table=no_such_table": "no gait table",
@@ -213,7 +213,7 @@ BAD_SETTINGS = {
     "name=a/b": "plain name",
     "nonsense": "key=value",
     "=3": "key=value",
-    "a b=3": "not a key",
+    "a b=3": "a key of names joined by dots",
     "patient.mass_kg=[1": "not valid YAML",
 }
 

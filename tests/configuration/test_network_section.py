@@ -110,7 +110,7 @@ def test_an_outage_that_makes_no_sense_is_refused(text: str, problem: str) -> No
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("network=5", "network: expected ideal, can or a mapping, got 5"),
+        ("network=5", "network: expected keys and values, got 5"),
         ("network=star", "network: input should be 'ideal' or 'can', got 'star'"),
         ("network={kind: ideal, loss: 0.1}", "ideal has nothing to set; leave it out, or set kind to can"),
         ("network.los=0.1", "network.los: unknown key; did you mean 'loss'?"),

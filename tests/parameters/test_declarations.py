@@ -144,7 +144,6 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
     }
     assert by_hand == {
         "Experiment.modes",
-        "Experiment.scenario",
         "Experiment.table",
         "Patient.conditions",
         "PhaseParameters.joints",

@@ -287,7 +287,7 @@ def test_the_lightest_wearer_needs_no_finer_step(engine):
     ("value", "said"),
     [
         ("soft", "interface: input should be 'rigid' or 'brace', got 'soft'"),
-        ("3", "expected rigid, brace or a mapping, got 3"),
+        ("3", "interface: expected keys and values, got 3"),
         ("{kind: rigid, hip: {stiffness_Nm_per_rad: 5}}", "rigid has nothing to set"),
         (
             "{kind: brace, hip: {stiffness_Nm_per_rad: -5}}",

@@ -190,7 +190,7 @@ def test_a_field_with_a_default_keeps_it_where_nothing_says_more() -> None:
 
 
 def test_a_record_that_lacks_an_attribute_is_not_made_up() -> None:
-    with pytest.raises(AttributeError, match="gain"):
+    with pytest.raises(TypeError, match="gain"):
         taken_from(Inner, object(), count=1)
 
 

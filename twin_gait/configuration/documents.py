@@ -31,12 +31,11 @@ _FIELDS = (
     "name", "description", "joints", "requests", "hold", "blending", "scaling", "phases", "transitions",
     "cycles", "postures", "waivers", "side_phases",
 )  # fmt: skip
-_KEYS = {"waivers": "waive", "side_phases": "sides"}
 
 
 def table_document(table: GaitTable | ModeTable) -> dict[str, Any]:
     """A table of gait or of modes as its file's mapping; reading it gives an equal table."""
-    keys = {**_KEYS, "phases": f"{table.kind}s"}
+    keys = {"phases": f"{table.kind}s", "waivers": "waive", "side_phases": "sides"}
     given = {keys.get(name, name): getattr(table, name, ()) for name in _FIELDS}
     said = {key: written(value) for key, value in given.items() if value}
     return {"schema_version": SCHEMA_VERSION, **said}

@@ -11,7 +11,7 @@ from pydantic import create_model
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, mode_table_from_mapping
 from twin_gait.configuration.readers import section_of, type_of
 from twin_gait.configuration.validation import converting, short, validate
-from twin_gait.exceptions import ModelError
+from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
@@ -37,7 +37,7 @@ def experiment_from_mapping(
     """
     known = {} if like is None else _known(data, like)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
-    found: dict[str, Any] = {**entry.values(), "scenario": entry.scenario}
+    found: dict[str, Any] = entry.values()
     # A table without a name has the experiment's.
     if like is not None and entry.name == like.experiment.name and data["table"] is like.document["table"]:
         found["table"] = like.experiment.table
@@ -52,9 +52,10 @@ def experiment_from_mapping(
     if data.get("patient") is None:
         found["patient"] = None
     _find_files(found, source, folder)
-    wanted = (entry.provenance or {}).get("urdf_sha256")
-    if wanted is not None:
-        converting(source, "provenance.urdf_sha256", lambda: _check_hash(found["leg"].urdf, wanted))
+    urdf, wanted = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
+    if wanted is not None and wanted != urdf_hash(find_urdf(urdf)):
+        problem = f"{urdf} is not the file that this experiment was made with; restore it, or remove this key"
+        raise ParameterFileError(source, "provenance.urdf_sha256", problem)
     return converting(source, "", lambda: Experiment(**found))
 
 
@@ -95,12 +96,3 @@ def _find_files(found: dict[str, Any], source: str, folder: Path) -> None:
 def _beside(folder: Path, name: str) -> str:
     """A path from the folder of the file, if there is such a file; else the name as it is."""
     return str((folder / name).resolve()) if (folder / name).is_file() else name
-
-
-def _check_hash(urdf: str, wanted: str) -> None:
-    found = urdf_hash(find_urdf(urdf))
-    if found != wanted:
-        raise ModelError(
-            f"{urdf} is not the file that this experiment was made with (sha256 {found[:12]}…, expected "
-            f"{wanted[:12]}…); restore it, or remove this key to run with the file as it is"
-        )

@@ -48,9 +48,9 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
     changes beside it. ``folder``: folder that a relative path starts from; the working folder comes next.
     Raises ParameterError if there is no such person. Raises ParameterFileError if the file has a mistake.
     """
-    name = value if isinstance(value, str) else value["preset"]
-    changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
-    path = table_inheritance.gait_table_path(name, folder, "people", "person")
+    given = {"preset": value} if isinstance(value, str) else value
+    changes = {key: item for key, item in given.items() if key != "preset"}
+    path = table_inheritance.gait_table_path(given["preset"], folder, "people", "person")
     person = {key: item for key, item in read_yaml(path).items() if key not in _HEADER}
     converting(str(path), "", validation.validate(section_of(Patient), person, str(path)).convert)
     return merge(person, changes)

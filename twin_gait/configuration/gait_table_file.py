@@ -19,13 +19,6 @@ from twin_gait.vocabulary import GaitPhase, Side
 SCHEMA_VERSION = 1
 
 
-_Blending: Any = type_of(table.Blending)
-_Scaling: Any = type_of(table.Scaling)
-_Waiver: Any = type_of(table.Waiver)
-_Mode: Any = type_of(Mode)
-_Transition: Any = section_of(table.Transition)
-
-
 @lru_cache
 def phase_section(joints: tuple[str, ...]) -> Any:
     """The section of a phase of a table for some joints."""
@@ -41,16 +34,16 @@ class _TableFile(Strict):
     schema_version: Literal[1]
     name: str | None = None
     description: str = ""
-    transitions: tuple[_Transition, ...] = ()
-    waive: tuple[_Waiver, ...] = ()
+    transitions: tuple[section_of(table.Transition), ...] = ()  # type: ignore[valid-type]
+    waive: tuple[type_of(table.Waiver), ...] = ()  # type: ignore[valid-type]
 
 
 class GaitTableFile(_TableFile):
     """A gait table file."""
 
     joints: tuple[str, ...] = Field(min_length=1)
-    blending: _Blending = table.Blending()
-    scaling: _Scaling = table.Scaling()
+    blending: type_of(table.Blending) = table.Blending()  # type: ignore[valid-type]
+    scaling: type_of(table.Scaling) = table.Scaling()  # type: ignore[valid-type]
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
     cycles: tuple[tuple[str, ...], ...] = ()
     postures: tuple[str, ...] = ()
@@ -63,7 +56,7 @@ class ModeTableFile(_TableFile):
     joints: tuple[str, ...] = Field(default=("hip", "knee"), min_length=1)
     requests: tuple[str, ...] = ()
     hold: str
-    modes: dict[str, _Mode] = Field(min_length=2)
+    modes: dict[str, type_of(Mode)] = Field(min_length=2)  # type: ignore[valid-type]
 
 
 def _shared(

@@ -13,7 +13,7 @@ from twin_gait.configuration.validation import Number, Strict
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
-from twin_gait.gait.table import LONGEST, TICK, JointImpedance, PhaseParameters, Transition
+from twin_gait.gait.table import LONGEST, TICK, PhaseParameters, Transition
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
@@ -22,17 +22,18 @@ SIDES = ("both", "left", "right")
 
 
 _Condition = section_of(JointCondition)
-_Joints = create_model(  # type: ignore[call-overload]
+_Joints: Any = create_model(  # type: ignore[call-overload]
     "Joints", __base__=Strict, **{joint: (_Condition, _Condition()) for joint in WEARER_JOINTS}
-)
-_Sides = create_model(  # type: ignore[call-overload]
-    "Sides", __base__=Section, **{name: (_Joints, _Joints()) for name in SIDES}
 )
 
 
 @reads(Patient)
-class PatientReader(_Sides):  # type: ignore[misc, valid-type]
+class PatientReader(Section):
     """The wearer: ``left`` and ``right`` are laid over what stands under ``both``."""
+
+    both: _Joints = _Joints()
+    left: _Joints = _Joints()
+    right: _Joints = _Joints()
 
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""
@@ -80,12 +81,6 @@ class ExperimentReader(Section):
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
     provenance: dict[str, Any] | None = None
 
-    @classmethod
-    def document(cls, parameters: Experiment) -> dict[str, Any]:
-        """As the mapping of a file, in SI, without the gait table and the modes."""
-        world = parameters.scenario
-        return {**super().document(parameters), "scenario": section_of(type(world)).document(world)}
-
 
 @reads(PhaseParameters)
 class PhaseReader(Section):
@@ -96,13 +91,6 @@ class PhaseReader(Section):
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""
         return super().values() | {"joints": {joint: getattr(self, joint) for joint in self.joints}}
-
-    @classmethod
-    def document(cls, parameters: PhaseParameters) -> dict[str, Any]:
-        """As the mapping of a file, in SI."""
-        write = section_of(JointImpedance).document
-        joints = {name: write(joint) for name, joint in parameters.joints.items()}
-        return joints | super().document(parameters)
 
 
 @reads(Transition)

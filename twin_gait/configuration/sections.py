@@ -39,7 +39,7 @@ class Section(Strict):
         if not isinstance(data, Mapping):
             return data
         given = {key: data[key] for key in cls.defaults if isinstance(data.get(key), Mapping)}
-        return {**data, **{key: merge(cls.defaults[key], value) for key, value in given.items()}}
+        return {**data, **{key: merge(cls.defaults[key], value, key) for key, value in given.items()}}
 
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""
@@ -62,8 +62,7 @@ class Section(Strict):
     @classmethod
     def document(cls, parameters: Any) -> dict[str, Any]:
         """Parameters as the mapping of a file, in SI; reading it gives the same."""
-        named = cls.parameters.kind and not cls.parameters.implied
-        found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if named else {}
+        found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if cls.parameters.kind else {}
         for item in declarations(cls.parameters):
             value, word = getattr(parameters, item.name), item.mark(Word)
             if item.mark(quantities.Inline):
@@ -81,12 +80,11 @@ def written(value: Any, item: Declaration | None = None) -> Any:
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
-        inside = item is not None and item.unit is not None and item.mark(quantities.UnitInside)
-        end = f"_{next(iter(item.unit.factors))}" if item and item.unit and inside else ""
-        return {
-            f"{name}{'' if isinstance(inner, Mapping) else end}": written(inner, item)
-            for name, inner in value.items()
-        }
+        unit, found = item.unit if item is not None and item.mark(quantities.UnitInside) else None, {}
+        for name, inner in value.items():
+            end = f"_{next(iter(unit.factors))}" if unit and not isinstance(inner, Mapping) else ""
+            found[f"{name}{end}"] = written(inner, item)
+        return found
     if isinstance(value, tuple):
         return [written(one) for one in value]
     if isinstance(value, float) and math.isinf(value):
@@ -104,11 +102,11 @@ def type_of(parameters: type[Any]) -> Any:
 
 
 def _one_of(kinds: tuple[type[Any], ...]) -> Any:
-    """Type of a section of one of some kinds, told apart by their tag; the first may be implied."""
-    tag, first = kinds[0].tag, kinds[0]
+    """Type of a section of one of some kinds, told apart by their tag; without one it is the first."""
+    tag, first = kinds[0].tag, kinds[0].kind
 
     def with_tag(value: Any) -> Any:
-        return {tag: first.kind, **value} if isinstance(value, Mapping) and first.implied else value
+        return {tag: first, **value} if isinstance(value, Mapping) else value
 
     sections = reduce(or_, map(section_of, kinds))
     converted = AfterValidator(lambda section: section.convert())
@@ -124,8 +122,6 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
     def read(value: Any, section: Callable[[Any], Any]) -> Any:
         if isinstance(value, parameters):
             return value
-        if not isinstance(value, (str, Mapping)):
-            raise ValueError(f"expected {word.without}, {word.kind} or a mapping, got {value!r}")
         found = section({"kind": value} if isinstance(value, str) else value)
         if found.kind == word.kind:
             return found.convert()
@@ -227,10 +223,12 @@ def _section(parameters: type[Any]) -> Any:
         fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
     defaults, inline = {}, {}
     for item in declarations(parameters):
+        if item.mark(quantities.AsInFile) or item.key in base.model_fields:
+            continue
         if item.mark(quantities.Inline):
             more, inline[item.name] = _by_name(item, item.kind, 1.0)
             fields |= more
-        elif not item.mark(quantities.AsInFile) and item.key not in base.model_fields:
+        else:
             fields |= {key: _field(item, factor) for key, factor in item.keys.items()}
             if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.mark(Word):
                 defaults[next(iter(item.keys))] = written(item.default, item)

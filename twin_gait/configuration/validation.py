@@ -8,7 +8,6 @@ import difflib
 import re
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -32,22 +31,23 @@ def quantity_of(key: str) -> str:
     return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
 
 
-def refuse_two_units(keys: Iterable[Any]) -> None:
-    """Raise a ParameterError if keys give one quantity in two units: it is ambiguous."""
+def refuse_two_units(keys: Iterable[Any], place: str = "") -> None:
+    """Raise a ParameterError if keys at a place give one quantity in two units: it is ambiguous."""
     said: dict[str, str] = {}
     for key in keys:
         other = said.setdefault(quantity_of(str(key)), key)
         if other != key:
-            raise ParameterError(f"expected exactly one of {other} or {key}, got both; leave one out")
+            problem = f"{place}: expected exactly one of {other} or {key}, got both; leave one out"
+            raise ParameterError(problem.removeprefix(": "))
 
 
-def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") -> dict[str, Any]:
     """Lay changes over a mapping; a quantity given in another unit replaces the old one.
 
-    Neither is changed; what no change touches is the same object in both. A friction law of a joint that is
-    named where none was has other keys and takes the place of the old one.
+    Neither is changed; what no change touches is the same object in both. Another friction law of a joint has
+    other keys and takes the place of the old one.
     """
-    refuse_two_units(changes)
+    refuse_two_units(changes, place)
     merged = dict(base)
     for key, value in changes.items():
         if key not in merged:
@@ -55,32 +55,29 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
                 del merged[other]
         old = merged.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
-            merged[key] = merge(old, value)
+            merged[key] = merge(old, value, f"{place}.{key}".removeprefix("."))
         else:
             merged[key] = copy.deepcopy(value)
     return merged
 
 
 def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
-    return key in _JOINTS and "law" in new and "law" not in old
+    return key in _JOINTS and "law" in new and new["law"] != old.get("law")
 
 
 _DIGITS = 9  # of a list position; no list is longer
-_STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
+_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
+_NAME = r"[A-Za-z_]\w*(?:\[\d+\])*"
+_PATH = re.compile(rf"\s*{_NAME}(?:\.{_NAME})*\s*")
 
 
 def parse_assignment(text: str) -> tuple[list[str | int], Any]:
     """Split ``patient.mass_kg=80`` into a path and a value."""
     key, separator, value = text.partition("=")
-    if not separator or not key.strip():
-        raise ParameterError(f"--set {text!r}: expected key=value, for example patient.mass_kg=80")
-    path: list[str | int] = []
-    for part in key.strip().split("."):
-        match = _STEP.fullmatch(part)
-        if not match:
-            raise ParameterError(f"--set {text!r}: {part!r} is not a key; write names joined by dots")
-        path.append(match.group(1))
-        path += [int(number[:_DIGITS]) for number in re.findall(r"\d+", match.group(2))]
+    if not separator or not _PATH.fullmatch(key):
+        expected = "expected key=value with a key of names joined by dots, for example patient.mass_kg=80"
+        raise ParameterError(f"--set {text!r}: {expected}")
+    path = [int(number[:_DIGITS]) if number else name for name, number in _STEP.findall(key)]
     try:
         return path, _loaded(value)
     except ParameterError as error:
@@ -203,16 +200,15 @@ def read_yaml(path: Path) -> dict[str, Any]:
         if path.stat().st_size > MAXIMUM_FILE_SIZE:
             raise ParameterFileError(path, "", f"larger than {MAXIMUM_FILE_SIZE} bytes; not a parameter file")
         text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ParameterFileError(path, "", f"cannot be read ({error.strerror}); check the path") from error
-    except UnicodeDecodeError as error:
-        raise ParameterFileError(path, "", "is not UTF-8 text") from error
+    except (OSError, UnicodeDecodeError) as error:
+        problem = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ParameterFileError(path, "", f"cannot be read ({problem}); check the path") from error
     return parse_yaml(text, str(path))
 
 
 def packaged(folder: str) -> dict[str, Path]:
     """YAML files in a folder of this package, by their names."""
-    return yaml_files(Path(str(files("twin_gait.configuration"))) / folder)
+    return yaml_files(Path(__file__).parent / folder)
 
 
 def yaml_files(folder: Path) -> dict[str, Path]:

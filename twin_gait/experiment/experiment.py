@@ -107,7 +107,7 @@ class Experiment(Parameters):
     """
 
     name: str
-    scenario: Annotated[Scenario, AsInFile()]
+    scenario: Scenario
     leg: LegSource
     table: Annotated[GaitTable, AsInFile()]
     duration: Annotated[Time, DURATIONS] = 20.0

@@ -28,10 +28,9 @@ class Comparison:
 
     def __post_init__(self) -> None:
         """Check operator and threshold."""
-        if self.operator not in ("<", ">"):
-            raise GaitTableError(f"inequalities are strict; expected '<' or '>', got {self.operator!r}")
-        if not math.isfinite(self.threshold):
-            raise GaitTableError(f"expected a finite threshold, got {self.threshold}")
+        if self.operator not in ("<", ">") or not math.isfinite(self.threshold):
+            got = f"{self.operator!r} {self.threshold}"
+            raise GaitTableError(f"expected '<' or '>', which are strict, and a finite threshold, got {got}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -116,7 +115,7 @@ def bracketed(guard: Guard, words: Callable[[Guard], str] = str) -> str:
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _SIGNAL = r"[A-Za-z_][\w.]*"
-_COMPARISON = re.compile(rf"\s*({_SIGNAL})\s*(?:-\s*({_SIGNAL})\s*)?(<=|>=|<|>|==|=)\s*({_NUMBER})\s*")
+_COMPARISON = re.compile(rf"\s*({_SIGNAL})\s*(?:-\s*({_SIGNAL})\s*)?([<>])\s*({_NUMBER})\s*")
 _MEMBERSHIP = re.compile(rf"\s*({_SIGNAL})\s+in\s*\[([^\]]*)\]\s*")
 
 
@@ -172,7 +171,8 @@ def _parsed(text: str, words: GuardWords) -> Comparison | PhaseMembership:
     comparison = _COMPARISON.fullmatch(text)
     if not comparison:
         raise GaitTableError(
-            f"expected 'signal < number', 'signal - signal > number' or '{words.of} in [{words.member}, …]'"
+            f"expected a strict 'signal < number' or 'signal - signal > number', or '{words.of} in "
+            f"[{words.member}, …]'"
         )
     signal, minus, operator, number = comparison.groups()
     return Comparison(signal=signal, minus=minus, operator=operator, threshold=float(number))

@@ -103,7 +103,7 @@ class PhaseParameters(State):
         blending_ticks: Length of the fade into it in ticks; None for that of the table.
     """
 
-    joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile()]
+    joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile(), quantities.Inline()]
     gravity_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     blending_ticks: Annotated[int | None, quantities.Range(0, LONGEST), quantities.Key("blending_ms")] = None
 

@@ -188,9 +188,8 @@ class SensorParameters(quantities.Parameters):
     def __post_init__(self) -> None:
         """Check the ranges, and that noise is not asked of encoders that have none."""
         super().__post_init__()
-        require(
-            not self.ideal or self.angle_noise == 0.0, "angle_noise", "0, or ideal: false", self.angle_noise
-        )
+        fits = not self.ideal or self.angle_noise == 0.0
+        require(fits, "angle_noise", "0, or ideal: false", self.angle_noise)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ from twin_gait.parameters.quantities import require
 
 
 class _FrictionLaw(quantities.Parameters):
+    tag = "law"
     # What is proportional to the friction; velocities, exponents and the way until bristles slide are not.
     torques: ClassVar[tuple[str, ...]]
 
@@ -38,7 +39,7 @@ class FrictionParameters(_FrictionLaw):
         viscous_friction: d in [N m s] / [rad].
     """
 
-    kind, tag, implied = "rotational", "law", True
+    kind = "rotational"
     torques = ("breakaway_torque", "coulomb_friction", "viscous_friction")
     breakaway_torque: quantities.Torque
     coulomb_friction: quantities.Torque
@@ -55,18 +56,13 @@ class FrictionParameters(_FrictionLaw):
         super().__post_init__()
         speed = self.breakaway_velocity
         require(speed != 0.0, "breakaway_velocity", "a number other than 0", speed)
-        sign = math.copysign(1.0, speed)
-        quantities.NOT_NEGATIVE.require("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
-        quantities.NOT_NEGATIVE.require("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
-        # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.
         law = self.normalised()
+        for name in ("breakaway_torque", "coulomb_friction"):
+            quantities.NOT_NEGATIVE.require(f"{name} (with the sign of c)", getattr(law, name))
+        # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.
         floor = law.breakaway_torque + law.viscous_friction * law.breakaway_velocity / math.sqrt(2.0)
-        require(
-            floor >= 2e-6 * law.coulomb_friction,
-            "breakaway_torque",
-            "some breakaway or viscous friction, without which the dip of the law drives the joint",
-            self.breakaway_torque,
-        )
+        expected = "some breakaway or viscous friction, without which the dip of the law drives the joint"
+        require(floor >= 2e-6 * law.coulomb_friction, "breakaway_torque", expected, self.breakaway_torque)
 
     def normalised(self) -> FrictionParameters:
         """Return the same law with a, b and c positive."""
@@ -116,7 +112,6 @@ class StribeckFriction(_FrictionLaw):
         offset: T_0 in [N m].
     """
 
-    tag: ClassVar[str] = "law"
     law: ClassVar[int]
     torques: ClassVar[tuple[str, ...]] = (
         "coulomb_friction", "breakaway_torque", "offset",
@@ -134,12 +129,9 @@ class StribeckFriction(_FrictionLaw):
     def __post_init__(self) -> None:
         """Check the ranges: no law may drive a joint that slides."""
         super().__post_init__()
-        require(
-            (self.breakaway_torque is None) == (self.stribeck_velocity is None),
-            "stribeck_velocity",
-            "one beside a breakaway_torque, or neither of them",
-            self.stribeck_velocity,
-        )
+        paired = (self.breakaway_torque is None) == (self.stribeck_velocity is None)
+        expected = "one beside a breakaway_torque, or neither of them"
+        require(paired, "stribeck_velocity", expected, self.stribeck_velocity)
         least = min(self.coulomb_friction, self.breakaway_torque or self.coulomb_friction)
         expected = f"less than the {least:g} N m that it adds to, either sign"
         require(abs(self.offset) < least, "offset", expected, self.offset)

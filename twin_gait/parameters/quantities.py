@@ -211,7 +211,6 @@ class Parameters:
 
     kind: ClassVar[str] = ""  # what a file calls it where there are several kinds
     tag: ClassVar[str] = "kind"  # the key under which the kind is named
-    implied: ClassVar[bool] = False  # the kind that is meant where none is named
 
     def __post_init__(self) -> None:
         """Take every value as its declaration has it."""
