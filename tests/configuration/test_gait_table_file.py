@@ -729,6 +729,7 @@ def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> Non
         ("cause: time_out, remove", "cause: tired, remove", "transitions[2]",
          "treadmill has no swing_extension → early_stance (tired)"),
         ("remove: true", "remove: maybe", "transitions[2].remove", "maybe"),
+        ("remove: true", "remove: true, after_s: 1", "transitions[2]", "after_s"),
         ("from: late_stance, to: early_stance, cause: stumble", "from: middle_stance, to: late_stance, "
          "cause: hip_extension", "transitions[1]", "the same from, to and cause"),
         ("hip.angle_deg < -1.25", "hip.angle_dog < -1.25", "transitions[1]", "hip.angle_deg"),

@@ -84,6 +84,11 @@ def _laid_over(inherited: list[_Entry], own: list[_Entry], base: str) -> list[_E
     for item in own:
         said.setdefault(item.about, []).append(item)
     merged = [mine for item in inherited for mine in said.pop(item.about, [item])]
+    for item in own:
+        more = [name for name in item.value if name not in (*_LISTS["transitions"], "remove")]
+        if _removes(item) and more:
+            problem = f"{more[0]}: remove takes nothing beside from, to and cause"
+            raise ParameterFileError(*item.place, problem)
     for item in (added := [mine for items in said.values() for mine in items]):
         if _removes(item):
             source, target, cause = item.about or ()

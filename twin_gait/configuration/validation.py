@@ -167,7 +167,8 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
         else:
             said[quantity_of(key)] = key
             continue
-        raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+        mark = key_node.start_mark
+        raise ParameterError(f"line {mark.line + 1}, column {mark.column + 1}: {problem}")
     return dict(loader.construct_pairs(node, deep=True))
 
 
@@ -177,6 +178,8 @@ _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping
 def _loaded(text: str) -> Any:
     try:
         return yaml.load(text, Loader=_Loader)  # a SafeLoader subclass
+    except ParameterError:
+        raise
     except yaml.YAMLError as error:
         mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None) or error
         place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark is not None else ""
