@@ -2,17 +2,18 @@
 
 import itertools
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
-from twin_gait.gait.feasibility import Bound, Requirement, translated
-from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared
+from twin_gait.gait.feasibility import Requirement, translated
+from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared, mapped
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import ANGLE, LOAD, TIME, VELOCITY, signal_of
 from twin_gait.gait.table import TICK
 
-_NOISY, _ENTRY = "noisy.", (TICK, TICK)
+_ENTRY = (TICK, TICK)
 
 
 @rule
@@ -102,12 +103,13 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Findi
     entry, leave = space.transition(into), space.transition(out)
     earliest, latest = space.window(into)
     times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
-    at_entry = translated(leave.guard, lambda name: ENTRY_TIME if name == TIME else name, _lasting(space))
 
     def holds(point: Point) -> bool:
         return space.is_open(into, point) and space.is_open(out, entered(point))
 
-    point = next(space.find([space.requirement(into), Requirement(at_entry)], times, holds), None)
+    point = next(
+        space.find([space.requirement(into), Requirement(_at_entry(space, leave.guard))], times, holds), None
+    )
     if point is not None:
         stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
         held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
@@ -117,9 +119,10 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Findi
         yield about(leave, severity, reason, suggestion, counterexample=space.counterexample(point))
 
 
-def _lasting(space: SignalSpace) -> Callable[[PhaseMembership], bool] | None:
-    """Truth of memberships in the tick after a switch: the request that led to it is over."""
-    return (lambda item: False) if isinstance(space.table, ModeTable) else None
+def _at_entry(space: SignalSpace, guard: Guard) -> Guard:
+    """A guard as the tick after a switch reads it: of modes the request that led to it is over."""
+    over = (lambda item: False) if isinstance(space.table, ModeTable) else None
+    return translated(guard, lambda name: ENTRY_TIME if name == TIME else name, over)
 
 
 @rule
@@ -135,30 +138,12 @@ def hysteresis(case: CheckCase) -> Iterator[Finding]:
             yield from _undone(space, there, back)
 
 
-def _noisy(name: str) -> str:
-    """Name of a signal in the tick after the switch, with noise on it."""
-    return ENTRY_TIME if name == TIME else name if name.endswith(TIME) else _NOISY + name
-
-
 def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
     first, second = space.transition(there), space.transition(back)
-    # A noisy signal is as far as the noise from the signal at the switch.
-    noise = [
-        Bound(*pair, signal_of(name).noise)
-        for name in compared(second.guard)
-        if not name.endswith(TIME)
-        for pair in ((_NOISY + name, name), (name, _NOISY + name))
-    ]
-
-    def holds(point: Point) -> bool:
-        noisy = {name.removeprefix(_NOISY): value for name, value in point.signals.items() if _NOISY in name}
-        after = entered(Point({**point.signals, **noisy}, point.other))
-        return space.is_open(there, point) and space.is_open(back, after)
-
-    undoing = translated(second.guard, _noisy, _lasting(space))
-    requirements = [space.requirement(there), Requirement(undoing)]
+    undoing = Requirement(_at_entry(space, mapped(second.guard, _within_noise)))
     times = {TIME: space.window(there), ENTRY_TIME: _ENTRY}
-    point = next(space.find(requirements, times, holds, beside=noise), None)
+    opened = space.find([space.requirement(there), undoing], times, lambda point: space.is_open(there, point))
+    point = next(opened, None)
     if point is None:
         return
     reason = (
@@ -167,6 +152,14 @@ def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
     )
     suggestion = "part the thresholds by more than the noise, or give the way back a debounce_ms"
     yield about(second, Severity.WARNING, reason, suggestion, counterexample=space.counterexample(point))
+
+
+def _within_noise(atom: Comparison | PhaseMembership) -> Guard:
+    """A condition that is open wherever noise of the signals that it reads can open another."""
+    if isinstance(atom, PhaseMembership):
+        return atom
+    noise = sum(signal_of(name).noise for name in atom.names if not name.endswith(TIME))
+    return replace(atom, threshold=atom.threshold + (noise if atom.operator == "<" else -noise))
 
 
 RULES = (ambiguity, never_opens, cascade, hysteresis, threshold_beyond_limits)

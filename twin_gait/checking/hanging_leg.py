@@ -90,10 +90,8 @@ class HangingLeg:
         """Largest torque of each joint by torque and current limit in [N m], shape ``(n_joints,)``."""
         limits = self.problem.experiment.control.limits
         motors = [self.problem.experiment.plant.actuators[joint] for joint in self.joints]
-        by_current = [
-            current_to_torque(limits.current, motor.torque_constant, motor.gear_ratio) for motor in motors
-        ]
-        return np.minimum(by_current, limits.torque)
+        gears = [(motor.torque_constant, motor.gear_ratio) for motor in motors]
+        return np.minimum([current_to_torque(limits.current, *gear) for gear in gears], limits.torque)
 
     def no_load_speed(self, joint: JointName) -> float:
         """Speed in [rad] / [s] at which the back-EMF takes up the whole battery voltage."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -18,15 +18,8 @@ if TYPE_CHECKING:
     from twin_gait.testing.cases import MachineFactory, TransitionTest
 
 
-class Request(NamedTuple):
-    """A table to be tested."""
-
-    table: StateTable
-    machine: MachineFactory | None  # what is tested; None is the package's own
-    approved: Path | None  # file with its approved text
-
-
-_REQUESTS = pytest.StashKey[dict[Path, Request]]()
+# By file: its table, what is tested (None is the package's own machine), and the file of the approved text.
+_REQUESTS = pytest.StashKey["dict[Path, tuple[StateTable, MachineFactory | None, Path | None]]"]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -55,7 +48,7 @@ def pytest_configure(config: pytest.Config) -> None:
             "--approve"
         )
     texts: list[Path | None] = [*map(Path, approved)] or [None] * len(paths)
-    requests = [Request(*_load(name, in_c), text) for name, text in zip(tables, texts, strict=True)]
+    requests = [(*_load(name, in_c), text) for name, text in zip(tables, texts, strict=True)]
     config.stash[_REQUESTS] = dict(zip(paths, requests, strict=True))
     config.args.extend(str(path) for path in paths if str(path) not in config.args)
 
@@ -90,11 +83,11 @@ class GaitTableTests(pytest.File):
         """The tests of its transitions, then the approval."""
         from twin_gait.testing.cases import transition_tests
 
-        request = self.config.stash[_REQUESTS][self.path.resolve()]
-        for test in transition_tests(request.table, machine=request.machine):
+        table, machine, approved = self.config.stash[_REQUESTS][self.path.resolve()]
+        for test in transition_tests(table, machine):
             yield KitItem.from_parent(self, name=test.name, check=partial(_drive, test))
-        if request.approved is not None:
-            check = partial(self._approve, request.table, request.approved)
+        if approved is not None:
+            check = partial(self._approve, table, approved)
             yield KitItem.from_parent(self, name="approved text", check=check)
 
     def _approve(self, table: StateTable, path: Path) -> None:

@@ -7,7 +7,7 @@ Plain recursion over the guards and plain counting of ticks. Nothing here calls 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, TIME, signal_scale
 from twin_gait.gait.table import TICK, StateTable
 
@@ -41,20 +41,16 @@ def holds(guard: Guard, vector: Vector, ticks: int) -> bool:
         return any(holds(inner, vector, ticks) for inner in guard.guards)
     if isinstance(guard, PhaseMembership):
         return vector.other_phase in guard.phases
-    return _compares(guard, vector, ticks)
-
-
-def _compares(atom: Comparison, vector: Vector, ticks: int) -> bool:
     left = 0.0
-    for name, sign in ((atom.signal, 1.0), (atom.minus, -1.0)):
+    for name, sign in ((guard.signal, 1.0), (guard.minus, -1.0)):
         if name is None:
             continue
         if name.startswith(OTHER) and vector.other_phase is None:
             return False
         value = ticks * TICK if name == TIME else vector.signals.get(name, 0.0)
         left += sign * (value * signal_scale(name))
-    threshold = atom.threshold * signal_scale(atom.signal)
-    return left > threshold if atom.operator == ">" else left < threshold
+    threshold = guard.threshold * signal_scale(guard.signal)
+    return left > threshold if guard.operator == ">" else left < threshold
 
 
 def exits(table: StateTable, phase: str) -> list[int]:

@@ -76,9 +76,8 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
         yield from _memberships(leave, entry, atom)
     else:
         past = _edge(leave, entry, atom, MARGIN, Exit.fires)
-        below = _edge(leave, entry, atom, -MARGIN, Exit.stays, Exit.yields)
         yield leave.scenario(f"fires just past {atom}", past)
-        yield leave.scenario(f"holds just below {atom}", below)
+        yield leave.scenario(f"holds just below {atom}", _below(leave, entry, atom, past))
         on = () if reads_own_time(atom) else _on(leave, entry, atom)
         if on:
             yield leave.scenario(f"holds on the threshold of {atom}", on)
@@ -86,6 +85,22 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
         alone = isinstance(entry.group, AnyOf)
         what = f"any: fires by {atom} alone" if alone else f"all: holds while only {atom} is missing"
         yield _far(leave, what, entry, Requirement(atom, alone), alone)
+
+
+def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
+    """The same measurements with that one signal moved, or others if a rival opens there."""
+    if past and not reads_own_time(atom):
+        signals = past[0].vector.signals
+        moved = {**signals, atom.signal: signals.get(atom.signal, 0.0) - 2.0 * _above(atom, MARGIN)}
+        steps = tuple(step._replace(vector=step.vector._replace(signals=moved)) for step in past)
+        if leave.stays(steps):
+            return steps
+    return _edge(leave, entry, atom, -MARGIN, Exit.stays, Exit.yields)
+
+
+def _above(atom: Comparison, margin: float) -> float:
+    """Distance above the threshold, negative below, for a margin into the open side."""
+    return (margin if atom.operator == ">" else -margin) * max(1.0, abs(atom.threshold))
 
 
 def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, *accepts: Accept) -> Steps:
@@ -116,8 +131,7 @@ def _pinned(atom: Comparison, margin: float, first: int, last: int) -> list[Boun
         return []
     late = (atom.operator == ">") is (margin > 0.0)
     tick = first if late is (atom.signal == TIME) else last
-    above = (margin if atom.operator == ">" else -margin) * max(1.0, abs(atom.threshold))
-    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold + above)
+    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold + _above(atom, margin))
     return [item.at(TIME, tick * TICK) for item in pins]
 
 

@@ -168,10 +168,9 @@ def _experiment_document(experiment: Experiment, typed: dict[str, Any]) -> dict[
     An integrator that was left to the engine stays so: an episode may change the engine.
     """
     document = resolved_document(experiment, typed, {})
-    hashes = {key: value for key, value in document["provenance"].items() if key != "versions"}
     if experiment.integration is None:
         del document["integration"]
-    return {**document, "provenance": hashes}
+    return document
 
 
 def design_of(entry: SweepFile, source: str) -> pd.DataFrame:

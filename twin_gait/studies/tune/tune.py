@@ -1,17 +1,16 @@
 """Tune a gait table to a wearer: search, and the robust set over which the best tables are ranked."""
 
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
-from twin_gait.parameters import require
+from twin_gait.parameters import quantities
 from twin_gait.simulation.simulator import compile_ahead
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
@@ -30,14 +29,15 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class Settings(quantities.Parameters):
     """How a table is tuned."""
 
-    minutes: float = 3.0  # time for everything; generations under way are finished
+    # time for everything; generations under way are finished
+    minutes: Annotated[quantities.Ratio, quantities.POSITIVE] = 3.0
     # of the search; None until the time is over. With a number the result does not depend on the machine's
     # speed
-    generations: int | None = None
-    seed: int = 0  # of the sensor noise; the search has no chance in it
+    generations: Annotated[int | None, quantities.COUNT] = None
+    seed: Annotated[int, quantities.WHOLE] = 0  # of the sensor noise; the search has no chance in it
     thresholds: bool = True  # whether angle thresholds count
     blending: bool = True  # whether the duration of the blend counts
     per_side: bool = False  # whether each leg gets numbers of its own (hemiparesis)
@@ -46,12 +46,6 @@ class Settings:
     everyone: bool = False
     search_duration: float = 14.0  # length of a walk in the search in [s]
     robust_duration: float = 20.0  # length of a walk of the robust set in [s]
-
-    def __post_init__(self) -> None:
-        generations = self.generations
-        require(0.0 < self.minutes < math.inf, "minutes", "a number above 0", self.minutes)
-        require(generations is None or generations >= 1, "generations", "1 or more", generations)
-        require(self.seed >= 0, "seed", "a whole number of 0 or more", self.seed)
 
 
 @dataclass(frozen=True, eq=False)
