@@ -209,8 +209,15 @@ PLANTED: dict[str, tuple[str, str | None, str, Callable[[Mapping], None]]] = {
         "deadlock", "late_stance", "error", condition(LATE, "other.phase", "other.phase in [swing_flexion]"),
     ),
     "waiver of a rule that does not exist": (
-        "unknown_rule", None, "error",
+        "invalid_waiver", None, "error",
         lambda d: d.update(waive=[{"rule": "ambiguousness", "reason": "so be it"}]),
+    ),
+    "waiver about a phase that does not exist": (
+        "invalid_waiver", None, "error",
+        lambda d: d.update(waive=[{"rule": "ambiguity", "phase": "flight", "reason": "so be it"}]),
+    ),
+    "waiver without a reason": (
+        "invalid_waiver", None, "error", lambda d: d.update(waive=[{"rule": "ambiguity", "reason": " "}]),
     ),
 }  # fmt: skip
 
@@ -238,7 +245,7 @@ def test_planted_defect_is_found_where_it_is(name: str) -> None:
 
 def test_a_defect_is_planted_for_every_rule_of_guards() -> None:
     ours = {rule.__name__ for rule in GUARD_RULES}
-    assert ours | {"unknown_rule"} == {rule for rule, *_ in PLANTED.values()}
+    assert ours | {"invalid_waiver"} == {rule for rule, *_ in PLANTED.values()}
 
 
 def test_every_finding_bears_the_name_of_its_rule() -> None:
@@ -543,7 +550,7 @@ def test_findings_come_worst_first_and_then_in_the_order_of_the_phases() -> None
 def test_every_rule_is_listed_with_one_line() -> None:
     listed = rules()
     assert set(listed) == {rule.__name__ for rule in RULES} | {
-        "unknown_rule",
+        "invalid_waiver",
         "unanswered_request",
     }
     for name, meaning in listed.items():

@@ -137,7 +137,8 @@ def without_declarations(table: GaitTable) -> GaitTable:
 
 def test_in_stance_on_the_belt_it_is_a_warning_until_contact_is_declared():
     found = leaving.cannot_leave(on_the_belt(without_declarations))
-    assert [item.phase for item in found] == ["early_stance", "middle_stance"]
+    # The last one is a swing that opens its exit on the way to the ground only.
+    assert [item.phase for item in found] == ["early_stance", "middle_stance", "swing_extension"]
     assert {item.severity for item in found} == {Severity.WARNING}
 
     def declare(table: GaitTable) -> GaitTable:
@@ -188,6 +189,14 @@ def test_a_swing_that_ends_by_landing_has_to_say_so():
     (finding,) = leaving.cannot_leave(on_the_belt(landing(DrivenBy.JOINT)))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_extension")
     assert leaving.cannot_leave(on_the_belt(landing(DrivenBy.CONTACT))) == []
+
+
+def test_an_exit_that_opens_only_on_the_way_is_a_warning():
+    assert leaving.cannot_leave(case_of("bench_leg")) == []
+    passing = "table.phases.swing_extension.hip.equilibrium_deg=12"  # limb_extended needs 15
+    (finding,) = leaving.cannot_leave(case_of("bench_leg", passing))
+    assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_extension")
+    assert "though it can be on the way; only the time-out remains" in finding.reason
 
 
 def holding(*settings: str):

@@ -324,7 +324,9 @@ def test_the_whole_unit_tick_by_tick(device):
     inputs = units.ExoskeletonInputs(
         [units.JointBoardInputs() for _ in boards], units.Surroundings([0.0, 0.0])
     )
-    outputs = units.ExoskeletonOutputs([units.Command() for _ in boards], units.Decision([0, 0], [0, 0]))
+    outputs = units.ExoskeletonOutputs(
+        [units.Demand() for _ in boards], [units.Command() for _ in boards], units.Decision([0, 0], [0, 0])
+    )
     unit = TranslationUnit("exoskeleton", [units.exoskeleton_step], {"exoskeleton": ours})
     program = print_units([unit], {**structure, **CALLED}, device.text, [inputs, outputs])
     library, step = Library(program), bind(units.exoskeleton_step, {**structure, **kernel})

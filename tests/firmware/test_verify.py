@@ -166,7 +166,7 @@ def test_of_two_builds_that_differ_one_bit_is_found(bench):
     rows = bench.single[0]
     other = rows.copy()
     other["commands"]["torque"][7, 1] = np.nextafter(rows["commands"]["torque"][7, 1], np.float32(np.inf))
-    other["commands"]["gravity"][9, 0] = -0.0 if rows["commands"]["gravity"][9, 0] == 0.0 else 0.0
+    other["demands"]["gravity"][9, 0] = -0.0 if rows["demands"]["gravity"][9, 0] == 0.0 else 0.0
     assert verifying.differing(rows, other) == 2
     other["commands"]["torque"] = np.nan
     assert verifying.differing(other, other.copy()) == 0

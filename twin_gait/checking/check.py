@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.checking import exits, graph, leaving, network, sense, stability, torques
-from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, unknown_rule, waive
+from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, invalid_waiver, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_state_table, packaged_gait_tables
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
@@ -28,7 +28,7 @@ REPORT_VERSION = 2
 
 def rules() -> dict[str, str]:
     """Ids of all rules with one line on what each finds."""
-    everything: tuple[Callable[..., Any], ...] = (*RULES, *MODE_RULES, unknown_rule)
+    everything: tuple[Callable[..., Any], ...] = (*RULES, *MODE_RULES, invalid_waiver)
     return {rule.__name__: (rule.__doc__ or "").splitlines()[0] for rule in everything}
 
 
@@ -112,7 +112,7 @@ def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding
     """Findings on a table by the chosen rules, or all of its kind: the worst first, then by phase."""
     if chosen is None:
         chosen = MODE_RULES if isinstance(case.table, ModeTable) else RULES
-    found = [*unknown_rule(case, rules()), *(finding for rule in chosen for finding in rule(case))]
+    found = [*invalid_waiver(case, rules()), *(finding for rule in chosen for finding in rule(case))]
     waived = (waive(case.table, finding) for finding in found)
     return sorted(waived, key=lambda finding: _order(case.table, finding))
 

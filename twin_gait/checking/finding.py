@@ -88,12 +88,14 @@ def about(item: Transition, severity: Severity, reason: str, suggestion: str, **
     return Finding(severity, reason, suggestion, phase=item.source, transition=label(item), **more)
 
 
-def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
-    """The table waives a rule that does not exist."""
-    suggestion = "correct the id under waive; twin-gait check --rules lists them"
-    unknown = [waiver.rule for waiver in case.table.waivers if waiver.rule not in rules]
-    reasons = [f"the table waives {name!r}, which is no rule" for name in unknown]
-    return [Finding(Severity.ERROR, reason, suggestion, rule="unknown_rule") for reason in reasons]
+def invalid_waiver(case: CheckCase, rules: Collection[str]) -> Iterator[Finding]:
+    """The table waives a rule or a phase that does not exist, or says no reason."""
+    suggestion = "correct the entry under waive; twin-gait check --rules lists the rules"
+    for waiver in case.table.waivers:
+        known = waiver.rule in rules and waiver.phase in (None, *case.table.phases)
+        if not known or not waiver.reason.strip():
+            reason = f"{waiver.rule!r} of the phase {waiver.phase!r} because {waiver.reason!r} waives nothing"
+            yield Finding(Severity.ERROR, reason, suggestion, rule="invalid_waiver")
 
 
 def waive(table: StateTable, finding: Finding) -> Finding:

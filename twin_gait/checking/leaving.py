@@ -21,8 +21,9 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     The static balance of the joints: spring with its torque, current and angle limits, gravity and its
     compensation, and the friction that compensation leaves over at the stated friction ratio. In stance on
     a belt the foot carries the leg and belt and other leg move the hip, so the finding is a warning there,
-    and none if an exit of the phase is declared ``driven_by: contact``. None where the controller moves the
-    legs by something else than their phases.
+    and none if an exit of the phase is declared ``driven_by: contact``. It is a warning, too, where an exit
+    opens on the way but no longer at rest. None where the controller moves the legs by something else than
+    their phases.
     """
     space = signal_space(case)
     for leg in hanging_legs(case):
@@ -32,27 +33,28 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
             declared = contact and any(item.driven_by is DrivenBy.CONTACT for item in exits)
             if exits and not declared:
                 in_motion, at_rest, rest = _worst_way(space, leg, phase, guarded)
-                if not (at_rest if contact else in_motion):
+                if not at_rest:
                     causes = " or ".join(dict.fromkeys(item.cause for item in exits))
                     waits = len(guarded) < len(space.exits(phase))
                     remains = "only the time-out remains" if waits else "there is no time-out"
                     reason = f"by its motors the leg stops at {_words(leg, rest)}, where {causes} is not open"
-                    yield _finding(leg, phase, rest, reason, remains)
+                    yield _finding(leg, phase, rest, in_motion, reason, remains)
 
 
-def _finding(leg: HangingLeg, phase: str, rest: Rest, reason: str, remains: str) -> Finding:
-    """A warning where ground and other leg can move the leg too, else an error."""
+def _finding(leg: HangingLeg, phase: str, rest: Rest, in_motion: bool, reason: str, remains: str) -> Finding:
+    """An error where nothing but the motors moves the leg and no exit opens on the way, else a warning."""
+    severity, way = Severity.WARNING, ""
+    suggestion = (
+        "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
+        "equilibrium beyond the threshold"
+    )
+    if not in_contact(leg, phase):
+        severity, way = Severity.ERROR, ", nor was it on the way"
+        suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
+        if in_motion:
+            severity, way = Severity.WARNING, ", though it can be on the way"
     middle = leg.signals(rest.middle)
-    if in_contact(leg, phase):
-        suggestion = (
-            "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
-            "equilibrium beyond the threshold"
-        )
-        reason = f"{reason}; {remains}"
-        return leg.finding(phase, Severity.WARNING, reason, suggestion, counterexample=middle)
-    suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
-    reason = f"{reason}, nor was it on the way; {remains}"
-    return leg.finding(phase, Severity.ERROR, reason, suggestion, counterexample=middle)
+    return leg.finding(phase, severity, f"{reason}{way}; {remains}", suggestion, counterexample=middle)
 
 
 def _words(leg: HangingLeg, rest: Rest) -> str:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from twin_gait.control.joint_board import Command
+from twin_gait.control.joint_board import Command, Demand
 from twin_gait.core.guards import GuardProgram
 from twin_gait.exceptions import FirmwareError
 from twin_gait.experiment import Experiment
@@ -45,6 +45,7 @@ SENSORS = {
 }
 # of its outputs, at the end of a tick.
 ANSWERS = {
+    "demands": "joints.board.demand",
     "commands": "joints.board.command",
     "decision.phases": "controller.legs.phase",
     "decision.transitions": "controller.legs.chosen",
@@ -83,9 +84,8 @@ def linked_unit(problem: Problem) -> LinkedUnit:
     inputs = units.ExoskeletonInputs(
         [units.JointBoardInputs() for _ in range(joints)], units.Surroundings([0.0] * legs)
     )
-    outputs = units.ExoskeletonOutputs(
-        [Command() for _ in range(joints)], units.Decision([0] * legs, [0] * legs)
-    )
+    demands, commands = [Demand() for _ in range(joints)], [Command() for _ in range(joints)]
+    outputs = units.ExoskeletonOutputs(demands, commands, units.Decision([0] * legs, [0] * legs))
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
     if structure["INERTIA_WANTED"]:
         texts.append(write_control_inertia(bodies.control_bodies))

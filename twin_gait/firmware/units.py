@@ -313,7 +313,8 @@ class ExoskeletonInputs:
 class ExoskeletonOutputs:
     """What is given in a tick."""
 
-    commands: list[Command]  # Of each joint, with the current set point of its drive.
+    demands: list[Demand]  # That the board of each joint goes by.
+    commands: list[Command]  # What it makes of it, with the current set point of its drive.
     decision: Decision  # Phases and trip.
 
 
@@ -326,6 +327,7 @@ def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: Exos
     decide(controller, settings, inputs.surroundings, tick)
     for number in range(len(unit.boards)):
         drive(unit.boards[number], controller, settings, number, tick)
+        copy_demand(unit.boards[number].demand, outputs.demands[number])
         copy_command(unit.boards[number].command, outputs.commands[number])
     tell(controller, outputs.decision)
     unit.tick += 1

@@ -254,10 +254,11 @@ def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, do
 
 
 def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
-    """Bring commands, phases and trip of a unit's answer in a tick into the record of an engine."""
+    """Bring demands, commands, phases and trip of a unit's answer in a tick into the record of an engine."""
     e, decision = engine.episode, answer["decision"]
-    commands, trip, recording = e["joints"]["board"]["command"], e["controller"]["trip"], e["recording"]
-    assign_fields_by_name(commands, answer["commands"], zero_unassigned=False)
+    board, trip, recording = e["joints"]["board"], e["controller"]["trip"], e["recording"]
+    for name in ("demand", "command"):
+        assign_fields_by_name(board[name], answer[f"{name}s"], zero_unassigned=False)
     if "mode" in (decision.dtype.fields or ()):
         supervisor = e["controller"]["supervisor"]
         supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
