@@ -39,7 +39,6 @@ def test_a_run_replays_to_its_own_switches(walk, tmp_path, capsys):
     assert run("replay", walk, "--out", out) == 0
     printed = capsys.readouterr().out
     assert printed.count("recorded phases: 100.0 % of the ticks equal") == 2
-    assert "at most 0 ms apart" in printed
     switches, original = pd.read_csv(out / "transitions.csv"), pd.read_csv(walk / "transitions.csv")
     columns = ["tick", "time_s", "side", "from", "to", "cause", "hip_angle_rad", "knee_angle_rad"]
     assert list(switches.columns) == list(original.columns)
@@ -64,7 +63,7 @@ def test_the_summary_counts_strides_and_switches(walk, tmp_path):
             assert counted[item["from"], item["to"], item["cause"]] == item["count"]
         assert sum(item["count"] for item in values["switches"]) == counted.sum()
         assert values["strides"] == values["strides_with_the_whole_cycle"]
-        assert values["agreement"]["equal_share"] == 1.0
+        assert values["equal_share"] == 1.0
 
 
 @pytest.mark.parametrize("file_format", ["csv", "mot", "sto"])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration, gait, replay
 from twin_gait.cli import options
-from twin_gait.cli.terminal import DONE, FAILED, answer, progress_bar
+from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
 from twin_gait.vocabulary import Side
 
@@ -181,16 +181,14 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         columns=options.pairs("--columns", arguments.columns),
         units=arguments.units,
     )
-    with progress_bar("replaying", "tick") as progress:
-        result = replay.replay_log(
-            arguments.log,
-            table=arguments.table,
-            log_format=log_format,
-            speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
-            mass=arguments.total_mass,
-            start_phases={Side(side): phase for side, phase in starts.items()},
-            progress=progress,
-        )
+    result = replay.replay_log(
+        arguments.log,
+        table=arguments.table,
+        log_format=log_format,
+        speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
+        mass=arguments.total_mass,
+        start_phases={Side(side): phase for side, phase in starts.items()},
+    )
     if arguments.out is not None:
         replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = replay.summarise_replay(result)

@@ -1,4 +1,4 @@
-"""What an identification leaves behind: the document, parameter files, samples and figures in a folder."""
+"""What an identification leaves behind: the document, parameter files and figures in a folder."""
 
 import contextlib
 import math
@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
@@ -21,7 +20,7 @@ from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.models import Samples, thinned
 from twin_gait.identification.processing import BenchSetup, Processing, ProcessingOptions
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
-from twin_gait.report.canvas import readable, style_panel, write_figures_page
+from twin_gait.report.canvas import FIGURES_FOLDER, readable, style_panel, write_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds import BENCH_FRICTION
@@ -30,7 +29,6 @@ DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
 PRESET = "bench_leg"
-_LISTED_SAMPLES = 100_000
 # Models that a simulation takes, with the law whose keys are their parameters.
 PARAMETER_FILES: Mapping[str, Mapping[str, type[parameters.FrictionLaw]]] = {
     PLANT_FILE: {
@@ -59,25 +57,12 @@ def write_identification(
     document["parameter_files"] = {file: model for file, (model, _) in files.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         write_json(staging / DOCUMENT_FILE, document)
-        write_atomically(staging / "samples.csv", _samples_csv(result))
         for file, (_, text) in files.items():
             write_atomically(staging / file, text)
         if pictures:
-            _draw(result, staging, joint)
+            figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
+            write_pictures(figures, staging / FIGURES_FOLDER)
     return document
-
-
-def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
-    figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
-    left_out = (f"left out: {run.left_out} [N m]" for run in result.models[0].validations)
-    heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
-    rows = [
-        (readable(item.name), item.fit.model.formula, f"{item.goodness.rmse:.3g}",
-         *(f"{run.rmse:.3g}" for run in item.validations), f"{item.goodness.bic:.0f}")
-        for item in result.models
-    ]  # fmt: skip
-    title = "Friction" if joint is None else f"Friction of the {joint}"
-    write_figures_page(folder / "report.html", figures, title, "models best first", [heads, *rows])
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
@@ -118,24 +103,6 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
         "robust_sigma_Nm": item.fit.sigma,
         "warnings": item.warnings,
     }
-
-
-def _samples_csv(result: Identification) -> str:
-    """Samples that were fitted, and what the best model makes of them; at most 100 000 rows."""
-    samples = result.samples.used_only()
-    columns = {
-        "test": np.array([test.name for test in result.tests])[samples.test],
-        "time_s": samples.time,
-        "angle_rad": samples.angle,
-        "velocity_rad_per_s": samples.velocity,
-        "load_torque_Nm": samples.load,
-        "temperature_degC": samples.temperature,
-        "friction_torque_Nm": samples.torque,
-        "model_torque_Nm": samples.torque - result.models[0].residuals,
-    }
-    table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
-    shown = table.iloc[:: -(-len(table) // _LISTED_SAMPLES)]
-    return shown.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 
 def _parameter_files(result: Identification, joint: JointName) -> dict[str, tuple[str, str]]:

@@ -5,7 +5,7 @@ machine, tick by tick in the order of the engines: measure, then advance both le
 that lacks a signal which a guard reads is refused.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,10 +28,8 @@ from twin_gait.replay.recording import LogFormat, Recording, is_normative, norma
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import Side
 
-PROGRESS_TICKS = 500
 OTHER_PHASE = f"{signals.OTHER}phase"
 Signals = dict[str, np.ndarray]  # by name in SI, shape ``(n,)``
-Progress = Callable[[int, int], None]
 DEFAULT_TABLE = "treadmill"
 
 
@@ -57,16 +55,14 @@ def replay(
     start_phases: Mapping[Side, str] | None = None,
     postures: Mapping[int, str] | None = None,
     fast_time_constant: float = SensorParameters.fast_time_constant,
-    progress: Progress = lambda done, total: None,
 ) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
     ``body_weight`` of wearer and device in [N], only for guards on the load of the foot; ``start_phases``:
     phase of each leg at tick 0, by default the recorded one, or else the first of the table; ``postures``:
     phases into which operating modes sent both legs, by tick; ``fast_time_constant`` of the fast velocity
-    estimate in [s], by default the firmware's; ``progress``: called with ticks done and ticks in all, now and
-    then. Raises GaitTableError if the guards need a signal that was not recorded, or there is no such start
-    phase.
+    estimate in [s], by default the firmware's. Raises GaitTableError if the guards need a signal that was not
+    recorded, or there is no such start phase.
     """
     own = {side: _own(recording, table, side, body_weight, fast_time_constant) for side in recording.sides}
     heard = {side: _heard(recording, own, side) for side in recording.sides}
@@ -82,8 +78,6 @@ def replay(
     time, other_time = table.signals.index(signals.TIME), table.signals.index(signals.OTHER_TIME)
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
-        if tick % PROGRESS_TICKS == 0:
-            progress(tick, total)
         posture = (postures or {}).get(tick)
         for machine in machines:
             if posture is not None and machine.phase != posture:
@@ -98,7 +92,6 @@ def replay(
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
-    progress(total, total)
     velocities = {
         side: {joint: own[side][signals.VELOCITY.of(joint)] for joint in table.joints if joint in joints}
         for side, joints in recording.angles.items()
@@ -181,7 +174,6 @@ def replay_log(
     speed: float | None = None,
     mass: float | None = None,
     start_phases: Mapping[Side, str] | None = None,
-    progress: Progress = lambda done, total: None,
 ) -> Replay:
     """Replay a walk.
 
@@ -190,8 +182,8 @@ def replay_log(
     signs of the log; ``speed`` of the belt in [m] / [s] that the table is scaled to, by default that of a
     run, or else the table is taken as it is written; ``mass`` of wearer and device in [kg], for guards on the
     load of the foot, by default that of a run; ``start_phases``: phase of each leg at the first tick, where
-    it is to be another than the recorded one; ``progress``: called with ticks done and ticks in all, now and
-    then. Raises TwinGaitError if log, table or options have a mistake, or do not fit each other.
+    it is to be another than the recorded one. Raises TwinGaitError if log, table or options have a mistake,
+    or do not fit each other.
     """
     for name, value in (("speed", speed), ("mass", mass)):
         if value is not None:
@@ -213,7 +205,6 @@ def replay_log(
         start_phases=starts,
         postures=postures,
         fast_time_constant=time_constant,
-        progress=progress,
     )
 
 

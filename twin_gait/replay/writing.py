@@ -10,44 +10,20 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from twin_gait.files import finite_or_none, write_atomically, write_json
+from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
+from twin_gait.measures.phases import phase_entries, phase_spells
 from twin_gait.palette import BLACK, JOINT_COLOURS
 from twin_gait.replay.machine import Replay
 from twin_gait.report import canvas
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
 SHOWN_TICKS = 6000
 WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
-
-
-def agreement(result: Replay) -> dict[Side, dict[str, Any]]:
-    """Replayed against recorded phases of each leg whose phases were recorded.
-
-    ``equal_share`` of the ticks; ``entry_lags_s``: for each phase of the table the time by which the replay
-    enters it later than the record, for every recorded entry; None for one without a partner.
-    """
-    names, found = result.table.phase_names, {}
-    for side, recorded in result.recording.phases.items():
-        ours, theirs = result.phases[side], pd.Index(names).get_indexer(pd.Index(recorded))
-        lags = {}
-        for index, name in enumerate(names):
-            # entry_lags counts what begins before the event as positive; a late replay is positive here.
-            early = entry_lags(_entries(ours, index), _entries(theirs, index), TICK)
-            lags[name] = [finite_or_none(0.0 - lag) for lag in early]
-        found[side] = {"equal_share": float(np.mean(ours == theirs)), "entry_lags_s": lags}
-    return found
-
-
-def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
-    """Entries into a phase, without the stay that the record begins with."""
-    entries = phase_entries(phases, phase)
-    return entries[entries > 0]
 
 
 Stride = tuple[int, int, tuple[int, ...]]  # first tick, that of the next stride, and its phases in order
@@ -58,10 +34,10 @@ def stride_phases(phases: np.ndarray) -> list[Stride]:
 
     ``phases``: index of the phase at each tick, shape ``(n,)``.
     """
-    spells = phase_spells(phases)
+    spells, entries = phase_spells(phases), phase_entries(phases, 0)
     return [
         (int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
-        for start, end in pairwise(_entries(phases, 0))
+        for start, end in pairwise(entries[entries > 0])  # a stay that the record begins with is no entry
     ]
 
 
@@ -77,31 +53,32 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
     """Results of a replay as plain numbers.
 
     Returned by leg: strides and how many pass through a whole cycle of the table, switches by cause, and the
-    agreement with recorded phases where there are some.
+    share of the ticks whose phase is the recorded one, where there is one.
     """
-    names, compared = result.table.phase_names, agreement(result)
+    names, recorded = np.array(result.table.phase_names), result.recording.phases
     cycles, sides = meant_cycles(result.table), {}
     for side in result.recording.sides:
-        strides, own = stride_phases(result.phases[side]), (x for x in result.switches if x.side is side)
+        phases, own = result.phases[side], (item for item in result.switches if item.side is side)
+        strides = stride_phases(phases)
         # Into postures first, then in the order of the table.
         counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
         mean = TICK * (strides[-1][1] - strides[0][0]) / len(strides) if strides else None
         sides[str(side)] = {
             "strides": len(strides),
-            "strides_with_the_whole_cycle": sum(phases in cycles for _, _, phases in strides),
+            "strides_with_the_whole_cycle": sum(passed in cycles for _, _, passed in strides),
             "stride_time_mean_s": mean,
             "switches": [
                 {"from": source, "to": target, "cause": cause, "count": count}
                 for (_, source, target, cause), count in sorted(counts.items())
             ],
-            "agreement": compared.get(side),
+            "equal_share": float(np.mean(names[phases] == recorded[side])) if side in recorded else None,
         }
     return {
         "log": result.recording.source,
         "table": result.table.name,
         "duration_s": result.recording.n_ticks * TICK,
         "assumed_signals": dict(result.assumed),
-        "cycles": [[names[index] for index in cycle] for cycle in sorted(cycles)],
+        "cycles": [names[list(cycle)].tolist() for cycle in sorted(cycles)],
         "sides": sides,
     }
 
