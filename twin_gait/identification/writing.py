@@ -95,7 +95,6 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
         "formula": item.fit.model.formula,
         "parameters": item.fit.model.parameters(item.fit.x),
         "intervals_95": item.uncertainty.intervals,
-        "intervals_by": {"drawn": item.uncertainty.by, "blocks": item.uncertainty.blocks},
         "standard_errors_if_independent": item.uncertainty.standard_errors,
         **asdict(item.goodness),
         "cross_validation": [asdict(run) for run in item.validations],

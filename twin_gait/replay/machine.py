@@ -16,7 +16,7 @@ from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.core.belt import walk_command
 from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
+from twin_gait.exceptions import GaitTableError, ParameterError
 from twin_gait.experiment import Experiment, PlantParameters
 from twin_gait.gait import TICK, GaitTable, compile_guards, signals
 from twin_gait.gait.guards import PhaseMembership, atoms
@@ -217,9 +217,6 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
         return normative_walk(log), None
     if not path.is_dir():
         return read_recording(path, log_format), None
-    for name in (EXPERIMENT_FILE, LOG_FILE):
-        if not (path / name).is_file():
-            raise RunDirectoryError(f"{path}: not a run directory: it has no {name}")
     recording = read_recording(path / LOG_FILE, log_format)
     # What a run does not log of the device stayed as at first: nothing in it moved the signal.
     still = {signal.name: np.full(recording.n_ticks, signal.first) for signal in signals.DEVICE_SIGNALS}
