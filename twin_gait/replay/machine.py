@@ -40,7 +40,7 @@ class Replay:
     table: GaitTable  # the gait table
     recording: Recording  # the walk
     # fast velocity estimate of each recorded joint of the table in [rad] / [s], shape ``(n,)``
-    velocities: Mapping[Side, Mapping[str, np.ndarray]]
+    velocities: Mapping[tuple[Side, str], np.ndarray]
     phases: Mapping[Side, np.ndarray]  # index of the phase of each leg at each tick, shape ``(n,)``, integers
     switches: tuple[PhaseSwitch, ...]  # every change of phase with its cause
     # what guards read and nothing recorded, with what it stayed at in the unit of the table
@@ -92,10 +92,8 @@ def replay(
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
-    velocities = {
-        side: {joint: own[side][signals.VELOCITY.of(joint)] for joint in table.joints if joint in joints}
-        for side, joints in recording.angles.items()
-    }
+    driven = [(side, joint) for side, joint in recording.angles if joint in table.joints]
+    velocities = {(side, joint): own[side][signals.VELOCITY.of(joint)] for side, joint in driven}
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
     return Replay(table, recording, velocities, phases, tuple(switches), assumed)
 
@@ -106,9 +104,9 @@ def _own(
     """Recorded signals of a leg: angles as its boards have them, fast estimates of velocities, the load."""
     sensors, found = SensorParameters(), Signals()
     gain = first_order_gain(TICK, time_constant)
-    for joint in (joint for joint in table.joints if joint in recording.angles[side]):
+    for joint in (joint for joint in table.joints if (side, joint) in recording.angles):
         encoder, measured = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, recording.n_ticks))
-        for tick, value in enumerate(recording.angles[side][joint].tolist()):
+        for tick, value in enumerate(recording.angles[side, joint].tolist()):
             measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
         found[signals.ANGLE.of(joint)], found[signals.VELOCITY.of(joint)] = measured

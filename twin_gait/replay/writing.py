@@ -97,7 +97,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     switches = switches_csv(
         result.switches,
         joints_of(result),
-        lambda side, joint, name: measured[name][side][joint],
+        lambda side, joint, name: measured[name][side, joint],
         recording.start,
     )
     with staged_directory(target, REPLAY, force=force) as staging:
@@ -110,8 +110,8 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
 
 def joints_of(result: Replay) -> list[str]:
     """Joints of the table that were recorded."""
-    legs = result.recording.angles.values()
-    return [joint for joint in result.table.joints if all(joint in angles for angles in legs)]
+    angles, sides = result.recording.angles, result.recording.sides
+    return [joint for joint in result.table.joints if all((side, joint) in angles for side in sides)]
 
 
 def replay_figure(result: Replay) -> Figure:
@@ -133,7 +133,7 @@ def replay_figure(result: Replay) -> Figure:
         for axes, joint in zip(column, joints, strict=False):
             canvas.style_panel(axes, "", canvas.flexion(joint))
             canvas.shade_phases(axes, time, rows[0][1], names)
-            angle = np.degrees(recording.angles[side][joint][-SHOWN_TICKS:])
+            angle = np.degrees(recording.angles[side, joint][-SHOWN_TICKS:])
             colour = JOINT_COLOURS[JointName(joint)] if joint in set(JointName) else BLACK
             lines += axes.plot(time, angle, color=colour, label=f"{joint} angle")
         causes = {"transform": column[0].get_xaxis_transform(), "rotation": 90, "size": "x-small"}
