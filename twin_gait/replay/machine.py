@@ -59,21 +59,17 @@ def replay(
     """Run the state machines of the recorded legs over a walk.
 
     ``body_weight`` of wearer and device in [N], only for guards on the load of the foot; ``start_phases``:
-    phase of each leg at tick 0, by default the recorded one, or else the first of the table; ``postures``:
+    phase of the table of each leg at tick 0, by default the recorded one, or else the first; ``postures``:
     phases into which operating modes sent both legs, by tick; ``fast_time_constant`` of the fast velocity
     estimate in [s], by default the firmware's. Raises GaitTableError if the guards need a signal that was not
-    recorded, or there is no such start phase.
+    recorded.
     """
     own = {side: _own(recording, table, side, body_weight, fast_time_constant) for side in recording.sides}
     heard = {side: _heard(recording, own, side) for side in recording.sides}
     assumed = _assumed(recording, table, heard)
     program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
-    machines = [
-        GaitStateMachine(
-            table, side, initial_phase=_start(recording, table, side, start_phases or {}), program=program
-        )
-        for side in sides
-    ]
+    starts = {**{side: _start(recording, table, side) for side in sides}, **(start_phases or {})}
+    machines = [GaitStateMachine(table, side, initial_phase=starts[side], program=program) for side in sides]
     read = [_columns(table, heard[side], total) for side in sides]
     time, other_time = table.signals.index(signals.TIME), table.signals.index(signals.OTHER_TIME)
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
@@ -129,15 +125,9 @@ def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
     return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
-def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Mapping[Side, str]) -> str:
-    asked = start_phases.get(side)
-    if asked is not None and asked not in table.phases:
-        known = ", ".join(table.phases)
-        raise GaitTableError(
-            f"start phase of the {side} leg: the table {table.name} has no {asked!r}; there are {known}"
-        )
+def _start(recording: Recording, table: GaitTable, side: Side) -> str:
     recorded = str(recording.phases[side][0]) if side in recording.phases else ""
-    return asked or (recorded if recorded in table.phases else table.phase_names[0])
+    return recorded if recorded in table.phases else table.phase_names[0]
 
 
 def _read_by_guards(table: GaitTable) -> Iterator[tuple[str, str]]:
@@ -171,7 +161,6 @@ def replay_log(
     log_format: LogFormat | None = None,
     speed: float | None = None,
     mass: float | None = None,
-    start_phases: Mapping[Side, str] | None = None,
 ) -> Replay:
     """Replay a walk.
 
@@ -179,8 +168,7 @@ def replay_log(
     packaged table or file, by default that of a run, or ``treadmill``; ``log_format``: columns, units and
     signs of the log; ``speed`` of the belt in [m] / [s] that the table is scaled to, by default that of a
     run, or else the table is taken as it is written; ``mass`` of wearer and device in [kg], for guards on the
-    load of the foot, by default that of a run; ``start_phases``: phase of each leg at the first tick, where
-    it is to be another than the recorded one. Raises TwinGaitError if log, table or options have a mistake,
+    load of the foot, by default that of a run. Raises TwinGaitError if log, table or options have a mistake,
     or do not fit each other.
     """
     for name, value in (("speed", speed), ("mass", mass)):
@@ -188,14 +176,14 @@ def replay_log(
             POSITIVE.require(name, value)
     recording, experiment = _open(log, log_format or LogFormat())
     chosen = _table(table, speed, experiment)
-    weight, starts = None if mass is None else mass * PlantParameters().gravity, dict(start_phases or {})
+    weight, starts = None if mass is None else mass * PlantParameters().gravity, dict[Side, str]()
     postures, time_constant = dict[int, str](), SensorParameters().fast_time_constant
     if experiment is not None:
         world, time_constant = experiment.build_world(), experiment.sensors.fast_time_constant
         told, postures = _told(experiment, chosen, recording)
         recording = replace(recording, device={**recording.device, **told})
-        known = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
-        weight, starts = weight or world.body_weight, {**known, **starts}
+        starts = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
+        weight = weight or world.body_weight
     return replay(
         recording,
         chosen,
