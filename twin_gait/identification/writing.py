@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
@@ -167,9 +166,6 @@ def draw_fits(result: Identification) -> Figure:
         axes.set_xlim(share * min(low, 0.0), share * max(high, 0.0))
         axes.set_xlabel("velocity [rad/s]")
         style_panel(axes, title, "friction torque [N m]")
-    bottom, top = np.quantile(samples.torque, [0.001, 0.999])
-    margin = 0.15 * max(top - bottom, 1e-9)
-    panels[0].set_ylim(bottom - margin, top + margin)
     panels[0].legend(fontsize="small", frameon=False, loc="upper left", markerscale=4.0, reverse=True)
     return figure
 
@@ -199,6 +195,4 @@ def draw_residuals(result: Identification) -> Figure:
         axes.stairs(middle, edges, baseline=None, color=BLACK, linewidth=1.6, zorder=3.0)
         axes.set_xlabel(label)
         style_panel(axes, "", "residual [N m]")
-    limit = float(np.quantile(np.abs(best.residuals), 0.999)) * 1.15 or 1.0
-    panels[0].set_ylim(-limit, limit)
     return figure

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.phases import phase_entries, phase_spells
-from twin_gait.palette import BLACK, JOINT_COLOURS
+from twin_gait.palette import JOINT_COLOURS
 from twin_gait.replay.machine import Replay
 from twin_gait.report import canvas
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -134,8 +134,7 @@ def replay_figure(result: Replay) -> Figure:
             canvas.style_panel(axes, "", canvas.flexion(joint))
             canvas.shade_phases(axes, time, rows[0][1], names)
             angle = np.degrees(recording.angles[side, joint][-SHOWN_TICKS:])
-            colour = JOINT_COLOURS[JointName(joint)] if joint in set(JointName) else BLACK
-            lines += axes.plot(time, angle, color=colour, label=f"{joint} angle")
+            lines += axes.plot(time, angle, color=JOINT_COLOURS[JointName(joint)], label=f"{joint} angle")
         causes = {"transform": column[0].get_xaxis_transform(), "rotation": 90, "size": "x-small"}
         for switch in result.switches:
             place = recording.start + switch.time
