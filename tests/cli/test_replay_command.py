@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 from table_builder import FIVE_PHASES
@@ -39,7 +40,6 @@ def test_a_run_replays_to_its_own_switches(walk, tmp_path, capsys):
     assert run("replay", walk, "--out", out) == 0
     printed = capsys.readouterr().out
     assert printed.count("recorded phases: 100.0 % of the ticks equal") == 2
-    assert "at most 0 ms apart" in printed
     switches, original = pd.read_csv(out / "transitions.csv"), pd.read_csv(walk / "transitions.csv")
     columns = ["tick", "time_s", "side", "from", "to", "cause", "hip_angle_rad", "knee_angle_rad"]
     assert list(switches.columns) == list(original.columns)
@@ -64,7 +64,7 @@ def test_the_summary_counts_strides_and_switches(walk, tmp_path):
             assert counted[item["from"], item["to"], item["cause"]] == item["count"]
         assert sum(item["count"] for item in values["switches"]) == counted.sum()
         assert values["strides"] == values["strides_with_the_whole_cycle"]
-        assert values["agreement"]["equal_share"] == 1.0
+        assert values["equal_share"] == 1.0
 
 
 @pytest.mark.parametrize("file_format", ["csv", "mot", "sto"])
@@ -73,14 +73,17 @@ def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_pa
     assert run("export", walk, "--format", file_format, "--out", path) == 0
     # The run scales its table to its belt; an ideal sensor measures the true angle, which motions hold.
     # A motion in degrees is off by a rounding, which no switch notices.
-    options = ["--speed", 1.5, "--start", "left=early_stance,right=late_stance"]
+    options = ["--speed", 1.5]
     to = ["--out", tmp_path / "again", "--no-pictures"]
     if file_format != "csv":
         options += ["--convention", "opensim_gait2392"]
     assert run("replay", path, "--table", "treadmill", *options, *to) == 0
     found, original = (pd.read_csv(folder / "transitions.csv") for folder in (tmp_path / "again", walk))
     columns = ["tick", "side", "from", "to", "cause"]
-    pd.testing.assert_frame_equal(found[columns], original[columns])
+    # A motion does not say in which phase the legs were; after a stride they are in those of the run.
+    found, original = (switches[switches["tick"] > 2000][columns] for switches in (found, original))
+    assert len(original) > 8
+    np.testing.assert_array_equal(found, original)
 
 
 def test_one_leg_goes_through_the_table_of_the_bench_and_not_through_one_for_two(bench, capsys):
@@ -169,8 +172,6 @@ BAD = {
     "columns twice": ["koopman@1.5", "--columns", "time=a,time=b"],
     "no such quantity": ["koopman@1.5", "--columns", "elbow=b"],
     "columns of a walk without any": ["koopman@1.5", "--columns", "time=b"],
-    "start side": ["koopman@1.5", "--start", "both=late_stance"],
-    "start phase": ["koopman@1.5", "--start", "left=flight"],
     "speed": ["koopman@1.5", "--speed", "0"],
     "mass": ["koopman@1.5", "--total-mass", "-70"],
     "units": ["koopman@1.5", "--units", "grad"],

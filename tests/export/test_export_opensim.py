@@ -70,7 +70,7 @@ def test_the_reader_of_replay_takes_the_same_numbers(tmp_path, rng):
 def test_a_name_with_a_unit_states_the_one_that_is_written(tmp_path, rng, unit):
     log = small_log(rng).abs()  # knees that bend backwards are refused
     assert f"left_hip_angle_{unit}" in export_motion(log, tmp_path / "walk.sto", HOUSE, unit=unit)
-    angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=HOUSE)).angles[Side.LEFT]["hip"]
+    angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=HOUSE)).angles[Side.LEFT, "hip"]
     np.testing.assert_allclose(angle, log["left_hip_angle_rad"], rtol=1e-14)
 
 

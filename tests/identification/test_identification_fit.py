@@ -300,7 +300,7 @@ def test_intervals_cover_the_truth_when_tests_have_offsets_of_their_own():
 def _truth(samples) -> Fit:
     a, b, c, d = KNEE
     x = np.array([a - b, b, d, math.log(c)])
-    return Fit(MODELS["rotational"], x, (np.full(4, -np.inf), np.full(4, np.inf)), 0.1, math.inf)
+    return Fit(MODELS["rotational"], x, (np.full(4, -np.inf), np.full(4, np.inf)), math.inf)
 
 
 def test_intervals_that_ignore_the_tests_are_too_short():

@@ -83,8 +83,8 @@ def identify(arguments: argparse.Namespace) -> int:
     """Identify the friction of a joint from logs.
 
     Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each file is
-    one test. Written: identification.json (models best first), parameter files that simulate takes, the
-    samples, and figures.
+    one test. Written: identification.json (models best first), parameter files that simulate takes, and
+    figures.
     """
     from twin_gait.identification.writing import IDENTIFICATION, PARAMETER_FILES, write_identification
     from twin_gait.report.pages import lines

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration, gait, replay
 from twin_gait.cli import options
-from twin_gait.cli.terminal import DONE, FAILED, answer, progress_bar
+from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
-from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
     from twin_gait.checking.finding import Finding
@@ -51,7 +50,6 @@ def add_parser(commands: Any) -> None:
     add("--convention", metavar="NAME", help="names and signs of the angles in the log")
     text = "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"
     add("--columns", default="", metavar="Q=NAME,…", help=text)
-    add("--start", default="", metavar="SIDE=PHASE,…", help="phases at the start (recorded, or first)")
     add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
     add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
     add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
@@ -175,22 +173,18 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     from twin_gait.report.pages import lines
 
     speed, named = arguments.speed, arguments.convention
-    starts = options.pairs("--start", arguments.start, list(Side))
     log_format = replay.LogFormat(
         convention=named and find_convention(named),
         columns=options.pairs("--columns", arguments.columns),
         units=arguments.units,
     )
-    with progress_bar("replaying", "tick") as progress:
-        result = replay.replay_log(
-            arguments.log,
-            table=arguments.table,
-            log_format=log_format,
-            speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
-            mass=arguments.total_mass,
-            start_phases={Side(side): phase for side, phase in starts.items()},
-            progress=progress,
-        )
+    result = replay.replay_log(
+        arguments.log,
+        table=arguments.table,
+        log_format=log_format,
+        speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
+        mass=arguments.total_mass,
+    )
     if arguments.out is not None:
         replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = replay.summarise_replay(result)

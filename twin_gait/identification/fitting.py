@@ -68,7 +68,6 @@ class Fit:
     model: FrictionModel  # the model
     x: np.ndarray  # linear coefficients and logarithms of the shape, shape ``(size,)``
     bounds: Bounds  # of x
-    sigma: float  # robust standard deviation of the residuals in [N m]
     threshold: float  # of Huber's loss in [N m]; infinite for least squares
 
     def residuals(self, samples: Samples) -> np.ndarray:
@@ -117,7 +116,7 @@ def fit_model(
             threshold = HUBER_SIGMAS * sigma
             x = refine(model, full, x, limits, threshold, tolerance=tolerance)
             sigma = _robust_sigma(model.errors(x, full)) or sigma
-    return Fit(model, x, limits, sigma, threshold)
+    return Fit(model, x, limits, threshold)
 
 
 def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:

@@ -165,13 +165,11 @@ def identify_tests(
         raise ParameterError(f"model: the logs lack {wanted}, or it does not vary")
     _check_number(samples, models, tests)
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
-    total, done = len(models) * (1 + len(folds)), itertools.count(1)
-    fits, found = dict[str, Fit](), list[IdentifiedModel]()
+    total, done, found = len(models) * (1 + len(folds)), itertools.count(1), list[IdentifiedModel]()
     for model in models:
-        starts = inherited_starts(model.name, {name: fit.x for name, fit in fits.items()})
-        fits[model.name] = fit_model(model, samples, options.fit, seeds=starts)
+        starts = inherited_starts(model.name, {item.name: item.fit.x for item in found})
+        fit = fit_model(model, samples, options.fit, seeds=starts)
         progress(next(done), total)
-    for fit in fits.values():
         validations = []
         for by, labels in folds.items():
             validations.append(statistics.cross_validate(fit, samples, by, labels))

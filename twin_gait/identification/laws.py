@@ -46,9 +46,8 @@ _BOTH_WAYS = "viscous_friction_forward_Nm", "viscous_friction_backward_Nm"
 _PER_LOAD = "coulomb_per_load"
 _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
 _RIPPLES = "ripple_cosine_Nm", "ripple_sine_Nm"
-SIGNED = frozenset(
-    {_OFFSET, *_PER_KELVIN, *_RIPPLES}
-)  # coefficients that a physical friction may have below 0
+# Coefficients that a physical friction may have below 0.
+SIGNED = frozenset({_OFFSET, *_PER_KELVIN, *_RIPPLES})
 _TRANSITION = Shape("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
 _STRIBECK = Shape("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
 _BREAKAWAY_VELOCITY = replace(_STRIBECK, name="breakaway_velocity_rad_per_s")

@@ -77,13 +77,10 @@ class ProcessingOptions(quantities.Parameters):
     Attributes:
         processing: None takes zero phase for logs with a current, and none for friction torques.
         cutoff: Of the zero-phase filter in [Hz].
-        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
-            current and 0 in series of friction torques.
     """
 
     processing: Processing | None = None
     cutoff: Annotated[quantities.Frequency, quantities.POSITIVE] = 40.0
-    standstill_velocity: Annotated[quantities.AngularVelocity | None, quantities.NOT_NEGATIVE] = None
 
 
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
@@ -111,20 +108,15 @@ def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) 
         if np.ptp(values) == 0.0:
             text = f"is {values[0]:g} in every row; nothing can be fitted"
             raise ParameterFileError(log.source, quantity, text)
-    usual, slowest = (Processing.NONE, 0.0) if series else (Processing.ZERO_PHASE, _STANDSTILL)
+    usual = Processing.NONE if series else Processing.ZERO_PHASE
     options = replace(options, processing=options.processing or usual)
-    if options.standstill_velocity is not None:
-        slowest = options.standstill_velocity
     column = log.columns.get(Quantity.MASS)
     log = replace(log, mass=log.mass if column is None else float(np.median(column)))
-    if bench is None or series:
-        test = _series(log, options, slowest)
-    else:
-        test = _balance(log, bench, options, slowest)
+    test = _series(log, options) if bench is None or series else _balance(log, bench, options)
     return replace(test, counts={**counts, **test.counts, "used": int(test.used.sum())}, notes=notes)
 
 
-def _series(log: Log, options: ProcessingOptions, slowest: float) -> FrictionTest:
+def _series(log: Log, options: ProcessingOptions) -> FrictionTest:
     """A plain series of velocity and friction torque."""
     velocity, torque = log.columns[Quantity.VELOCITY], log.columns[Quantity.FRICTION_TORQUE]
     if options.processing is Processing.THESIS:
@@ -132,22 +124,20 @@ def _series(log: Log, options: ProcessingOptions, slowest: float) -> FrictionTes
     elif options.processing is Processing.ZERO_PHASE:
         rate, cutoff = _rate(log, options)
         velocity, torque = zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
-    used = np.abs(velocity) >= slowest
     return FrictionTest(
         name=Path(log.source).name,
         velocity=velocity,
         torque=torque,
-        used=used,
+        used=np.ones(len(log), dtype=bool),
         time=log.columns.get(Quantity.TIME),
         angle=log.columns.get(Quantity.ANGLE),
         load=log.columns.get(Quantity.LOAD_TORQUE),
         temperature=log.columns.get(Quantity.TEMPERATURE),
         mass=log.mass,
-        counts={"standstill": int((~used).sum())},
     )
 
 
-def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: float) -> FrictionTest:
+def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions) -> FrictionTest:
     """Friction torque at 100 Hz by the balance of torques, equation (2.12)."""
     mass, (rate, cutoff) = _weight(log, bench), _rate(log, options)
     time, columns, recorded = _even(log, rate, cutoff)
@@ -181,7 +171,7 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions, slowest: f
     if kept.any():
         told = (angle, velocity, torque, inertial)
         stopped[kept] |= signals.soft_stop(*(values[kept] for values in told))
-    standing = ~stopped & (np.abs(velocity) < slowest)
+    standing = ~stopped & (np.abs(velocity) < _STANDSTILL)
     # So near a fast reversal the filter mixes friction of both directions: what comes out of it is the
     # filtered friction, not the friction at the filtered velocity.
     near = np.abs(velocity) < REVERSAL_REACH * np.abs(acceleration) / cutoff

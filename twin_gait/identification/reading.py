@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.runs.log_files import LogTable, is_number, read_text_table
+from twin_gait.runs.log_files import LogTable, read_text_table
 
 
 class Quantity(StrEnum):
@@ -182,7 +182,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     Raises ParameterFileError if the file cannot be read as numbers; one line with file, column and row.
     """
     columns = columns or LogColumns()
-    table = _with_units(read_text_table(path, {name.lstrip("-") for name in columns.names.values()}))
+    table = read_text_table(path, {name.lstrip("-") for name in columns.names.values()})
     found = columns_of(table, columns)
     if not found:
         advice = "name them with --columns velocity=NAME,friction_torque=NAME"
@@ -191,16 +191,6 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
         raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
     values = {quantity: table.numbers(name, gaps=True) * factor for quantity, (name, factor) in found.items()}
     return Log(str(path), values, _mass(path.name, table.remarks), frozenset(columns.names))
-
-
-def _with_units(table: LogTable) -> LogTable:
-    """The table with the units of a line under its names behind them: no number among them, one known."""
-    units = [cell.strip("[]() ") for cell in table.frame.head(1).to_numpy().ravel()]
-    known = any(known_unit(unit, quantity) for unit in units for quantity in Quantity)
-    if not known or any(is_number(unit, table.decimal) for unit in units):
-        return table
-    names = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(table.names, units, strict=True))
-    return replace(table, names=names, frame=table.frame.iloc[1:])
 
 
 def _mass(name: str, remarks: tuple[str, ...]) -> float | None:

@@ -125,8 +125,7 @@ class Uncertainty:
     correlations: np.ndarray  # between the parameters, shape ``(p, p)``; NaN where one is not determined
     # of ordinary theory, all samples independent: for comparison with other programs
     standard_errors: Mapping[str, float]
-    by: str  # what was drawn: ``test`` or ``block``
-    blocks: int  # how many there were
+    blocks: int  # how many tests, or stretches of few of them, were drawn from
 
 
 def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
@@ -139,12 +138,12 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     free, scale = free[scale > 0.0], scale[scale > 0.0]
     unit = matrix[:, free] / scale
     rank = int(np.linalg.matrix_rank(unit.T @ unit, tol=_RANK, hermitian=True)) if len(free) else 0
-    block, by = _blocks(rows.test[rows.used])
+    block = _blocks(rows.test[rows.used])
     number = int(block[-1]) + 1
     if rank < max(len(free), 1) or number < 2:
         unknown, nothing = (-math.inf, math.inf), np.full((model.size, model.size), math.nan)
         wide, errors = dict.fromkeys(model.names, unknown), dict.fromkeys(model.names, math.inf)
-        return Uncertainty(wide, nothing, errors, by, number)
+        return Uncertainty(wide, nothing, errors, number)
     weights = fitting.huber_weights(values, fit.threshold)
     steps = _draws(unit, values, weights, block, number, seed) / scale
     steps = steps[_telling(steps)]
@@ -156,15 +155,15 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     errors, reported = _standard_errors(fit, unit, scale, free, values), _public(fit, draws)
     with np.errstate(divide="ignore", invalid="ignore"):  # NaN for one that does not vary
         correlations = np.atleast_2d(np.corrcoef(reported))
-    return Uncertainty(_intervals(fit, reported, number), correlations, errors, by, number)
+    return Uncertainty(_intervals(fit, reported, number), correlations, errors, number)
 
 
-def _blocks(test: np.ndarray) -> tuple[np.ndarray, str]:
+def _blocks(test: np.ndarray) -> np.ndarray:
     """Number of the block of each sample: its test, or a stretch of it where tests are few."""
     _, index, lengths = np.unique(test, return_inverse=True, return_counts=True)
     pieces = 1 if len(lengths) >= FEWEST_TESTS else -(-BLOCKS // len(lengths))
     place = np.arange(len(index)) - (np.cumsum(lengths) - lengths)[index]
-    return index * pieces + place * pieces // lengths[index], "test" if pieces == 1 else "block"
+    return np.asarray(index * pieces + place * pieces // lengths[index])
 
 
 def _draws(

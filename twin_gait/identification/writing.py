@@ -1,4 +1,4 @@
-"""What an identification leaves behind: the document, parameter files, samples and figures in a folder."""
+"""What an identification leaves behind: the document, parameter files and figures in a folder."""
 
 import contextlib
 import math
@@ -7,8 +7,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
@@ -18,10 +16,10 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.files import plain, write_atomically, write_json
 from twin_gait.identification.fitting import Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel
-from twin_gait.identification.models import Samples, thinned
+from twin_gait.identification.models import Samples
 from twin_gait.identification.processing import BenchSetup, Processing, ProcessingOptions
-from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
-from twin_gait.report.canvas import readable, style_panel, write_figures_page
+from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, SKY_BLUE, VERMILLION
+from twin_gait.report.canvas import FIGURES_FOLDER, readable, style_panel, write_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds import BENCH_FRICTION
@@ -30,7 +28,6 @@ DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
 PRESET = "bench_leg"
-_LISTED_SAMPLES = 100_000
 # Models that a simulation takes, with the law whose keys are their parameters.
 PARAMETER_FILES: Mapping[str, Mapping[str, type[parameters.FrictionLaw]]] = {
     PLANT_FILE: {
@@ -59,25 +56,12 @@ def write_identification(
     document["parameter_files"] = {file: model for file, (model, _) in files.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         write_json(staging / DOCUMENT_FILE, document)
-        write_atomically(staging / "samples.csv", _samples_csv(result))
         for file, (_, text) in files.items():
             write_atomically(staging / file, text)
         if pictures:
-            _draw(result, staging, joint)
+            figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
+            write_pictures(figures, staging / FIGURES_FOLDER)
     return document
-
-
-def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
-    figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
-    left_out = (f"left out: {run.left_out} [N m]" for run in result.models[0].validations)
-    heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
-    rows = [
-        (readable(item.name), item.fit.model.formula, f"{item.goodness.rmse:.3g}",
-         *(f"{run.rmse:.3g}" for run in item.validations), f"{item.goodness.bic:.0f}")
-        for item in result.models
-    ]  # fmt: skip
-    title = "Friction" if joint is None else f"Friction of the {joint}"
-    write_figures_page(folder / "report.html", figures, title, "models best first", [heads, *rows])
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
@@ -110,32 +94,12 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
         "formula": item.fit.model.formula,
         "parameters": item.fit.model.parameters(item.fit.x),
         "intervals_95": item.uncertainty.intervals,
-        "intervals_by": {"drawn": item.uncertainty.by, "blocks": item.uncertainty.blocks},
         "standard_errors_if_independent": item.uncertainty.standard_errors,
         **asdict(item.goodness),
         "cross_validation": [asdict(run) for run in item.validations],
         "loss": Loss.LINEAR if math.isinf(item.fit.threshold) else Loss.HUBER,
-        "robust_sigma_Nm": item.fit.sigma,
         "warnings": item.warnings,
     }
-
-
-def _samples_csv(result: Identification) -> str:
-    """Samples that were fitted, and what the best model makes of them; at most 100 000 rows."""
-    samples = result.samples.used_only()
-    columns = {
-        "test": np.array([test.name for test in result.tests])[samples.test],
-        "time_s": samples.time,
-        "angle_rad": samples.angle,
-        "velocity_rad_per_s": samples.velocity,
-        "load_torque_Nm": samples.load,
-        "temperature_degC": samples.temperature,
-        "friction_torque_Nm": samples.torque,
-        "model_torque_Nm": samples.torque - result.models[0].residuals,
-    }
-    table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
-    shown = table.iloc[:: -(-len(table) // _LISTED_SAMPLES)]
-    return shown.to_csv(index=False, float_format="%.7g", lineterminator="\n")
 
 
 def _parameter_files(result: Identification, joint: JointName) -> dict[str, tuple[str, str]]:
@@ -180,54 +144,35 @@ def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: J
 
 
 _SHOWN_SAMPLES = 15_000
-_LONG = 1e9  # [s]
-_LINES = ((VERMILLION, "-"), (BLUE, "--"), (BLUISH_GREEN, "-."), (ORANGE, ":"))  # of the best models
-_TEST_COLOURS = np.array([SKY_BLUE, REDDISH_PURPLE, BLUISH_GREEN, ORANGE, BLUE, GREY])
+_COLOURS = (VERMILLION, BLUE, BLUISH_GREEN, ORANGE)  # of the best models
 _BINS = 30
 _PANELS = {"all speeds": 1.0, "slow": 0.25}  # share of the largest speed that each shows
 
 
 def draw_fits(result: Identification) -> Figure:
-    """Draw the samples and the best models over the speed."""
+    """Draw the torque that was measured and what the best models make of it, over the speed."""
     samples, best = result.samples.used_only(), result.models[0]
+    shown = _shown(samples)
+    velocity, low, high = samples.velocity[shown], samples.velocity.min(), samples.velocity.max()
     figure = Figure(figsize=(12.0, 5.2), layout="constrained")
     figure.suptitle(f"Friction · best: {readable(best.name)}, RMSE {best.goodness.rmse:.3g} N m")
-    low, high = float(samples.velocity.min()), float(samples.velocity.max())
-    even, shown = np.linspace(-1.0, 1.0, 1201), thinned(samples, _SHOWN_SAMPLES)
-    grid = max(-low, high) * even * np.abs(even)  # denser near zero
-    grid = grid[(low <= grid) & (grid <= high)]
     panels = figure.subplots(1, 2, sharey=True)
+    best_last = list(zip(result.models, _COLOURS, strict=False))[::-1]
     for axes, (title, share) in zip(panels, _PANELS.items(), strict=True):
-        axes.plot(shown.velocity, shown.torque, ".", color="0.72", markersize=2.0, label="measured")
-        for item, (colour, style) in zip(result.models, _LINES, strict=False):
-            label = f"{readable(item.name)}{' (steady sliding)' if item.fit.model.dynamic else ''}"
-            curve = _steady_curve(item, samples, grid)
-            axes.plot(grid[1:], curve[1:], color=colour, linestyle=style, label=label)
+        axes.plot(velocity, samples.torque[shown], ".", color="0.72", markersize=2.0, label="measured")
+        for item, colour in best_last:
+            predicted = (samples.torque - item.residuals)[shown]
+            axes.plot(velocity, predicted, ".", color=colour, markersize=1.5, label=readable(item.name))
         axes.set_xlim(share * min(low, 0.0), share * max(high, 0.0))
         axes.set_xlabel("velocity [rad/s]")
         style_panel(axes, title, "friction torque [N m]")
-    bottom, top = np.quantile(samples.torque, [0.001, 0.999])
-    margin = 0.15 * max(top - bottom, 1e-9)
-    panels[0].set_ylim(bottom - margin, top + margin)
-    panels[0].legend(fontsize="small", frameon=False, loc="upper left", markerscale=4.0)
+    panels[0].legend(fontsize="small", frameon=False, loc="upper left", markerscale=4.0, reverse=True)
     return figure
 
 
-def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
-    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples.
-
-    Each speed is kept for long, whatever came before; that of a state at the first one is not known.
-    """
-    number = len(velocity)
-    known = {name: getattr(samples, name) for name in ("angle", "load", "temperature")}
-    steady = replace(
-        samples.rows(np.zeros(number, dtype=int)),
-        velocity=velocity,
-        fresh=np.arange(number) == 0,
-        period=np.full(number, _LONG),
-        **{name: np.full(number, np.abs(x).mean()) for name, x in known.items() if x is not None},
-    )
-    return item.fit.model.predict(item.fit.x, steady)
+def _shown(samples: Samples) -> slice:
+    """Every so many samples, as many as a figure shows."""
+    return slice(None, None, -(-len(samples) // _SHOWN_SAMPLES))
 
 
 def draw_residuals(result: Identification) -> Figure:
@@ -243,15 +188,11 @@ def draw_residuals(result: Identification) -> Figure:
     columns = {name: values for name, values in known.items() if values is not None}
     figure = Figure(figsize=(1.0 + 3.6 * len(columns), 4.0), layout="constrained")
     figure.suptitle(f"Residuals of {readable(best.name)}: measured less predicted")
-    panels = figure.subplots(1, len(columns), sharey=True, squeeze=False)[0]
-    some = slice(None, None, -(-len(samples) // _SHOWN_SAMPLES))
-    colours = _TEST_COLOURS[samples.test[some] % len(_TEST_COLOURS)]
+    panels, shown = figure.subplots(1, len(columns), sharey=True, squeeze=False)[0], _shown(samples)
     for axes, (label, values) in zip(panels, columns.items(), strict=True):
-        axes.scatter(values[some], best.residuals[some], s=3.0, c=colours, alpha=0.5, linewidths=0.0)
+        axes.plot(values[shown], best.residuals[shown], ".", color=SKY_BLUE, markersize=1.5)
         middle, edges, _ = binned_statistic(values, best.residuals, "median", bins=_BINS)
-        axes.stairs(middle, edges, baseline=None, color=BLACK, linewidth=1.6)
+        axes.stairs(middle, edges, baseline=None, color=BLACK, linewidth=1.6, zorder=3.0)
         axes.set_xlabel(label)
         style_panel(axes, "", "residual [N m]")
-    limit = float(np.quantile(np.abs(best.residuals), 0.999)) * 1.15 or 1.0
-    panels[0].set_ylim(-limit, limit)
     return figure

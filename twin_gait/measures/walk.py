@@ -72,11 +72,8 @@ class WalkMeasures:
     fore_aft_force: float
     braking_peak: float  # largest backward force of the mean stride over carried weight, zero or negative
     propulsion_peak: float  # largest forward force of the mean stride over carried weight, zero or positive
-    # way of the centre of pressure from heel strike to toe-off as a share of the sole, from its first point
-    # (the heel) to its last (the toe); see pressure_curve
-    pressure_travel: float
-    # share of the stride at which the centre of pressure passes the middle of the sole for good; NaN if it
-    # does not
+    # share of the stride at which the centre of pressure passes the middle of the sole for good, see
+    # pressure_curve; NaN if it does not
     pressure_crossing: float
     ankle_range: float  # in [rad]; NaN without an ankle
     hip_lowest: float  # least angle in [rad]
@@ -128,7 +125,7 @@ def walk_measures(
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         belt_power=-mean_over(fore_aft * log["belt_speed_m_per_s"].to_numpy(), bounds),
-        **_pressure(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
+        pressure_crossing=_midfoot(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
         **_joints(log, leg.side, bounds),
         clearance=float(min(clearances, default=math.nan)),
         slip=mean_over(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
@@ -247,16 +244,12 @@ def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> n
     return np.where(loaded, weighted / np.where(loaded, carried, 1.0), np.nan)
 
 
-def _pressure(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
+def _midfoot(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> float:
     # Up to the least load; what comes then is the next stance.
     stance = pressure_curve(place, load, bounds)[: int(np.argmin(mean_stride(load, bounds)))]
     known = stance[np.isfinite(stance)]
     behind = np.flatnonzero(stance < 0.5)
-    crosses = len(behind) > 0 and known[-1] >= 0.5
-    return {
-        "pressure_travel": float(known[-1] - known[0]) if len(known) else math.nan,
-        "pressure_crossing": float(behind[-1] + 1) / 100.0 if crosses else math.nan,
-    }
+    return float(behind[-1] + 1) / 100.0 if len(behind) and known[-1] >= 0.5 else math.nan
 
 
 def _joints(log: pd.DataFrame, side: Side, bounds: np.ndarray) -> dict[str, float]:

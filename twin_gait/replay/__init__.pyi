@@ -6,6 +6,5 @@ from .recording import Recording as Recording
 from .recording import at_ticks as at_ticks
 from .recording import normative_walk as normative_walk
 from .recording import read_recording as read_recording
-from .writing import agreement as agreement
 from .writing import summarise_replay as summarise_replay
 from .writing import write_replay as write_replay

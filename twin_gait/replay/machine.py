@@ -5,7 +5,7 @@ machine, tick by tick in the order of the engines: measure, then advance both le
 that lacks a signal which a guard reads is refused.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.core.belt import walk_command
 from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
+from twin_gait.exceptions import GaitTableError, ParameterError
 from twin_gait.experiment import Experiment, PlantParameters
 from twin_gait.gait import TICK, GaitTable, compile_guards, signals
 from twin_gait.gait.guards import PhaseMembership, atoms
@@ -28,10 +28,8 @@ from twin_gait.replay.recording import LogFormat, Recording, is_normative, norma
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import Side
 
-PROGRESS_TICKS = 500
 OTHER_PHASE = f"{signals.OTHER}phase"
 Signals = dict[str, np.ndarray]  # by name in SI, shape ``(n,)``
-Progress = Callable[[int, int], None]
 DEFAULT_TABLE = "treadmill"
 
 
@@ -42,7 +40,7 @@ class Replay:
     table: GaitTable  # the gait table
     recording: Recording  # the walk
     # fast velocity estimate of each recorded joint of the table in [rad] / [s], shape ``(n,)``
-    velocities: Mapping[Side, Mapping[str, np.ndarray]]
+    velocities: Mapping[tuple[Side, str], np.ndarray]
     phases: Mapping[Side, np.ndarray]  # index of the phase of each leg at each tick, shape ``(n,)``, integers
     switches: tuple[PhaseSwitch, ...]  # every change of phase with its cause
     # what guards read and nothing recorded, with what it stayed at in the unit of the table
@@ -57,33 +55,25 @@ def replay(
     start_phases: Mapping[Side, str] | None = None,
     postures: Mapping[int, str] | None = None,
     fast_time_constant: float = SensorParameters.fast_time_constant,
-    progress: Progress = lambda done, total: None,
 ) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
     ``body_weight`` of wearer and device in [N], only for guards on the load of the foot; ``start_phases``:
-    phase of each leg at tick 0, by default the recorded one, or else the first of the table; ``postures``:
+    phase of the table of each leg at tick 0, by default the recorded one, or else the first; ``postures``:
     phases into which operating modes sent both legs, by tick; ``fast_time_constant`` of the fast velocity
-    estimate in [s], by default the firmware's; ``progress``: called with ticks done and ticks in all, now and
-    then. Raises GaitTableError if the guards need a signal that was not recorded, or there is no such start
-    phase.
+    estimate in [s], by default the firmware's. Raises GaitTableError if the guards need a signal that was not
+    recorded.
     """
     own = {side: _own(recording, table, side, body_weight, fast_time_constant) for side in recording.sides}
     heard = {side: _heard(recording, own, side) for side in recording.sides}
     assumed = _assumed(recording, table, heard)
     program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
-    machines = [
-        GaitStateMachine(
-            table, side, initial_phase=_start(recording, table, side, start_phases or {}), program=program
-        )
-        for side in sides
-    ]
+    starts = {**{side: _start(recording, table, side) for side in sides}, **(start_phases or {})}
+    machines = [GaitStateMachine(table, side, initial_phase=starts[side], program=program) for side in sides]
     read = [_columns(table, heard[side], total) for side in sides]
     time, other_time = table.signals.index(signals.TIME), table.signals.index(signals.OTHER_TIME)
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
-        if tick % PROGRESS_TICKS == 0:
-            progress(tick, total)
         posture = (postures or {}).get(tick)
         for machine in machines:
             if posture is not None and machine.phase != posture:
@@ -98,11 +88,8 @@ def replay(
             if switch is not None:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
-    progress(total, total)
-    velocities = {
-        side: {joint: own[side][signals.VELOCITY.of(joint)] for joint in table.joints if joint in joints}
-        for side, joints in recording.angles.items()
-    }
+    driven = [(side, joint) for side, joint in recording.angles if joint in table.joints]
+    velocities = {(side, joint): own[side][signals.VELOCITY.of(joint)] for side, joint in driven}
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
     return Replay(table, recording, velocities, phases, tuple(switches), assumed)
 
@@ -113,9 +100,9 @@ def _own(
     """Recorded signals of a leg: angles as its boards have them, fast estimates of velocities, the load."""
     sensors, found = SensorParameters(), Signals()
     gain = first_order_gain(TICK, time_constant)
-    for joint in (joint for joint in table.joints if joint in recording.angles[side]):
+    for joint in (joint for joint in table.joints if (side, joint) in recording.angles):
         encoder, measured = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, recording.n_ticks))
-        for tick, value in enumerate(recording.angles[side][joint].tolist()):
+        for tick, value in enumerate(recording.angles[side, joint].tolist()):
             measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
         found[signals.ANGLE.of(joint)], found[signals.VELOCITY.of(joint)] = measured
@@ -138,15 +125,9 @@ def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
     return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
-def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Mapping[Side, str]) -> str:
-    asked = start_phases.get(side)
-    if asked is not None and asked not in table.phases:
-        known = ", ".join(table.phases)
-        raise GaitTableError(
-            f"start phase of the {side} leg: the table {table.name} has no {asked!r}; there are {known}"
-        )
+def _start(recording: Recording, table: GaitTable, side: Side) -> str:
     recorded = str(recording.phases[side][0]) if side in recording.phases else ""
-    return asked or (recorded if recorded in table.phases else table.phase_names[0])
+    return recorded if recorded in table.phases else table.phase_names[0]
 
 
 def _read_by_guards(table: GaitTable) -> Iterator[tuple[str, str]]:
@@ -180,8 +161,6 @@ def replay_log(
     log_format: LogFormat | None = None,
     speed: float | None = None,
     mass: float | None = None,
-    start_phases: Mapping[Side, str] | None = None,
-    progress: Progress = lambda done, total: None,
 ) -> Replay:
     """Replay a walk.
 
@@ -189,23 +168,22 @@ def replay_log(
     packaged table or file, by default that of a run, or ``treadmill``; ``log_format``: columns, units and
     signs of the log; ``speed`` of the belt in [m] / [s] that the table is scaled to, by default that of a
     run, or else the table is taken as it is written; ``mass`` of wearer and device in [kg], for guards on the
-    load of the foot, by default that of a run; ``start_phases``: phase of each leg at the first tick, where
-    it is to be another than the recorded one; ``progress``: called with ticks done and ticks in all, now and
-    then. Raises TwinGaitError if log, table or options have a mistake, or do not fit each other.
+    load of the foot, by default that of a run. Raises TwinGaitError if log, table or options have a mistake,
+    or do not fit each other.
     """
     for name, value in (("speed", speed), ("mass", mass)):
         if value is not None:
             POSITIVE.require(name, value)
     recording, experiment = _open(log, log_format or LogFormat())
     chosen = _table(table, speed, experiment)
-    weight, starts = None if mass is None else mass * PlantParameters().gravity, dict(start_phases or {})
+    weight, starts = None if mass is None else mass * PlantParameters().gravity, dict[Side, str]()
     postures, time_constant = dict[int, str](), SensorParameters().fast_time_constant
     if experiment is not None:
         world, time_constant = experiment.build_world(), experiment.sensors.fast_time_constant
         told, postures = _told(experiment, chosen, recording)
         recording = replace(recording, device={**recording.device, **told})
-        known = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
-        weight, starts = weight or world.body_weight, {**known, **starts}
+        starts = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
+        weight = weight or world.body_weight
     return replay(
         recording,
         chosen,
@@ -213,7 +191,6 @@ def replay_log(
         start_phases=starts,
         postures=postures,
         fast_time_constant=time_constant,
-        progress=progress,
     )
 
 
@@ -226,9 +203,6 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
         return normative_walk(log), None
     if not path.is_dir():
         return read_recording(path, log_format), None
-    for name in (EXPERIMENT_FILE, LOG_FILE):
-        if not (path / name).is_file():
-            raise RunDirectoryError(f"{path}: not a run directory: it has no {name}")
     recording = read_recording(path / LOG_FILE, log_format)
     # What a run does not log of the device stayed as at first: nothing in it moved the signal.
     still = {signal.name: np.full(recording.n_ticks, signal.first) for signal in signals.DEVICE_SIGNALS}

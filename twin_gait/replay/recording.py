@@ -37,7 +37,7 @@ class Recording:
     source: str  # where it comes from, for messages and titles
     start: float  # time of the first tick in [s]
     # of each joint of each leg in [rad], flexion and dorsiflexion positive, shape ``(n,)``
-    angles: Mapping[Side, Mapping[str, np.ndarray]]
+    angles: Mapping[tuple[Side, str], np.ndarray]
     loads: Mapping[Side, np.ndarray]  # normal force of the foot in [N], where it was recorded, shape ``(n,)``
     phases: Mapping[Side, np.ndarray]  # recorded phase by name, where there is one, shape ``(n,)``
     # signals of the device by name in SI, where they were recorded, shape ``(n,)``
@@ -46,12 +46,12 @@ class Recording:
     @property
     def sides(self) -> tuple[Side, ...]:
         """Legs that were recorded."""
-        return tuple(self.angles)
+        return tuple(dict.fromkeys(side for side, _ in self.angles))
 
     @property
     def n_ticks(self) -> int:
         """Number of ticks."""
-        return len(next(iter(next(iter(self.angles.values())).values())))
+        return len(next(iter(self.angles.values())))
 
     @property
     def time(self) -> np.ndarray:
@@ -84,14 +84,14 @@ def at_ticks(samples: Recording, time: np.ndarray) -> Recording:
 
     return replace(
         recorded,
-        angles={side: smooth(joints) for side, joints in samples.angles.items()},
+        angles=smooth(samples.angles),
         loads=smooth(samples.loads),
         phases={side: names[held] for side, names in samples.phases.items()},
         device=smooth(samples.device),
     )
 
 
-def _mistakes(time: np.ndarray, angles: Mapping[Side, Mapping[str, np.ndarray]]) -> Iterator[tuple[str, str]]:
+def _mistakes(time: np.ndarray, angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterator[tuple[str, str]]:
     """What is wrong with the instants of a log, then with the unit or sign of its angles: key and text."""
     if len(time) < 2:
         yield "time", f"expected at least two samples, got {len(time)}"
@@ -104,15 +104,14 @@ def _mistakes(time: np.ndarray, angles: Mapping[Side, Mapping[str, np.ndarray]])
     if steps[row] > max(LONGEST_GAP, GAP_ROWS * float(np.median(steps))):
         text = f"has no rows for {steps[row]:.3g} s from {time[row]:g} s on (row {row + 1}); cut it there"
         yield "time", text
-    for side, joints in angles.items():
-        for joint, values in joints.items():
-            degrees = np.degrees(values)
-            if np.abs(degrees).max() > LARGEST_ANGLE:
-                text = f"reaches {np.abs(degrees).max():.4g} deg; are the --units of the log right?"
-                yield f"{side} {joint}", text
-            if joint == JointName.KNEE and degrees.min() < FURTHEST_BACKWARDS:
-                text = f"bends backwards by {-degrees.min():.0f} deg; flexion must come out positive"
-                yield f"{side} {joint}", f"{text}, so choose the --convention and --units of the log"
+    for (side, joint), values in angles.items():
+        degrees = np.degrees(values)
+        if np.abs(degrees).max() > LARGEST_ANGLE:
+            text = f"reaches {np.abs(degrees).max():.4g} deg; are the --units of the log right?"
+            yield f"{side} {joint}", text
+        if joint == JointName.KNEE and degrees.min() < FURTHEST_BACKWARDS:
+            text = f"bends backwards by {-degrees.min():.0f} deg; flexion must come out positive"
+            yield f"{side} {joint}", f"{text}, so choose the --convention and --units of the log"
 
 
 TIME = "time"
@@ -175,13 +174,13 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
         return np.radians(numbers) if _unit_of(column, table, log_format, convention) == DEGREES else numbers
 
     def of_legs(kind: str, read: Callable[[str], np.ndarray]) -> dict[Side, np.ndarray]:
-        named = {side: f"{side}_{kind}" for side in angles}
+        named = {side: f"{side}_{kind}" for side, _ in angles}
         return {side: read(found[name]) for side, name in named.items() if name in found}
 
-    angles = dict[Side, dict[str, np.ndarray]]()
+    angles = dict[tuple[Side, str], np.ndarray]()
     for name, (side, joint) in _ANGLES.items():
         if name in found:
-            angles.setdefault(side, {})[joint] = convention.turned(joint, radians(found[name]))
+            angles[side, joint] = convention.turned(joint, radians(found[name]))
     loads, phases = of_legs("foot_normal_force", table.numbers), of_legs("phase", table.words)
     device = {
         signal.name: (radians if signal.column.endswith("_rad") else table.numbers)(found[name])
@@ -250,8 +249,8 @@ def normative_walk(name: str, *, strides: int = 8) -> Recording:
         curve = partial(reference.reference_curve, speed=speed, height=height)
         joints, cycle_time = tuple(JointName), reference.reference_cycle_time(speed, height)
     time = np.arange(round(strides * cycle_time / TICK)) * TICK
-    angles = {}
+    angles = dict[tuple[Side, str], np.ndarray]()
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
         percent = reference.CYCLE * np.mod(time / cycle_time + lead, 1.0)
-        angles[side] = {str(joint): curve(joint, percent) for joint in joints}
+        angles |= {(side, joint): curve(joint, percent) for joint in joints}
     return Recording(name, 0.0, angles, {}, {})

@@ -10,44 +10,20 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from twin_gait.files import finite_or_none, write_atomically, write_json
+from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
-from twin_gait.palette import BLACK, JOINT_COLOURS
+from twin_gait.measures.phases import phase_entries, phase_spells
+from twin_gait.palette import JOINT_COLOURS
 from twin_gait.replay.machine import Replay
 from twin_gait.report import canvas
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
 SHOWN_TICKS = 6000
 WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
-
-
-def agreement(result: Replay) -> dict[Side, dict[str, Any]]:
-    """Replayed against recorded phases of each leg whose phases were recorded.
-
-    ``equal_share`` of the ticks; ``entry_lags_s``: for each phase of the table the time by which the replay
-    enters it later than the record, for every recorded entry; None for one without a partner.
-    """
-    names, found = result.table.phase_names, {}
-    for side, recorded in result.recording.phases.items():
-        ours, theirs = result.phases[side], pd.Index(names).get_indexer(pd.Index(recorded))
-        lags = {}
-        for index, name in enumerate(names):
-            # entry_lags counts what begins before the event as positive; a late replay is positive here.
-            early = entry_lags(_entries(ours, index), _entries(theirs, index), TICK)
-            lags[name] = [finite_or_none(0.0 - lag) for lag in early]
-        found[side] = {"equal_share": float(np.mean(ours == theirs)), "entry_lags_s": lags}
-    return found
-
-
-def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
-    """Entries into a phase, without the stay that the record begins with."""
-    entries = phase_entries(phases, phase)
-    return entries[entries > 0]
 
 
 Stride = tuple[int, int, tuple[int, ...]]  # first tick, that of the next stride, and its phases in order
@@ -58,10 +34,10 @@ def stride_phases(phases: np.ndarray) -> list[Stride]:
 
     ``phases``: index of the phase at each tick, shape ``(n,)``.
     """
-    spells = phase_spells(phases)
+    spells, entries = phase_spells(phases), phase_entries(phases, 0)
     return [
         (int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
-        for start, end in pairwise(_entries(phases, 0))
+        for start, end in pairwise(entries[entries > 0])  # a stay that the record begins with is no entry
     ]
 
 
@@ -77,31 +53,32 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
     """Results of a replay as plain numbers.
 
     Returned by leg: strides and how many pass through a whole cycle of the table, switches by cause, and the
-    agreement with recorded phases where there are some.
+    share of the ticks whose phase is the recorded one, where there is one.
     """
-    names, compared = result.table.phase_names, agreement(result)
+    names, recorded = np.array(result.table.phase_names), result.recording.phases
     cycles, sides = meant_cycles(result.table), {}
     for side in result.recording.sides:
-        strides, own = stride_phases(result.phases[side]), (x for x in result.switches if x.side is side)
+        phases, own = result.phases[side], (item for item in result.switches if item.side is side)
+        strides = stride_phases(phases)
         # Into postures first, then in the order of the table.
         counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
         mean = TICK * (strides[-1][1] - strides[0][0]) / len(strides) if strides else None
         sides[str(side)] = {
             "strides": len(strides),
-            "strides_with_the_whole_cycle": sum(phases in cycles for _, _, phases in strides),
+            "strides_with_the_whole_cycle": sum(passed in cycles for _, _, passed in strides),
             "stride_time_mean_s": mean,
             "switches": [
                 {"from": source, "to": target, "cause": cause, "count": count}
                 for (_, source, target, cause), count in sorted(counts.items())
             ],
-            "agreement": compared.get(side),
+            "equal_share": float(np.mean(names[phases] == recorded[side])) if side in recorded else None,
         }
     return {
         "log": result.recording.source,
         "table": result.table.name,
         "duration_s": result.recording.n_ticks * TICK,
         "assumed_signals": dict(result.assumed),
-        "cycles": [[names[index] for index in cycle] for cycle in sorted(cycles)],
+        "cycles": [names[list(cycle)].tolist() for cycle in sorted(cycles)],
         "sides": sides,
     }
 
@@ -120,7 +97,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     switches = switches_csv(
         result.switches,
         joints_of(result),
-        lambda side, joint, name: measured[name][side][joint],
+        lambda side, joint, name: measured[name][side, joint],
         recording.start,
     )
     with staged_directory(target, REPLAY, force=force) as staging:
@@ -133,8 +110,8 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
 
 def joints_of(result: Replay) -> list[str]:
     """Joints of the table that were recorded."""
-    legs = result.recording.angles.values()
-    return [joint for joint in result.table.joints if all(joint in angles for angles in legs)]
+    angles, sides = result.recording.angles, result.recording.sides
+    return [joint for joint in result.table.joints if all((side, joint) in angles for side in sides)]
 
 
 def replay_figure(result: Replay) -> Figure:
@@ -147,7 +124,7 @@ def replay_figure(result: Replay) -> Figure:
     figure.suptitle(f"{Path(recording.source).name} through the gait table {result.table.name}")
     shape = len(heights), len(recording.sides)
     panels = figure.subplots(*shape, sharex=True, sharey="row", squeeze=False, height_ratios=heights)
-    lines, occurring = list[Artist](), set[int]()
+    lines = list[Artist]()
     for column, side in zip(panels.T, recording.sides, strict=True):
         rows = [("replayed", result.phases[side][-SHOWN_TICKS:])]
         if side in recording.phases:
@@ -156,9 +133,8 @@ def replay_figure(result: Replay) -> Figure:
         for axes, joint in zip(column, joints, strict=False):
             canvas.style_panel(axes, "", canvas.flexion(joint))
             canvas.shade_phases(axes, time, rows[0][1], names)
-            angle = np.degrees(recording.angles[side][joint][-SHOWN_TICKS:])
-            colour = JOINT_COLOURS[JointName(joint)] if joint in set(JointName) else BLACK
-            lines += axes.plot(time, angle, color=colour, label=f"{joint} angle")
+            angle = np.degrees(recording.angles[side, joint][-SHOWN_TICKS:])
+            lines += axes.plot(time, angle, color=JOINT_COLOURS[JointName(joint)], label=f"{joint} angle")
         causes = {"transform": column[0].get_xaxis_transform(), "rotation": 90, "size": "x-small"}
         for switch in result.switches:
             place = recording.start + switch.time
@@ -166,6 +142,5 @@ def replay_figure(result: Replay) -> Figure:
                 column[0].text(place, 1.03, canvas.readable(switch.cause), ha="center", **causes)
         canvas.draw_phase_bars(column[-1], time, rows, names, height=0.8, linewidth=0)
         column[-1].set_xlabel(f"{side} leg, time [s]")
-        occurring.update(*(phases.tolist() for _, phases in rows))
-    canvas.put_legend(figure, lines, canvas.phase_handles(names, np.array(list(occurring))))
+    canvas.put_legend(figure, lines, canvas.phase_handles(names, np.arange(len(names))))
     return figure
