@@ -127,8 +127,9 @@ def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int
     rows = []
     for tick in range(ticks):
         if tick in switches:
-            e.controller.legs[0].chosen = switches.index(tick) + 1
-            phases._switch(e, 0, tick)
+            transition = switches.index(tick) + 1
+            target = e.controller.program.transitions[transition].target
+            phases._enter(e, 0, tick, target, transition)
         phases._blend(e, 0, tick)
         rows.append(parameters(e))
     assert parameters(e, 1) == parameters(legs, 1)  # the other leg is left alone

@@ -314,10 +314,9 @@ def test_the_gravity_kernel(device, device_library):
         assert bits(ours) == bits(theirs)
 
 
-def test_the_whole_unit_tick_by_tick(device):
-    """Wild inputs, until and after the monitor has tripped; state and outputs at every tick."""
-    require_tools("gcc")
-    episode, structure, kernel = device.episode, device.structure, device.kernel
+def whole_unit(device: Device) -> tuple[units.Exoskeleton, Any, Any, Program]:
+    """Boards and gait controller as one unit, with its inputs, its outputs and its C."""
+    episode = device.episode
     settings = units.Settings(episode.rates, episode.limits, True)
     boards = [copy.deepcopy(joint.board) for joint in episode.joints]
     ours = units.Exoskeleton(settings, boards, copy.deepcopy(episode.controller))
@@ -328,14 +327,22 @@ def test_the_whole_unit_tick_by_tick(device):
         [units.Demand() for _ in boards], [units.Command() for _ in boards], units.Decision([0, 0], [0, 0])
     )
     unit = TranslationUnit("exoskeleton", [units.exoskeleton_step], {"exoskeleton": ours})
-    program = print_units([unit], {**structure, **CALLED}, device.text, [inputs, outputs])
+    constants = {**device.structure, **CALLED}
+    return ours, inputs, outputs, print_units([unit], constants, device.text, [inputs, outputs])
+
+
+def test_the_whole_unit_tick_by_tick(device):
+    """Wild inputs, until and after the monitor has tripped; state and outputs at every tick."""
+    require_tools("gcc")
+    structure, kernel = device.structure, device.kernel
+    ours, inputs, outputs, program = whole_unit(device)
     library, step = Library(program), bind(units.exoskeleton_step, {**structure, **kernel})
     draw = random.Random(6)
     for _ in range(4):
         theirs, found = copy.deepcopy(ours), copy.deepcopy(ours)
         state = library.structure(theirs)
         expected, given = copy.deepcopy(outputs), copy.deepcopy(outputs)
-        angle, trips = [board.encoder.angle for board in boards], set()
+        angle, trips = [board.encoder.angle for board in ours.boards], set()
         for tick in range(1500):
             wild = 0.02 if tick > 700 else 0.0
             angle = [x + draw.uniform(-2e-3, 2e-3) for x in angle]
@@ -359,7 +366,7 @@ def test_the_whole_unit_tick_by_tick(device):
 
 
 def test_what_nobody_writes_to_is_a_table_in_flash(device):
-    text = device.program.files["types.h"]
+    text = whole_unit(device)[-1].files["types.h"]
     assert "const Setpoint *setpoints;" in text and "Setpoint blended;" in text
     assert "const TransitionRule *transitions;" in text and "    int32_t target;" in text
 

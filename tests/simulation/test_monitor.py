@@ -177,7 +177,7 @@ def kept(e: Episode) -> tuple[int, int, int]:
 
 def test_there_is_a_case_of_every_cause_that_the_monitor_can_give():
     names = {name.removesuffix("_TRIP") for name in vars(safety) if name.endswith("_TRIP")}
-    elsewhere = {"NO", "OPERATOR", "COMMAND", "PHASE_TIME_OUT", "BUS"}  # have tests of their own
+    elsewhere = {"NO", "OPERATOR", "COMMAND", "PHASE", "BUS"}  # have tests of their own
     assert {name.split()[0] for name in CASES} == names - elsewhere
 
 
@@ -304,7 +304,7 @@ def sag(e: Episode) -> None:
 
 IN_ORDER = [
     (lambda e: disobey(e, 3), "DRIVE", 3),
-    (lambda e: stay(e, 1), "PHASE_TIME_OUT", 4 + 1),
+    (lambda e: stay(e, 1), "PHASE", 4 + 1),
     (lambda e: stand_still(e, 0), "LOAD", 4 + 0),  # a later room, though an earlier leg
     (sag, "SUPPLY", -1),
 ]
