@@ -50,8 +50,8 @@ Command = Callable[[argparse.Namespace], int]
 def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentParser:
     """Add a command whose help and description are the docstring of what runs it."""
     summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
-    text = summary[:1].lower() + summary[1:].rstrip(".")
-    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=" ".join(rest.split()))
+    text, about = summary[:1].lower() + summary[1:].rstrip("."), " ".join(rest.split()) or summary
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=about)
     parser.set_defaults(run=run)
     return parser
 
