@@ -51,12 +51,12 @@ def texts(figure):
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_for_print_is_legible_and_nothing_leaves_it(walk, name, width):
-    figure, caption = draw_for_paper(walk, name, width)
+    figure = draw_for_paper(walk, name, width)
     assert figure.get_figwidth() * 25.4 == pytest.approx(width)
     assert figure.get_suptitle() == ""
     for letter, axes in zip("abcdefg", figure.axes, strict=False):
         assert axes.get_title(loc="left").startswith(rf"$\mathbf{{{letter}}}$")
-        assert axes.get_title() == "" and f"({letter}) " in caption
+        assert axes.get_title() == ""
     figure.draw_without_rendering()
     whole = figure.bbox
     # Tick labels outside of the range of an axis are not drawn.
@@ -89,7 +89,7 @@ def test_letters_of_a_pdf_are_truetype_and_its_size_is_that_of_print(walk, tmp_p
 def test_a_figure_gives_the_same_file_each_time(walk, tmp_path):
     for form in ("pdf", "svg"):
         first, second = (
-            save(draw_for_paper(walk, "torques", 174)[0], tmp_path / f"{number}.{form}").read_bytes()
+            save(draw_for_paper(walk, "torques", 174), tmp_path / f"{number}.{form}").read_bytes()
             for number in (1, 2)
         )
         assert first == second and first.count(b"2026-") == 0
@@ -118,8 +118,7 @@ def test_what_cannot_be_drawn_is_said(walk, bench, tmp_path):
 def test_plot_writes_what_was_asked_for(folder, tmp_path, capsys):
     out = tmp_path / "angles.svg"
     assert main(["plot", str(folder), "--figure", "joint_angles", "--out", str(out)]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith(str(out)) and "(a) right hip" in said
+    assert capsys.readouterr().out == f"{out}\n"
     assert out.read_text().lstrip().startswith("<?xml")
     assert main(["plot", str(folder), "--figure", "torques", "--format", "pdf", "--width", "174"]) == 0
     assert (folder / "figures" / "torques-174mm.pdf").read_bytes().startswith(b"%PDF")

@@ -157,7 +157,7 @@ def plot(arguments: argparse.Namespace) -> int:
     """Draw figures of a run for a paper.
 
     Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
-    inside; what the title would say is printed, for the caption.
+    inside.
     """
     from twin_gait.report.canvas import FIGURES_FOLDER, save
     from twin_gait.report.figures import available_figures, draw_for_paper
@@ -175,9 +175,9 @@ def plot(arguments: argparse.Namespace) -> int:
         folder.mkdir(exist_ok=True)
     for path in paths.values():
         options.check_file("--out", path, force=arguments.force, form=kind)
-    for name, (figure, caption) in drawn.items():
+    for name, figure in drawn.items():
         save(figure, paths[name], form=kind, resolution=RESOLUTION)
-        print(f"{paths[name]}\n  {caption}")
+        print(paths[name])
     return DONE
 
 

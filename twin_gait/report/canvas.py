@@ -89,14 +89,6 @@ def readable(name: str) -> str:
     return name.replace("_", " ")
 
 
-def amount(value: float | None, unit: str = "") -> str:
-    """A number with its unit and as many places as a person reads; a dash for None."""
-    if value is None:
-        return "–"
-    places = 0 if abs(value) >= 100.0 else 1 if abs(value) >= 10.0 else 2
-    return f"{value:.{places}f} {unit}".strip()
-
-
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
     """Put one legend under all panels, where it covers nothing: lines and areas, then phases.
 
@@ -191,7 +183,7 @@ def flexion(joint: str) -> str:
 
 
 class Sheet:
-    """A picture of a run in the making; its label says what it shows and of which run.
+    """A picture of a run in the making; on a screen its title says what it shows and of which run.
 
     What it labels goes into one legend under all panels.
 
@@ -218,7 +210,6 @@ class Sheet:
         about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
         text = "\n".join(filter(None, (title, about, " · ".join(events))))
         self.figure = Figure(figsize=size, layout="constrained")
-        self.figure.set_label(text)
         if size[0] >= SCREEN_WIDTH:
             self.figure.suptitle(text, fontsize="large")
 

@@ -79,20 +79,20 @@ def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
     return figure
 
 
-def draw_for_paper(run: Run, name: str, width: float) -> tuple[Figure, str]:
+def draw_for_paper(run: Run, name: str, width: float) -> Figure:
     """Draw one picture in the size of print: no title inside, a letter on each panel.
 
     ``run``: the run, with at least two rows in its log; ``name``: one of ``FIGURES``; ``width`` in [mm];
-    usual are ``WIDTHS``. Returns the figure, and for its caption what it shows, as a whole and panel by
-    panel. Raises ParameterError if there is no such picture, none of this run, or the width is out of range.
+    usual are ``WIDTHS``. Raises ParameterError if there is no such picture, none of this run, or the width is
+    out of range.
     """
     if not NARROWEST <= width <= WIDEST:
         raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width:g}")
     with mpl.rc_context(_PRINT):
         figure = draw_figure(run, name, width=width / INCH)
-        caption = _letter_panels(figure)
+        _letter_panels(figure)
     _size(figure)
-    return figure, caption
+    return figure
 
 
 def plot_run(
@@ -118,22 +118,18 @@ def plot_run(
     path = None if out is None else Path(out)
     if path is not None and path.suffix[1:] not in FORMATS:
         raise ParameterError(f"out: expected a name ending in .{', .'.join(FORMATS)}, got {path.name!r}")
-    drawn = draw_figure(run, figure) if width_mm is None else draw_for_paper(run, figure, width_mm)[0]
+    drawn = draw_figure(run, figure) if width_mm is None else draw_for_paper(run, figure, width_mm)
     if path is not None:
         save(drawn, path)
     return drawn
 
 
-def _letter_panels(figure: Figure) -> str:
-    """Letters and a few words in the place of the panels' titles; what the titles said."""
-    parts = [str(figure.get_label()).replace("\n", "; ")]
+def _letter_panels(figure: Figure) -> None:
+    """Letters and a few words in the place of the panels' titles."""
     for letter, axes in zip(ascii_lowercase, figure.axes, strict=False):
-        title = axes.get_title()
-        parts.append(f"({letter}) {title}")
+        short = re.split("[,:]", axes.get_title())[0]
         axes.set_title("")
-        short = re.split("[,:]", title)[0]
         axes.set_title(rf"$\mathbf{{{letter}}}$  {short}", loc="left", fontsize="medium", pad=3.0)
-    return ". ".join(parts) + "."
 
 
 def _size(figure: Figure) -> None:

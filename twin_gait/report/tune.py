@@ -1,4 +1,4 @@
-"""Pictures and page of a tuning: gait before and after, trade-offs, convergence."""
+"""Pictures and page of a tuning: gait before and after, trade-offs."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report import canvas
 from twin_gait.report.canvas import draw_cycle_curve, put_legend, style_panel
-from twin_gait.report.pages import paragraphs, render
+from twin_gait.report.pages import lines, render
+from twin_gait.report.walk_words import amount
 from twin_gait.vocabulary import Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
@@ -32,22 +32,20 @@ def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
     content = {
         **_content(outcome),
         "title": f"A gait table tuned to {outcome['wearer']}",
-        "summary": paragraphs("tune.txt", _content(outcome)),
         "pictures": pictures,
     }
     return render("tune.html", content)
 
 
 def summary(outcome: Outcome) -> list[str]:
-    """What the tuning found and what the search took, in paragraphs."""
-    content = _content(outcome)
-    return [*paragraphs("tune.txt", content), *paragraphs("tune_search.txt", content)]
+    """What the tuning found and what the search took, for a terminal."""
+    return lines("tune.txt", _content(outcome))
 
 
 def _content(outcome: Outcome) -> dict[str, Any]:
     known = {name: value for name, value in outcome.items() if name != "version"}
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**known, "errors": errors, "amount": canvas.amount}
+    return {**known, "errors": errors, "amount": amount}
 
 
 def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
@@ -58,7 +56,6 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     return {
         "gait": draw_gait(curves),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
-        "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
     }
 
 
@@ -120,23 +117,4 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
         style_panel(axes, "", error if column == 1 else "")
         axes.set_xlabel(label)
     put_legend(figure, [Line2D([], [], linestyle="none", **style) for _, style in groups])
-    return figure
-
-
-def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -> Figure:
-    """Draw where the search stands after each generation and the median of what it tried; the start is 0.
-
-    ``worst``: cost of the worst walk; a median above it, of falls, is drawn there.
-    """
-    figure, (axes,) = _figure(3.4)
-    best, median = convergence["best"], np.minimum(convergence["median"], worst)
-    label = "median of a generation"
-    axes.plot(range(1, len(median)), median[1:], "o", color=BEFORE_COLOUR, markersize=4, label=label)
-    axes.step(range(len(best)), best, where="post", color=AFTER_COLOUR, label="best so far")
-    axes.plot(0, best[0], "s", color=BLACK, markersize=5, label="start of the search")
-    axes.set_ylim(bottom=0.0)
-    style_panel(axes, "convergence", "cost")
-    axes.set_xlabel("generation")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(frameon=False)
     return figure
