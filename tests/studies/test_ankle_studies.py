@@ -88,9 +88,7 @@ def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
     curves = gait_curves(experiment, {"before": table, "after": table}, 8.0)
     assert list(curves) == [*JOINTS]
     figure = pictures.draw_gait(curves)
-    assert [axes.get_ylabel() for axes in figure.axes] == [
-        "hip flexion [°]", "knee flexion [°]", "ankle dorsiflexion [°]"
-    ]  # fmt: skip
+    assert [axes.get_title() for axes in figure.axes] == ["hip [°]", "knee [°]", "ankle [°]"]
     nothing = {"candidates": [], "before": [9.0, 24.0, 9.5], "after": [8.0, 24.0, 9.5]}
     labels = [axes.get_ylabel() for axes in pictures.draw_trade_offs(nothing, JOINTS).axes]
     assert labels[0] == "error: RMS of hip, knee and ankle [°]"

@@ -18,6 +18,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from twin_gait.files import write_atomically
@@ -96,9 +97,7 @@ def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist]
     """
     entries = list({str(item.get_label()): item for item in (*lines, *phases)}.values())
     columns = min(len(entries), int(figure.get_figwidth() / LEGEND_COLUMN))
-    # matplotlib fills a legend column by column.
-    handles = [item for column in range(columns) for item in entries[column::columns]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+    figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
 
 
 def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTION) -> bytes:
@@ -282,6 +281,25 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
     axes.set_xlim(PERCENT[0], PERCENT[-1])
     axes.set_xlabel("share of the gait cycle [%]")
     return list(axes.plot(PERCENT, angles, **style))
+
+
+def draw_mean_cycles(
+    curves: Mapping[str, Mapping[str, np.ndarray]],
+    styles: Mapping[str, Mapping[str, Any]],
+    size: tuple[float, float],
+) -> Figure:
+    """Draw mean cycles beside each other, a panel for each place.
+
+    ``curves``: of each place by name, in [deg] at ``PERCENT``; ``styles`` of the names; ``size`` in inches.
+    """
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(1, len(curves), squeeze=False)[0]
+    for axes, (place, known) in zip(panels, curves.items(), strict=True):
+        for name, curve in known.items():
+            draw_cycle_curve(axes, curve, **styles[name])
+        style_panel(axes, f"{place} [°]", "")
+    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in styles.items()])
+    return figure
 
 
 def draw_phase_bars(

@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report import canvas
-from twin_gait.report.canvas import draw_cycle_curve, put_legend, style_panel
+from twin_gait.report.canvas import put_legend, style_panel
 from twin_gait.report.pages import lines, render
 from twin_gait.report.walk_words import amount
 from twin_gait.vocabulary import Side
@@ -59,27 +58,16 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     }
 
 
-def _figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(canvas.SCREEN_WIDTH, height), layout="constrained")
-    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
-
-
 def draw_gait(curves: Curves) -> Figure:
     """Draw mean cycles before and after.
 
     ``curves`` by joint: ``reference`` and such as ``before left``, in [deg] at ``PERCENT``.
     """
-    figure, panels = _figure(4.2, columns=len(curves))
     styles: dict[str, dict[str, Any]] = {"reference": {"color": REFERENCE_COLOUR, "linewidth": 2.2}}
     for which, colour in (("before", BEFORE_COLOUR), ("after", AFTER_COLOUR)):
         for side, line in _SIDE_LINES.items():
             styles[f"{which} {side}"] = {"color": colour, "linewidth": 1.5, "linestyle": line}
-    for axes, (joint, known) in zip(panels, curves.items(), strict=True):
-        for name, curve in known.items():
-            draw_cycle_curve(axes, curve, **styles[name])
-        style_panel(axes, f"{joint}, mean stride from foot contact", canvas.flexion(joint))
-    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in styles.items()])
-    return figure
+    return canvas.draw_mean_cycles(curves, styles, (canvas.SCREEN_WIDTH, 4.2))
 
 
 def non_dominated(points: np.ndarray) -> np.ndarray:
@@ -98,7 +86,8 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
     ``trade_offs``: ``candidates``, ``before`` and ``after``, see
     :func:`twin_gait.studies.tune.walks.standing`.
     """
-    figure, panels = _figure(5.0, columns=2)
+    figure = Figure(figsize=(canvas.SCREEN_WIDTH, 5.0), layout="constrained")
+    panels = figure.subplots(1, 2)
     tried, before, after = (
         np.array(trade_offs[name], dtype=float).reshape(-1, 3) for name in ("candidates", "before", "after")
     )

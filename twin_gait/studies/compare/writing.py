@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.strides import normalise_strides
 from twin_gait.palette import REFERENCE_COLOUR
-from twin_gait.report.canvas import draw_cycle_curve, picture_bytes, put_legend, style_panel
+from twin_gait.report.canvas import draw_mean_cycles, picture_bytes
 from twin_gait.report.pages import render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import describe, lines_of
@@ -119,25 +118,20 @@ def figure_of(comparison: Comparison) -> Figure:
     nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
     strode = nominal.reindex(columns=["stride_time_s"]).dropna().index
     walked = [item for item in comparison.controllers if item.name in strode]
-    places = list(product(comparison.experiment.joints, Side))
-    figure = Figure(figsize=(13.0 * len(places) / 6, 3.3), layout="constrained")
-    panels = figure.subplots(1, len(places), squeeze=False)[0]
-    lines: list[Artist] = []
-    for axes, (joint, side) in zip(panels, places, strict=True):
+    healthy = "healthy, same speed"
+    styles = {item.title: {"color": item.colour, "linewidth": 1.5} for item in walked}
+    styles[healthy] = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
+    curves = dict[str, dict[str, np.ndarray]]()
+    for joint, side in product(comparison.experiment.joints, Side):
+        place = curves[f"{side} {joint}"] = {}
         for item in walked:
             record = comparison.runs[item.name].leg_record(side)
-            cycles = np.degrees(normalise_strides(record.angles[joint], record.strides()))
-            style: dict[str, Any] = {"color": item.colour, "linewidth": 1.5, "label": item.title}
-            lines += draw_cycle_curve(axes, cycles.mean(axis=0), **style)
+            cycles = normalise_strides(record.angles[joint], record.strides())
+            place[item.title] = np.degrees(cycles.mean(axis=0))
         reference = reference_cycle(comparison.experiment, joint)
         if reference is not None:
-            style = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
-            lines += draw_cycle_curve(axes, np.degrees(reference), **style, label="healthy, same speed")
-        style_panel(axes, f"{side} {joint} [°]", "")
-        axes.set_xlabel("stride [%]")
-    if lines:
-        put_legend(figure, lines)
-    return figure
+            place[healthy] = np.degrees(reference)
+    return draw_mean_cycles(curves, styles, (13.0 * len(curves) / 6, 3.3))
 
 
 def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
