@@ -25,7 +25,7 @@ from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
 from twin_gait.report.canvas import STRIP_OPACITY, end_or_events, last_strides
-from twin_gait.report.figures import FIGURES, draw_figure, write_figures
+from twin_gait.report.figures import FIGURES, plot_run, write_figures
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import (
     draw_angles,
@@ -117,7 +117,7 @@ def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
 def test_between_fixed_margins_nothing_is_cut_off_or_covered(
     walk: Run, tripped: Run, name: str, tripped_too: bool
 ) -> None:
-    figure = draw_figure(tripped if tripped_too else walk, name)
+    figure = plot_run(tripped if tripped_too else walk, name)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
@@ -172,7 +172,7 @@ def test_currents_show_the_current_at_the_torque_limit(walk: Run) -> None:
     knee = next(index for index, axes in enumerate(figure.axes) if axes.get_title() == "left knee")
     shown = float(np.asarray(line(figure, knee, "current at the torque limit").get_ydata())[0])
     assert shown == pytest.approx(60.0 / 7.05)
-    (power,) = (item for item in draw_figure(walk, "battery").axes[0].get_lines()
+    (power,) = (item for item in plot_run(walk, "battery").axes[0].get_lines()
                 if item.get_label() == "battery power")  # fmt: skip
     assert set(np.unique(np.asarray(power.get_ydata()))) <= {100.0, -20.0}
 

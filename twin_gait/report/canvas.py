@@ -33,7 +33,6 @@ from twin_gait.report.walk_words import describe
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
-FORMATS = ("pdf", "svg", "png")
 FIGURES_FOLDER = "figures"
 RESOLUTION = 130  # [dots per inch]
 BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
