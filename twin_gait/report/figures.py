@@ -10,7 +10,6 @@ from string import ascii_lowercase
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
 
 from twin_gait.exceptions import ParameterError
@@ -114,8 +113,6 @@ def _size(figure: Figure) -> None:
     for line in [*legend.get_lines(), *(line for axes in figure.axes for line in axes.get_lines())]:
         line.set_linewidth(_THINNER * line.get_linewidth())
         line.set_markersize(_THINNER * line.get_markersize())
-    for item in (item for axes in figure.axes for item in axes.collections):
-        item.set_linewidth((_THINNER * np.asarray(item.get_linewidth())).tolist())
     for axes in figure.axes:
         axes.locator_params(nbins=5)
 
