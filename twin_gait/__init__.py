@@ -4,7 +4,7 @@
     >>> run = simulate(load_experiment("treadmill").experiment)  # doctest: +SKIP
     >>> run.log["left_knee_angle_rad"].max()  # doctest: +SKIP
     >>> run.save("runs/walk")  # doctest: +SKIP
-    >>> run.plot("gait_cycle", width_mm=85, out="cycle.pdf")  # doctest: +SKIP
+    >>> run.plot("gait_cycle").savefig("cycle.png")  # doctest: +SKIP
 
 Not a medical device.
 """

@@ -340,7 +340,7 @@ def test_accuracy_of_a_run_that_did_not_complete_is_said_to_be_missing(tmp_path,
 
 def test_wearer_belt_and_support_have_flags_of_their_own(tmp_path):
     out = tmp_path / "run"
-    flags = ["--mass", "80", "--height", "1.8", "--speed", "1.8", "--support", "50%"]
+    flags = ["--mass", "80", "--height", "1.8", "--speed", "1.8", "--support", "0.5"]
     assert run("simulate", "--duration", "0.02", *flags, "--out", str(out), *FAST) == 0
     made = load_experiment(out).experiment
     assert (made.patient.mass, made.patient.height) == (80.0, 1.8)

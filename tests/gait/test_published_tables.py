@@ -381,7 +381,7 @@ def drawn_texts(svg: str) -> list[str]:
 
 @pytest.mark.parametrize("path", sorted(DOCS.glob("*.svg")), ids=lambda path: path.stem)
 def test_drawings_in_the_documentation_are_those_of_the_shipped_tables(path: Path) -> None:
-    """If this fails, draw it again: twin-gait diagram NAME --format svg --out docs/images --force."""
+    """If this fails, draw it again: twin-gait diagram NAME --format svg > docs/images/NAME.svg."""
     if path.stem not in packaged_gait_tables():
         pytest.skip("not the drawing of a gait table")
     expected = state_diagram_svg(load_gait_table(path.stem))

@@ -24,9 +24,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
-from twin_gait.cli import main
 from twin_gait.cli import tables as command
-from twin_gait.cli.terminal import BAD_INPUT
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
@@ -587,38 +585,11 @@ def test_command_prints_a_format(capsys: pytest.CaptureFixture[str]) -> None:
         assert capsys.readouterr().out == text
 
 
-def test_command_writes_all_formats_into_a_folder(tmp_path: Path) -> None:
-    folder = tmp_path / "new" / "drawings"
-    assert twin_gait_diagram("sup_2009", "--out", str(folder)) == 0
-    names = {"sup_2009.svg", "sup_2009.mmd", "sup_2009_transitions.md", "sup_2009_truth.md"}
-    assert {path.name for path in folder.iterdir()} == names
-    assert (folder / "sup_2009_truth.md").read_text("utf-8") == truth_table(TABLES["sup_2009"])
-
-
-def test_command_does_not_replace_files_unless_told(tmp_path: Path) -> None:
-    standing = tmp_path / "sup_2009_truth.md"
-    standing.write_text("mine")
-    with pytest.raises(TwinGaitError, match="--force"):
-        twin_gait_diagram("sup_2009", "--out", str(tmp_path))
-    assert [path.name for path in tmp_path.iterdir()] == ["sup_2009_truth.md"]
-    assert twin_gait_diagram("sup_2009", "--out", str(tmp_path), "--force", "--format", "truth") == 0
-    assert standing.read_text("utf-8") == truth_table(TABLES["sup_2009"])
-    assert len(list(tmp_path.iterdir())) == 1
-
-
 def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> None:
     with pytest.raises(TwinGaitError, match=r"moonwalk.*: neither a file nor one of .*treadmill"):
         twin_gait_diagram("moonwalk")
     broken = tmp_path / "broken.yaml"
     broken.write_text("schema_version: 1\njoints: [hip]\nphases: {}\ntransitions: []\n")
     with pytest.raises(TwinGaitError, match=r"broken\.yaml: phases") as caught:
-        twin_gait_diagram(str(broken), "--out", str(tmp_path / "never"))
+        twin_gait_diagram(str(broken))
     assert len(str(caught.value).splitlines()) == 1
-    assert not (tmp_path / "never").exists()
-
-
-def test_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys) -> None:
-    (tmp_path / "file").write_text("")
-    assert main(["diagram", "treadmill", "--out", str(tmp_path / "file" / "folder")]) == BAD_INPUT
-    said = capsys.readouterr().err
-    assert "file/folder: Not a directory" in said and said.count("\n") == 1

@@ -10,7 +10,7 @@ from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
 from twin_gait.report.canvas import write_figures_page
-from twin_gait.report.pages import TEMPLATES, paragraphs, render
+from twin_gait.report.pages import TEMPLATES, render
 
 
 def test_what_is_filled_in_is_escaped_and_nothing_is_loaded(tmp_path: Path) -> None:
@@ -34,16 +34,6 @@ def test_figures_are_turned_dark_with_the_page() -> None:
 def test_a_number_that_a_template_misses_is_an_error() -> None:
     with pytest.raises(UndefinedError, match="found_better"):
         render("tune.txt", {})
-
-
-def test_paragraphs_are_apart_by_blank_lines() -> None:
-    effort = {"candidates": 12, "generations": 1, "elapsed_s": 60.0}
-    content = {"effort": effort, "convergence": {"best": [2.0, 1.0]}}
-    (text,) = paragraphs("tune_search.txt", content)
-    assert text == (
-        "Damped least squares: 12 candidates in 1 generation; the best cost went from 2.00 to 1.00. "
-        "It took 1.0 minutes."
-    )
 
 
 def test_every_page_has_the_one_layout() -> None:

@@ -16,8 +16,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.parameters import quantities
-from twin_gait.report.sweep import _suffix, axis_of, cell_means, label_of, names_of, unit_of_column, values_of
+from twin_gait.report.sweep import axis_of, cell_means, names_of, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import run_jobs
@@ -110,11 +109,9 @@ def test_every_seed_among_the_parameters_draws_its_own_noise(tmp_path):
     assert table.groupby(HIP)["battery_power_mean_W"].nunique().tolist() == [3, 3]
 
 
-def test_metadata_holds_units_version_and_the_whole_specification(swept):
+def test_metadata_holds_version_and_the_whole_specification(swept):
     spec, out = swept
     metadata = pq.ParquetFile(out / "table.parquet").schema_arrow.metadata
-    units = json.loads(metadata[b"twin_gait.units"])
-    assert (units[HIP], units[STIFFNESS], units["battery_power_mean_W"]) == ("deg", "N m/deg", "W")
     assert metadata[b"twin_gait.schema_version"] == b"1"
     document = json.loads(metadata[b"twin_gait.sweep"])
     assert sweep_from_mapping(document, "metadata", Path()).document == load_sweep(spec).document
@@ -382,32 +379,3 @@ def test_bins_hold_every_episode_and_the_last_value():
 
 def test_numbers_beside_an_axis_are_written_out():
     assert names_of(axis_of(pd.DataFrame({"a": [20000.0, 300000.0]}), "a")) == ["20000", "300000"]
-
-
-UNITS = [kind.__metadata__[0] for kind in vars(quantities).values() if hasattr(kind, "__metadata__")]
-
-
-@pytest.mark.parametrize("end", sorted({end for unit in UNITS for end in unit.factors} - {""}))
-def test_every_unit_of_a_parameter_is_known(end):
-    assert _suffix(f"some.thing_{end}") == f"_{end}"
-    assert ("per" in end.split("_")) == ("/" in unit_of_column(f"some.thing_{end}"))
-
-
-LABELS = {
-    "patient.mass_kg": "mass [kg]",
-    "scenario.belt_speed_m_per_s": "belt speed [m/s]",
-    "scenario.belt_speed_km_per_h": "belt speed [km/h]",
-    "scenario.support.share": "support share",
-    "scenario.support.damping_Ns_per_m": "support damping [N s/m]",
-    "table.phases.early_stance.knee.stiffness_Nm_per_deg": "early stance knee stiffness [N m/deg]",
-    "table.blending.duration_ms": "blending duration [ms]",
-    "plant.friction_ratio.hip": "friction ratio hip",
-    "left_hip_torque_rms_Nm": "left hip torque rms [N m]",
-    "left_strides_by_phase": "left strides by phase",
-    "set.duration_s": "duration [s]",
-}
-
-
-@pytest.mark.parametrize(("column", "label"), LABELS.items())
-def test_labels_are_words_with_units(column, label):
-    assert label_of(column) == label

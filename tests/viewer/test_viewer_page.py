@@ -178,7 +178,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
 def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path) -> None:
     stored = read_run(run_folder).run
     power = {"belt_W": 9.0, "motors_W": 1.0, "wearer_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
-    leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}}
+    leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}, "stride_time_mean_s": None}
     summary = {
         "sides": {"left": leg, "right": leg},
         "walk_reference": {"trough": 0.8},
@@ -187,8 +187,8 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
     (entry,) = embedded(page_of([shown_run(stored, summary)]))["runs"]
     assert entry["notes"][0].startswith("The belt carries this walk")
     assert entry["walk"] == [
-        ["peaks over carried weight", "left", "right", "healthy"],
-        ["trough in midstance", "0.50", "0.50", "0.80"],
+        ["", "left", "right", "healthy"],
+        ["trough", "0.500", "0.500", "0.800"],
     ]
     summary["power"]["carried_by_belt"] = False
     assert shown_run(stored, summary).about["notes"] == []

@@ -40,7 +40,7 @@ _SHORTHANDS = {
     "--mass": ("KG", "patient.mass_kg", "mass of the wearer in kg"),
     "--height": ("M", "patient.height_m", "height of the wearer in m"),
     "--speed": ("KM_PER_H", "scenario.belt_speed_km_per_h", "belt speed in km/h"),
-    "--support": ("SHARE", "scenario.support.share", "body weight support: 0.6 or 60%%"),
+    "--support": ("SHARE", "scenario.support.share", "share of the body weight that is supported"),
 }
 
 
@@ -50,8 +50,8 @@ Command = Callable[[argparse.Namespace], int]
 def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentParser:
     """Add a command whose help and description are the docstring of what runs it."""
     summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
-    text = summary[:1].lower() + summary[1:].rstrip(".")
-    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=" ".join(rest.split()))
+    text, about = summary[:1].lower() + summary[1:].rstrip("."), " ".join(rest.split()) or summary
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=about)
     parser.set_defaults(run=run)
     return parser
 
@@ -96,14 +96,9 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         add_shorthand(parser, flag, unit, key, text)
 
 
-def _number_or_share(given: str) -> str:
-    value = float(given.removesuffix("%"))
-    return repr(value / 100.0 if given.endswith("%") else value)
-
-
 def add_shorthand(
     parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str,
-    read: Callable[[str], Any] = _number_or_share,
+    read: Callable[[str], Any] = float,
 ) -> None:  # fmt: skip
     """Add a shorter ``--set`` of a key, whose value is read as told."""
 

@@ -13,7 +13,6 @@ from twin_gait import live
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import write_atomically
 from twin_gait.report.pages import lines
 from twin_gait.runs import folders
 
@@ -31,8 +30,6 @@ def add_parser(commands: Any) -> None:
     for name, act in (("export", export_session), ("show", show_session), ("delete", delete_session)):
         action = options.add_command(actions, name, act)
         action.add_argument("session", type=int, help="number of the session")
-        if name == "export":
-            options.add_out(action, "FILE", "file to write (standard output)")
     action = options.add_command(actions, "complete", complete_run)
     action.add_argument("folder", type=Path, metavar="DIR", help="the run directory to be")
     action = options.add_command(actions, "clean", clean)
@@ -69,16 +66,9 @@ def show_session(arguments: argparse.Namespace) -> int:
 
 
 def export_session(arguments: argparse.Namespace) -> int:
-    """One session as JSON, table versions included."""
-    if arguments.out is not None:
-        options.check_file("--out", arguments.out, force=arguments.force)
+    """Print one session as JSON, table versions included."""
     found = live.session_records.read_session(_records(arguments), arguments.session)
-    text = json.dumps(found, indent=2, ensure_ascii=False) + "\n"
-    if arguments.out is None:
-        print(text, end="")
-    else:
-        write_atomically(arguments.out, text)
-        print(arguments.out)
+    print(json.dumps(found, indent=2, ensure_ascii=False))
     return DONE
 
 

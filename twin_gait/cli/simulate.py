@@ -77,9 +77,10 @@ def simulate(arguments: argparse.Namespace) -> int:
         if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
             with terminal.progress_bar("a tenth of the step", "tick") as progress:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
+        terminal.note_line("writing the run directory")
         summary = write_run(
             result, staging, document=loaded.document, pictures=not arguments.no_pictures, accuracy=accuracy,
-            on_step=terminal.note_step, beside=beside,
+            beside=beside,
         )  # fmt: skip
     terminal.clear_line()
     lines = report(summary, out)
@@ -139,7 +140,6 @@ def walk_live(arguments: argparse.Namespace) -> int:
             records=None if arguments.no_record else live.session_records.default_records(),
             can=arguments.can,
             on_compile=terminal.note_compilation,
-            on_step=terminal.note_step,
         )
         interrupted = asyncio.run(_serve(session, arguments))
     return _finish(session, interrupted and loaded.experiment.duration < LONGEST_RUN)
@@ -174,7 +174,7 @@ async def _serve(session: live.session.LiveSession, arguments: argparse.Namespac
         await asyncio.sleep(live.page.PERIOD)  # so that the pages hear how it ended
     finally:
         await page.close()
-        terminal.note_step("the run directory")
+        terminal.note_line("writing the run directory")
         await asyncio.to_thread(session.close)
         terminal.clear_line()
     return ended.is_set()

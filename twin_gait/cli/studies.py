@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ COMPARED = 60.0
 FAULTY = 8.0  # [s] of each run: the gait is under way after one, and a fault shows within two
 COMPARISONS = Path("compare")
 NAMES = "table, position, assist_as_needed, twincare, transparent, gravity, constant"
-_WIDTH = 100
 
 
 def add_parser(commands: Any) -> None:
@@ -106,8 +104,7 @@ def compare(arguments: argparse.Namespace) -> int:
     if comparison is None:
         return terminal.stopped("nothing was written")
     writing.write_comparison(comparison, who, out, force=arguments.force)
-    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in writing.conclusions(comparison))
-    lines = [text, "", str(out / writing.PAGE_FILE)]
+    lines = [*writing.lines_of_comparison(comparison), str(out / writing.PAGE_FILE)]
     terminal.answer(arguments, lines, {**writing.summary_of(comparison, who), "directory": out})
     return DONE
 

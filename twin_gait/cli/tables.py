@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from twin_gait import configuration, gait, replay
+from twin_gait import configuration, replay
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from twin_gait.checking.finding import Finding
 
 
-# What each format of a diagram is called in a folder.
-_ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
+DIAGRAMS = ("transitions", "truth", "svg", "mermaid")
 
 
 def add_parser(commands: Any) -> None:
@@ -32,8 +31,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "diagram", draw_diagram)
     add = parser.add_argument
     add("table", metavar="TABLE", help="packaged table of gait or of modes, or YAML file")
-    add("--format", choices=list(_ENDINGS), help="what to print or write (transitions; with --out all)")
-    options.add_out(parser, "DIR", "folder to write into instead of printing")
+    add("--format", choices=DIAGRAMS, default=DIAGRAMS[0], help="what to print (transitions)")
 
     parser = options.add_command(commands, "check", check_table)
     add = parser.add_argument
@@ -102,29 +100,14 @@ def _text_of(name: str, *, as_table: bool) -> str:
 def draw_diagram(arguments: argparse.Namespace) -> int:
     """Draw the state machine of a gait table.
 
-    State diagram, state-transition table and truth table of a gait table.
+    Print the state-transition table, the truth table or the state diagram of a gait table.
     """
-    from twin_gait.files import write_atomically
     from twin_gait.gait.documents import transition_table, truth_table
     from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
 
     table = configuration.load_state_table(arguments.table)
-    writers: dict[str, Callable[[gait.StateTable], str]] = {
-        "svg": state_diagram_svg, "mermaid": state_diagram_mermaid, "transitions": transition_table,
-        "truth": truth_table,
-    }  # fmt: skip
-    if arguments.out is None:
-        print(writers[arguments.format or "transitions"](table), end="")
-        return DONE
-    formats = list(_ENDINGS) if arguments.format is None else [arguments.format]
-    stem = "".join(char if char.isalnum() or char in "-_" else "_" for char in table.name)[:100] or "table"
-    texts = {arguments.out / f"{stem}{_ENDINGS[name]}": writers[name](table) for name in formats}
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    for path in texts:  # all of them or none
-        options.check_file("--out", path, force=arguments.force)
-    for path, text in texts.items():
-        write_atomically(path, text)
-        print(path)
+    writers = (transition_table, truth_table, state_diagram_svg, state_diagram_mermaid)
+    print(dict(zip(DIAGRAMS, writers, strict=True))[arguments.format](table), end="")
     return DONE
 
 

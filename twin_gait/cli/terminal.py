@@ -93,11 +93,6 @@ def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> i
     return status
 
 
-def note_step(name: str) -> None:
-    """Say on a terminal what is being written."""
-    note_line(f"writing {name}")
-
-
 def note_line(line: str) -> None:
     """Replace the last note on a terminal."""
     if sys.stderr.isatty():

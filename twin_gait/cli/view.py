@@ -157,16 +157,16 @@ def plot(arguments: argparse.Namespace) -> int:
     """Draw figures of a run for a paper.
 
     Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
-    inside; what the title would say is printed, for the caption.
+    inside.
     """
     from twin_gait.report.canvas import FIGURES_FOLDER, save
-    from twin_gait.report.figures import available_figures, draw_for_paper
+    from twin_gait.report.figures import available_figures, plot_run
 
     shown, out, width = runs.load_run(arguments.directory), arguments.out, arguments.width
     names = arguments.figures or available_figures(shown)
     if out is not None and len(names) != 1:
         raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
-    drawn = {name: draw_for_paper(shown, name, width) for name in names}
+    drawn = {name: plot_run(shown, name, width_mm=width) for name in names}
     suffix = "" if out is None else out.suffix[1:]
     kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
     folder = arguments.directory / FIGURES_FOLDER
@@ -175,9 +175,9 @@ def plot(arguments: argparse.Namespace) -> int:
         folder.mkdir(exist_ok=True)
     for path in paths.values():
         options.check_file("--out", path, force=arguments.force, form=kind)
-    for name, (figure, caption) in drawn.items():
+    for name, figure in drawn.items():
         save(figure, paths[name], form=kind, resolution=RESOLUTION)
-        print(f"{paths[name]}\n  {caption}")
+        print(paths[name])
     return DONE
 
 

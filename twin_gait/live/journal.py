@@ -193,15 +193,12 @@ def _pieces(stream: Any) -> Iterator[Piece]:
         yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})
 
 
-def complete(
-    journal: Path, *, pictures: bool = False, on_step: Callable[[str], None] | None = None
-) -> list[Path]:
+def complete(journal: Path, *, pictures: bool = False) -> list[Path]:
     """Make the run folders of walks out of their journal, which then goes.
 
     ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
-    and animation of the last walk, if that is short; ``on_step``: called with the name of each file before it
-    is written. Returns the folders. Raises RunDirectoryError if the journal cannot be read or is still being
-    written, or a folder cannot be made.
+    and animation of the last walk, if that is short. Returns the folders. Raises RunDirectoryError if the
+    journal cannot be read or is still being written, or a folder cannot be made.
     """
     with locked(journal):
         setup, columns, pieces = read_journal(journal)
@@ -217,7 +214,7 @@ def complete(
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
                 write_atomically(staging / CHANGES_FILE, _changes_table(walk.changes))
                 document = {**setup["document"], "duration_s": run.duration}
-                write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
+                write_run(run, staging, document=document, pictures=drawn)
             done.append(folder)
         journal.unlink()
     return done

@@ -64,7 +64,6 @@ class LiveSession:
         records: Path | None = None,
         can: str | None = None,
         on_compile: Callable[[], None] = lambda: None,
-        on_step: Callable[[str], None] = lambda name: None,
     ) -> None:
         """Prepare the session; :meth:`start` starts the process.
 
@@ -72,13 +71,12 @@ class LiveSession:
         folder may be replaced; ``pictures``: whether to draw figures and animation at the end; ``records``:
         folder of the record of sessions, or None to keep no record; ``can``: bus that the walk is put on, as
         :func:`~twin_gait.live.can_link.open_bus` takes it; None for none; ``on_compile``: called if the walk
-        has to be compiled first, which takes 10 to 20 s; ``on_step``: called at the end with the name of each
-        file before it is written.
+        has to be compiled first, which takes 10 to 20 s.
         """
         self.folder = Path(folder).expanduser().absolute()
         self.folders, self.summary, self.failure = list[Path](), dict[str, Any](), ""
         self._loaded, self.user, self._records = loaded, user, records
-        self._force, self._pictures, self._can, self._on_step = force, pictures, can, on_step
+        self._force, self._pictures, self._can = force, pictures, can
         self._link: CanLink | None = None
         self.book = EventBook()
         self.panel = Panel(loaded.experiment)
@@ -137,7 +135,7 @@ class LiveSession:
         self._close_processes()
         try:
             if (journal := journal_of(self.folder)).exists():
-                self.folders = complete(journal, pictures=self._pictures, on_step=self._on_step)
+                self.folders = complete(journal, pictures=self._pictures)
         except RunDirectoryError as error:
             self.failure = one_line(error)
             self.book.emit("note", f"the run folder could not be written: {self.failure}")

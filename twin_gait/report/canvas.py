@@ -18,6 +18,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from twin_gait.files import write_atomically
@@ -32,7 +33,6 @@ from twin_gait.report.walk_words import describe
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
-FORMATS = ("pdf", "svg", "png")
 FIGURES_FOLDER = "figures"
 RESOLUTION = 130  # [dots per inch]
 BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
@@ -89,14 +89,6 @@ def readable(name: str) -> str:
     return name.replace("_", " ")
 
 
-def amount(value: float | None, unit: str = "") -> str:
-    """A number with its unit and as many places as a person reads; a dash for None."""
-    if value is None:
-        return "–"
-    places = 0 if abs(value) >= 100.0 else 1 if abs(value) >= 10.0 else 2
-    return f"{value:.{places}f} {unit}".strip()
-
-
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
     """Put one legend under all panels, where it covers nothing: lines and areas, then phases.
 
@@ -104,9 +96,7 @@ def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist]
     """
     entries = list({str(item.get_label()): item for item in (*lines, *phases)}.values())
     columns = min(len(entries), int(figure.get_figwidth() / LEGEND_COLUMN))
-    # matplotlib fills a legend column by column.
-    handles = [item for column in range(columns) for item in entries[column::columns]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+    figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
 
 
 def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTION) -> bytes:
@@ -191,7 +181,7 @@ def flexion(joint: str) -> str:
 
 
 class Sheet:
-    """A picture of a run in the making; its label says what it shows and of which run.
+    """A picture of a run in the making; on a screen its title says what it shows and of which run.
 
     What it labels goes into one legend under all panels.
 
@@ -218,7 +208,6 @@ class Sheet:
         about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
         text = "\n".join(filter(None, (title, about, " · ".join(events))))
         self.figure = Figure(figsize=size, layout="constrained")
-        self.figure.set_label(text)
         if size[0] >= SCREEN_WIDTH:
             self.figure.suptitle(text, fontsize="large")
 
@@ -291,6 +280,25 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
     axes.set_xlim(PERCENT[0], PERCENT[-1])
     axes.set_xlabel("share of the gait cycle [%]")
     return list(axes.plot(PERCENT, angles, **style))
+
+
+def draw_mean_cycles(
+    curves: Mapping[str, Mapping[str, np.ndarray]],
+    styles: Mapping[str, Mapping[str, Any]],
+    size: tuple[float, float],
+) -> Figure:
+    """Draw mean cycles beside each other, a panel for each place.
+
+    ``curves``: of each place by name, in [deg] at ``PERCENT``; ``styles`` of the names; ``size`` in inches.
+    """
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(1, len(curves), squeeze=False)[0]
+    for axes, (place, known) in zip(panels, curves.items(), strict=True):
+        for name, curve in known.items():
+            draw_cycle_curve(axes, curve, **styles[name])
+        style_panel(axes, f"{place} [°]", "")
+    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in styles.items()])
+    return figure
 
 
 def draw_phase_bars(

@@ -10,12 +10,11 @@ from string import ascii_lowercase
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report import run_figures
-from twin_gait.report.canvas import FORMATS, LEGEND_COLUMN, SCREEN_WIDTH, save
+from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
 from twin_gait.simulation.run import Run
 
 # By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
@@ -30,7 +29,6 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
     "phase_portrait": run_figures.draw_portrait,
 }
 
-WIDTHS = (85, 174)  # [mm], one column and two
 NARROWEST, WIDEST = 60.0, 270.0  # [mm]
 INCH = 25.4  # [mm]
 _ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] of a row of panels, around them, and of a row of the legend
@@ -63,41 +61,7 @@ def _drawn(run: Run) -> Iterator[tuple[str, Figure]]:
             yield name, figure
 
 
-def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw one picture.
-
-    ``run``: the run, with at least two rows in its log; ``name``: one of ``FIGURES``; ``width`` in inches;
-    one narrower than a screen is for print. Raises ParameterError if there is no such picture, or none of
-    this run.
-    """
-    if name not in FIGURES:
-        raise ParameterError(f"figure: no {name!r}; there are {', '.join(FIGURES)}")
-    figure = FIGURES[name](run, width=width) if len(run.log) > 1 else None
-    if figure is None:
-        known = ", ".join(available_figures(run)) or "none"
-        raise ParameterError(f"figure: this run has no {name}; there are {known}")
-    return figure
-
-
-def draw_for_paper(run: Run, name: str, width: float) -> tuple[Figure, str]:
-    """Draw one picture in the size of print: no title inside, a letter on each panel.
-
-    ``run``: the run, with at least two rows in its log; ``name``: one of ``FIGURES``; ``width`` in [mm];
-    usual are ``WIDTHS``. Returns the figure, and for its caption what it shows, as a whole and panel by
-    panel. Raises ParameterError if there is no such picture, none of this run, or the width is out of range.
-    """
-    if not NARROWEST <= width <= WIDEST:
-        raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width:g}")
-    with mpl.rc_context(_PRINT):
-        figure = draw_figure(run, name, width=width / INCH)
-        caption = _letter_panels(figure)
-    _size(figure)
-    return figure, caption
-
-
-def plot_run(
-    run: Run, figure: str = "gait_cycle", *, width_mm: float | None = None, out: str | Path | None = None
-) -> Figure:
+def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
     """Draw a picture of a run.
 
     Args:
@@ -106,34 +70,35 @@ def plot_run(
             ``battery``, ``feet`` or ``phase_portrait``.
         width_mm: Of a figure for print, 85 or 174 for one column or two, with letters and without a title;
             None draws for a screen.
-        out: A .pdf, .svg or .png file to write it into, or None.
 
     Returns:
-        The figure; notebooks show it after ``%matplotlib inline``.
+        The figure; notebooks show it after ``%matplotlib inline``, :func:`twin_gait.report.save` writes it.
 
     Raises:
-        ParameterError: If there is no such picture, none of this run, or the width or the format is another.
-        RunDirectoryError: If the file cannot be written.
+        ParameterError: If there is no such picture, none of this run, or the width is out of range.
     """
-    path = None if out is None else Path(out)
-    if path is not None and path.suffix[1:] not in FORMATS:
-        raise ParameterError(f"out: expected a name ending in .{', .'.join(FORMATS)}, got {path.name!r}")
-    drawn = draw_figure(run, figure) if width_mm is None else draw_for_paper(run, figure, width_mm)[0]
-    if path is not None:
-        save(drawn, path)
+    if figure not in FIGURES:
+        raise ParameterError(f"figure: no {figure!r}; there are {', '.join(FIGURES)}")
+    if width_mm is not None and not NARROWEST <= width_mm <= WIDEST:
+        raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width_mm:g}")
+    width = SCREEN_WIDTH if width_mm is None else width_mm / INCH
+    with mpl.rc_context({} if width_mm is None else _PRINT):
+        drawn = FIGURES[figure](run, width=width) if len(run.log) > 1 else None
+        if drawn is None:
+            known = ", ".join(available_figures(run)) or "none"
+            raise ParameterError(f"figure: this run has no {figure}; there are {known}")
+        if width_mm is not None:
+            _letter_panels(drawn)
+            _size(drawn)
     return drawn
 
 
-def _letter_panels(figure: Figure) -> str:
-    """Letters and a few words in the place of the panels' titles; what the titles said."""
-    parts = [str(figure.get_label()).replace("\n", "; ")]
+def _letter_panels(figure: Figure) -> None:
+    """Letters and a few words in the place of the panels' titles."""
     for letter, axes in zip(ascii_lowercase, figure.axes, strict=False):
-        title = axes.get_title()
-        parts.append(f"({letter}) {title}")
+        short = re.split("[,:]", axes.get_title())[0]
         axes.set_title("")
-        short = re.split("[,:]", title)[0]
         axes.set_title(rf"$\mathbf{{{letter}}}$  {short}", loc="left", fontsize="medium", pad=3.0)
-    return ". ".join(parts) + "."
 
 
 def _size(figure: Figure) -> None:
@@ -148,8 +113,6 @@ def _size(figure: Figure) -> None:
     for line in [*legend.get_lines(), *(line for axes in figure.axes for line in axes.get_lines())]:
         line.set_linewidth(_THINNER * line.get_linewidth())
         line.set_markersize(_THINNER * line.get_markersize())
-    for item in (item for axes in figure.axes for item in axes.collections):
-        item.set_linewidth((_THINNER * np.asarray(item.get_linewidth())).tolist())
     for axes in figure.axes:
         axes.locator_params(nbins=5)
 

@@ -1,4 +1,4 @@
-"""Pages and paragraphs from the templates beside this module.
+"""Pages and lines from the templates beside this module.
 
 A page is one file that needs no other: what it shows stands in it, and its policy forbids to load anything.
 """
@@ -39,13 +39,6 @@ def render(template: str, content: Mapping[str, Any]) -> str:
 def lines(template: str, content: Mapping[str, Any]) -> list[str]:
     """Fill a template of what a terminal shows."""
     return render(template, content).splitlines()
-
-
-def paragraphs(template: str, content: Mapping[str, Any]) -> list[str]:
-    """Fill a template of prose, whose paragraphs are apart by blank lines; each becomes one line."""
-    stripped = (line.strip() for line in lines(template, content))
-    texts = "\n".join(stripped).split("\n\n")
-    return [" ".join(text.split()) for text in texts if text.strip()]
 
 
 def address(png: bytes) -> str:

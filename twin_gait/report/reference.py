@@ -38,12 +38,6 @@ def _cycle(joint: JointName, speed: float, height: float) -> np.ndarray:
     return curve
 
 
-def reference_stride_time(experiment: Experiment) -> float | None:
-    """Duration of a stride of the reference walk. Returns duration in [s]; None without a reference walk."""
-    walk = _reference_walk(experiment)
-    return None if walk is None else reference.reference_cycle_time(*walk)
-
-
 def reference_ground_force(experiment: Experiment) -> reference.GroundForce | None:
     """Force of the ground on a foot of the reference walk over the weight that it carries, at ``PERCENT``.
 

@@ -1,24 +1,21 @@
 """Pictures of a sweep: main effect of every parameter, and heat maps over pairs of them.
 
-Columns of its table become axes, with units, labels, and levels or bins.
+Columns of its table become axes with levels or bins.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from twin_gait.palette import BLUE
-from twin_gait.report.canvas import readable, style_panel
-from twin_gait.simulation.log import SUFFIXES
+from twin_gait.report.canvas import style_panel
 from twin_gait.vocabulary import Outcome
 
 WALKED = "walked"
@@ -26,44 +23,11 @@ DEFAULT_MEASURES = ("battery_power_mean_W",)
 MOST_PAIRS = 6
 MOST_PARAMETERS = 12
 PANELS_IN_ROW = 3
-DECADES = 20.0  # largest over smallest level from which a scale is logarithmic
 _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
 # More different values than this are cut into bins.
 MOST_LEVELS = 12
 EPISODES_PER_BIN = 6
 MOST_BINS = 8
-
-_OF_SETTINGS = yaml.safe_load(Path(__file__).with_name("units.yaml").read_text(encoding="utf-8"))
-_UNITS = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()}
-_UNITS |= {f"_{suffix}": unit for suffix, unit in _OF_SETTINGS.items()}
-# Rooms of an experiment that say nothing in a label.
-_ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "control", "sensors"})
-
-
-def unit_of_column(column: str) -> str:
-    """Unit of a column of a sweep's table, from the suffix of its name.
-
-    ``column``: a key of an experiment or a name of a summary. Returns the unit, for example ``kg``; ``1`` for
-    counts, shares and texts.
-    """
-    return _UNITS.get(_suffix(column), "1")
-
-
-def _suffix(column: str) -> str:
-    """The longest that is known, because ``_m_per_s`` is a speed, not seconds."""
-    return max((item for item in _UNITS if column.endswith(item)), key=len, default="")
-
-
-def label_of(column: str, *, unit: bool = True) -> str:
-    """A column in words.
-
-    ``column`` for example ``table.phases.early_stance.knee.stiffness_Nm_per_deg``. Returned for example
-    ``early stance knee stiffness [N m/deg]``.
-    """
-    words = [word for word in column.split(".") if word not in _ROOMS] or [column]
-    text = readable(" ".join(words).removesuffix(_suffix(column)))
-    named = unit_of_column(column)
-    return f"{text} [{named}]" if unit and named != "1" else text
 
 
 def axis_of(table: pd.DataFrame, column: str) -> pd.Series | None:
@@ -144,17 +108,9 @@ def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: st
     figure, panels = _panels(f"{title}: {_what(measure)}", len(axes), height=3.0, sharey=True)
     for panel, axis in zip(panels, axes, strict=True):
         means = pd.Series(values, axis.index).groupby(axis, observed=False).mean()
-        levels = axis.cat.categories
-        numeric = pd.api.types.is_numeric_dtype(levels) and not pd.api.types.is_bool_dtype(levels)
-        centres = levels if numeric else pd.RangeIndex(len(levels))
-        panel.plot(centres, means, "o-" if numeric else "o", color=BLUE, linewidth=1.8, markersize=5)
-        if numeric and levels[0] > 0.0 and levels[-1] / levels[0] > DECADES:
-            panel.set_xscale("log")
-            panel.minorticks_off()
-        every = 1 + len(levels) // 7 if numeric else 1
-        panel.set_xticks(centres[::every], names_of(axis)[::every])
-        style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
-        panel.set_xlabel(label_of(str(axis.name)))
+        panel.plot(range(len(means)), means, "o-", color=BLUE, linewidth=1.8, markersize=5)
+        style_panel(panel, "", _what(measure))
+        _name_levels(panel, axis)
         panel.tick_params(labelleft=True)
     if measure == WALKED:
         panels[0].set_ylim(-0.04, 1.04)
@@ -172,18 +128,22 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
     for panel, (first, second), means in zip(panels, pairs, cells, strict=True):
         image = panel.imshow(means, origin="lower", aspect="auto", cmap=_COLOURS, vmin=lowest, vmax=highest)
         panel.patch.set(hatch="//", edgecolor="0.8")  # seen where a cell is empty: the lowest is nearly white
-        names = names_of(first)
-        panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
+        _name_levels(panel, first)
         panel.set_yticks(range(len(names_of(second))), names_of(second))
-        panel.set(xlabel=label_of(str(first.name)), ylabel=label_of(str(second.name)))
-    figure.colorbar(image, ax=panels, label=label_of(measure) if measure != WALKED else "share that walked")
+        panel.set_ylabel(str(second.name))
+    figure.colorbar(image, ax=panels, label=_what(measure))
     return figure
 
 
+def _name_levels(panel: Axes, axis: pd.Series) -> None:
+    """Write a parameter and its levels below a panel."""
+    names = names_of(axis)
+    panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
+    panel.set_xlabel(str(axis.name))
+
+
 def _what(measure: str) -> str:
-    if measure == WALKED:
-        return "share of the episodes that walked"
-    return f"{label_of(measure, unit=False)}, mean over the episodes that walked"
+    return "share that walked" if measure == WALKED else measure
 
 
 def _panels(title: str, count: int, *, height: float, sharey: bool = False) -> tuple[Figure, list[Axes]]:

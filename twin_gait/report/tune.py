@@ -1,4 +1,4 @@
-"""Pictures and page of a tuning: gait before and after, trade-offs, convergence."""
+"""Pictures and page of a tuning: gait before and after, trade-offs."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
 
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report import canvas
-from twin_gait.report.canvas import draw_cycle_curve, put_legend, style_panel
-from twin_gait.report.pages import paragraphs, render
+from twin_gait.report.canvas import put_legend, style_panel
+from twin_gait.report.pages import lines, render
+from twin_gait.report.walk_words import amount
 from twin_gait.vocabulary import Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
@@ -32,22 +31,20 @@ def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
     content = {
         **_content(outcome),
         "title": f"A gait table tuned to {outcome['wearer']}",
-        "summary": paragraphs("tune.txt", _content(outcome)),
         "pictures": pictures,
     }
     return render("tune.html", content)
 
 
 def summary(outcome: Outcome) -> list[str]:
-    """What the tuning found and what the search took, in paragraphs."""
-    content = _content(outcome)
-    return [*paragraphs("tune.txt", content), *paragraphs("tune_search.txt", content)]
+    """What the tuning found and what the search took, for a terminal."""
+    return lines("tune.txt", _content(outcome))
 
 
 def _content(outcome: Outcome) -> dict[str, Any]:
     known = {name: value for name, value in outcome.items() if name != "version"}
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**known, "errors": errors, "amount": canvas.amount}
+    return {**known, "errors": errors, "amount": amount}
 
 
 def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
@@ -58,13 +55,7 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     return {
         "gait": draw_gait(curves),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
-        "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
     }
-
-
-def _figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(canvas.SCREEN_WIDTH, height), layout="constrained")
-    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
 def draw_gait(curves: Curves) -> Figure:
@@ -72,17 +63,11 @@ def draw_gait(curves: Curves) -> Figure:
 
     ``curves`` by joint: ``reference`` and such as ``before left``, in [deg] at ``PERCENT``.
     """
-    figure, panels = _figure(4.2, columns=len(curves))
     styles: dict[str, dict[str, Any]] = {"reference": {"color": REFERENCE_COLOUR, "linewidth": 2.2}}
     for which, colour in (("before", BEFORE_COLOUR), ("after", AFTER_COLOUR)):
         for side, line in _SIDE_LINES.items():
             styles[f"{which} {side}"] = {"color": colour, "linewidth": 1.5, "linestyle": line}
-    for axes, (joint, known) in zip(panels, curves.items(), strict=True):
-        for name, curve in known.items():
-            draw_cycle_curve(axes, curve, **styles[name])
-        style_panel(axes, f"{joint}, mean stride from foot contact", canvas.flexion(joint))
-    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in styles.items()])
-    return figure
+    return canvas.draw_mean_cycles(curves, styles, (canvas.SCREEN_WIDTH, 4.2))
 
 
 def non_dominated(points: np.ndarray) -> np.ndarray:
@@ -101,7 +86,8 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
     ``trade_offs``: ``candidates``, ``before`` and ``after``, see
     :func:`twin_gait.studies.tune.walks.standing`.
     """
-    figure, panels = _figure(5.0, columns=2)
+    figure = Figure(figsize=(canvas.SCREEN_WIDTH, 5.0), layout="constrained")
+    panels = figure.subplots(1, 2)
     tried, before, after = (
         np.array(trade_offs[name], dtype=float).reshape(-1, 3) for name in ("candidates", "before", "after")
     )
@@ -120,23 +106,4 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
         style_panel(axes, "", error if column == 1 else "")
         axes.set_xlabel(label)
     put_legend(figure, [Line2D([], [], linestyle="none", **style) for _, style in groups])
-    return figure
-
-
-def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -> Figure:
-    """Draw where the search stands after each generation and the median of what it tried; the start is 0.
-
-    ``worst``: cost of the worst walk; a median above it, of falls, is drawn there.
-    """
-    figure, (axes,) = _figure(3.4)
-    best, median = convergence["best"], np.minimum(convergence["median"], worst)
-    label = "median of a generation"
-    axes.plot(range(1, len(median)), median[1:], "o", color=BEFORE_COLOUR, markersize=4, label=label)
-    axes.step(range(len(best)), best, where="post", color=AFTER_COLOUR, label="best so far")
-    axes.plot(0, best[0], "s", color=BLACK, markersize=5, label="start of the search")
-    axes.set_ylim(bottom=0.0)
-    style_panel(axes, "convergence", "cost")
-    axes.set_xlabel("generation")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(frameon=False)
     return figure

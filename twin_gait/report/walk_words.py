@@ -1,17 +1,16 @@
-"""What people read of a run: its wearer, a table of the walk, who drives it, what the CAN bus has carried."""
+"""What people read of a run: its wearer, a table of the walk, what the CAN bus has carried."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 from twin_gait.experiment import Experiment
 from twin_gait.measures.strides import ErrorParts, stride_count
 from twin_gait.measures.walk import WalkMeasures
 from twin_gait.simulation.engine import BusTraffic
-from twin_gait.vocabulary import JointName
 
 
 def describe(experiment: Experiment) -> str:
@@ -26,7 +25,6 @@ def describe(experiment: Experiment) -> str:
 
 
 DASH = "–"
-HEAD = "peaks over carried weight"  # of the table
 _DEGREE = math.degrees(1.0)
 # Units of the measures in a summary, at the end of their names; all others are shares.
 _UNITS = {
@@ -39,37 +37,12 @@ _UNITS = {
 _ELSEWHERE = {"strides", "stride_time", "further_contacts"}
 
 
-class Row(NamedTuple):
-    """A row of the table that people read."""
-
-    label: str  # what it is
-    unit: str  # for people; empty for a force over carried weight
-    key: str  # of the leg in a summary, of its ``walk``, or both of its ``errors``
-    places: int = 2  # behind the point
-    factor: float = 1.0  # from the unit of the summary to that for people
-
-
-ROWS = (
-    Row("stride time", "s", "stride_time_mean_s"),
-    Row("step length", "m", "step_length_m"),
-    Row("loading peak", "", "loading_peak"),
-    Row("trough in midstance", "", "trough"),
-    Row("push-off peak", "", "push_off_peak"),
-    Row("least load at 6–20 %", "", "least_load"),
-    Row("mean fore-aft force", "N", "fore_aft_force_N", 1),
-    Row("braking peak", "", "braking_peak", 3),
-    Row("propulsion peak", "", "propulsion_peak", 3),
-    Row("midfoot passed at", "% of the cycle", "pressure_crossing", 0, 100.0),
-    Row("knee at contact", "°", "knee_at_contact_deg", 1),
-    Row("knee yield after it", "°", "knee_yield_deg", 1),
-    Row("ankle range", "°", "ankle_range_deg", 1),
-    Row("least clearance", "mm", "clearance_m", 1, 1e3),
-    Row("slip in a stride", "mm", "slip_m", 0, 1e3),
-    Row("swing begins at", "% of the cycle", "swing_entry", 0, 100.0),
-    Row("load on the foot then", "N", "swing_load_N", 0),
-    *(Row(f"power of the {joint} motor", "W", f"{joint}_motor_power_W", 1) for joint in JointName),
-    Row("power of the belt", "W", "belt_power_W", 1),
-)
+def amount(value: float | None, unit: str = "") -> str:
+    """A number with its unit and as many places as a person reads; a dash for None."""
+    if value is None:
+        return DASH
+    places = sum(abs(value) < bound for bound in (1.0, 10.0, 100.0))
+    return f"{round(value, places) + 0.0:.{places}f} {unit}".strip().replace("-", "−")
 
 
 def summary_of_leg(measures: WalkMeasures) -> dict[str, float]:
@@ -95,48 +68,30 @@ def summary_of_errors(parts: ErrorParts) -> dict[str, float]:
 
 
 def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Measures of the legs beside those of healthy walking.
+    """Measures of the legs beside those of healthy walking, by their names in the summary.
 
     ``summary`` of a run; one of an earlier version has no such measures. Returns a head and a row for each
-    measure: label with unit, legs, healthy walking; nothing without strides on a belt.
+    measure; nothing without strides on a belt. Peaks and loads without a unit are over carried weight.
     """
     legs = {side: leg for side, leg in summary["sides"].items() if leg.get("walk") and leg["strides_counted"]}
     if not legs:
         return []
     healthy = summary["walk_reference"]
-    rows = [(HEAD, *legs, "healthy")]
-    for row in ROWS:
-        values = [leg["walk"].get(row.key, leg.get(row.key)) for leg in legs.values()]
-        reference = healthy.get(row.key.replace("_mean", ""))
+    found = [_measures(leg) for leg in legs.values()]
+    rows = [("", *legs, "healthy")]
+    for name in found[0]:
+        values = [measures[name] for measures in found]
         if any(value is not None for value in values):
-            label = f"{row.label} [{row.unit}]" if row.unit else row.label
-            texts = (_text(value, row.places, row.factor) for value in (*values, reference))
-            rows.append((label, *texts))
-    first, *_ = legs.values()
-    for joint in first.get("errors", {}):
-        for part in ("offset", "timing", "shape"):
-            texts = (_text(leg["errors"][joint][f"{part}_deg"], 1) for leg in legs.values())
-            rows.append((f"RMSE of the {joint}, {part} [°]", *texts, ""))
+            reference = amount(healthy[name]) if name in healthy else ""
+            rows.append((name.replace("_", " "), *map(amount, values), reference))
     return rows
 
 
-def _text(value: float | None, places: int, factor: float = 1.0) -> str:
-    if value is None:
-        return DASH
-    text = f"{value * factor:.{places}f}"
-    return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
-
-
-def who_drives(summary: Mapping[str, Any]) -> str:
-    """Mean powers into a walk in a sentence; empty without strides on a belt."""
-    power = summary.get("power")
-    if not power or power["belt_W"] is None:
-        return ""
-    guide = "arms and harness" if "free_trunk" in summary else "harness"  # as the log has guide_force_N
-    sources = {"belt_W": "belt", "motors_W": "motors", "wearer_W": "wearer", "guide_W": guide}
-    shown = {key: f"{name} {_text(power[key], 1)} W" for key, name in sources.items()}
-    parts = [text for key, text in shown.items() if power[key] or key in ("belt_W", "motors_W")]
-    return f"Mean power into the walk: {', '.join(parts)}."
+def _measures(leg: Mapping[str, Any]) -> dict[str, float | None]:
+    found = {"stride_time_s": leg["stride_time_mean_s"], **leg["walk"]}
+    for joint, parts in leg.get("errors", {}).items():
+        found |= {f"{joint}_error_{part}": value for part, value in parts.items()}
+    return found
 
 
 def carried_by_belt(summary: Mapping[str, Any]) -> str:
@@ -144,12 +99,12 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
     power = summary.get("power")
     if not power or not power["carried_by_belt"]:
         return ""
-    force = _text(power["guide_force_N"], 0)
-    return f"The belt carries this walk: it drags the feet back, and {force} N at the pelvis hold against it."
+    force = amount(power["guide_force_N"], "N")
+    return f"The belt carries this walk: it drags the feet back, and {force} at the pelvis hold against it."
 
 
 def strides_of(leg: Mapping[str, Any]) -> str:
-    """Strides of a leg of a summary, their time, swing and error; by its phases where it has no ground."""
+    """Strides of a leg of a summary, their time and swing; by its phases where it has no ground."""
     by = "_by_phase" if leg["strides"] is None else ""
     counted = leg[f"strides{by}_counted"]
     told = f"{'in the air, by its phases ' if by else ''}{stride_count(counted, leg[f'strides{by}'])}"
@@ -157,9 +112,7 @@ def strides_of(leg: Mapping[str, Any]) -> str:
         told += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
     if leg.get("swing_share") is not None:
         told += f", swing {100.0 * leg['swing_share']:.0f} %"
-    errors = {joint: leg.get(f"rmse_{joint}_by_contact_deg") for joint in JointName}
-    off = [f"{error:.1f}° ({joint})" for joint, error in errors.items() if error is not None]
-    return f"{told}, off the Koopman reference by {', '.join(off)} RMS" if off else told
+    return told
 
 
 def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:

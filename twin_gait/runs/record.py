@@ -48,22 +48,18 @@ def write_run(
     document: dict[str, Any] | None = None,
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
-    on_step: Callable[[str], None] | None = None,
     beside: Executor | None = None,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
     ``beside``: what draws the figures while all else is written.
     """
-    tell = on_step or (lambda name: None)
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
         finish_drawing = begin_drawing(run, directory / FIGURES_FOLDER, beside)
-    tell(EXPERIMENT_FILE)
     resolved = resolved_document(run.experiment, document, versions())
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
-    tell(LOG_FILE)
     write_log(run.log, directory / LOG_FILE, run.status)
     switches = switches_csv(run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy())
     write_atomically(directory / SWITCHES_FILE, switches)
@@ -74,9 +70,7 @@ def write_run(
     if pictures:
         from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
 
-        tell(ANIMATION_FILE)
         write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run, summary)]))
-        tell(FIGURES_FOLDER)
         finish_drawing()
     return summary
 

@@ -18,7 +18,7 @@ from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
-from twin_gait.report.reference import reference_measures, reference_stride_time
+from twin_gait.report.reference import reference_measures
 from twin_gait.report.walk_words import summary_of_traffic, with_units
 from twin_gait.runs.leg_summary import reference_error, summarise_side
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
@@ -66,7 +66,6 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "outcome": run.verdict.outcome,
         "outcome_reason": run.verdict.reason,
         "fell": run.status is RunStatus.FELL,
-        "reference_stride_time_s": reference_stride_time(run.experiment),
         "strides_skipped": skip_strides,
         "sides": sides,
         **_walk(run, skip_strides),

@@ -116,12 +116,9 @@ class Run:
         """Write the run directory; see :func:`twin_gait.save_run`."""
         return cast(Path, import_module(_PUBLIC).save_run(self, folder, force=force))
 
-    def plot(
-        self, figure: str = "gait_cycle", *, width_mm: float | None = None, out: str | Path | None = None
-    ) -> Figure:
+    def plot(self, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
         """Draw a picture of the run; see :func:`twin_gait.plot_run`."""
-        drawn = import_module(_PUBLIC).plot_run(self, figure, width_mm=width_mm, out=out)
-        return cast("Figure", drawn)
+        return cast("Figure", import_module(_PUBLIC).plot_run(self, figure, width_mm=width_mm))
 
     @property
     def duration(self) -> float:

@@ -8,19 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
 from twin_gait.measures.strides import normalise_strides
 from twin_gait.palette import REFERENCE_COLOUR
-from twin_gait.report.canvas import draw_cycle_curve, picture_bytes, put_legend, style_panel
-from twin_gait.report.pages import paragraphs, render
+from twin_gait.report.canvas import draw_mean_cycles, picture_bytes
+from twin_gait.report.pages import render
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.walk_words import describe
+from twin_gait.report.walk_words import describe, lines_of
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
-from twin_gait.studies.compare.comparing import Comparison, Controller, Interval
+from twin_gait.studies.compare.comparing import Comparison, Interval
 from twin_gait.vocabulary import JointName, Side
 
 PAGE_FILE = "compare.html"
@@ -80,52 +79,38 @@ def subtitle_of(comparison: Comparison, who: str) -> str:
     return f"{who}, {walk}, {experiment.duration:g} s, {days}{often}"
 
 
-def conclusions(comparison: Comparison) -> list[str]:
-    """What the measures say, as a few paragraphs."""
-    return paragraphs("compare.txt", _content(comparison))
+Rows = list[tuple[Shown, list[str]]]
+
+
+def rows_of(comparison: Comparison) -> dict[str, Rows]:
+    """Measures by group, each with its number for every controller."""
+    names = [item.name for item in comparison.controllers]
+    walked = Shown(f"walked [of {comparison.seeds}]", 0, "runs to the end without a fall or a stop")
+    groups: dict[str, Rows] = {"runs": [(walked, [str(comparison.walked(name)) for name in names])]}
+    for group, measures in shown_measures(comparison.experiment.joints).items():
+        groups[group] = [
+            (shown, [text_of(comparison.interval(name, measure), shown) for name in names])
+            for measure, shown in measures.items()
+        ]
+    return groups
+
+
+def lines_of_comparison(comparison: Comparison) -> list[str]:
+    """The table of measures for a terminal, controllers by the names of the command line."""
+    rows = [(shown.label, *cells) for group in rows_of(comparison).values() for shown, cells in group]
+    return list(lines_of([("", *(item.name for item in comparison.controllers)), *rows]))
 
 
 def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
     """The report as HTML."""
     content = {
-        **_content(comparison),
         "title": "Controllers compared",
         "subtitle": subtitle_of(comparison, who),
-        "text": conclusions(comparison),
-        "measures": shown_measures(comparison.experiment.joints),
+        "controllers": comparison.controllers,
+        "groups": rows_of(comparison),
         "figure": picture,
     }
     return render("compare.html", content)
-
-
-def _content(comparison: Comparison) -> dict[str, Any]:
-    """What the templates ask for."""
-    joints, controllers = comparison.experiment.joints, comparison.controllers
-    names = {name: shown for rows in shown_measures(joints).values() for name, shown in rows.items()}
-    walked = {item.name: comparison.walked(item.name) for item in controllers}
-
-    def mean(controller: Controller, number: str) -> float:
-        return comparison.interval(controller.name, number).mean
-
-    walking = [i for i in controllers if walked[i.name] and not math.isnan(mean(i, "stride_time_s"))]
-
-    def extremes(number: str) -> tuple[Controller, Controller]:
-        ordered = sorted(walking, key=lambda item: mean(item, number))
-        return ordered[0], ordered[-1]
-
-    return {
-        "joints": joints,
-        "controllers": controllers,
-        "seeds": comparison.seeds,
-        "duration": comparison.experiment.duration,
-        "walking": walking,  # of whom there are strides to tell of
-        "walked": {name: count for name, count in walked.items() if count},
-        "walked_always": [name for name, count in walked.items() if count == comparison.seeds],
-        "mean": mean,
-        "extremes": extremes,
-        "shown": lambda item, number: text_of(comparison.interval(item.name, number), names[number]),
-        "label": lambda number: names[number].label,
-    }
 
 
 def figure_of(comparison: Comparison) -> Figure:
@@ -133,35 +118,29 @@ def figure_of(comparison: Comparison) -> Figure:
     nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
     strode = nominal.reindex(columns=["stride_time_s"]).dropna().index
     walked = [item for item in comparison.controllers if item.name in strode]
-    places = list(product(comparison.experiment.joints, Side))
-    figure = Figure(figsize=(13.0 * len(places) / 6, 3.3), layout="constrained")
-    panels = figure.subplots(1, len(places), squeeze=False)[0]
-    lines: list[Artist] = []
-    for axes, (joint, side) in zip(panels, places, strict=True):
+    healthy = "healthy, same speed"
+    styles = {item.title: {"color": item.colour, "linewidth": 1.5} for item in walked}
+    styles[healthy] = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
+    curves = dict[str, dict[str, np.ndarray]]()
+    for joint, side in product(comparison.experiment.joints, Side):
+        place = curves[f"{side} {joint}"] = {}
         for item in walked:
             record = comparison.runs[item.name].leg_record(side)
-            cycles = np.degrees(normalise_strides(record.angles[joint], record.strides()))
-            style: dict[str, Any] = {"color": item.colour, "linewidth": 1.5, "label": item.title}
-            lines += draw_cycle_curve(axes, cycles.mean(axis=0), **style)
+            cycles = normalise_strides(record.angles[joint], record.strides())
+            place[item.title] = np.degrees(cycles.mean(axis=0))
         reference = reference_cycle(comparison.experiment, joint)
         if reference is not None:
-            style = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
-            lines += draw_cycle_curve(axes, np.degrees(reference), **style, label="healthy, same speed")
-        style_panel(axes, f"{side} {joint} [°]", "")
-        axes.set_xlabel("stride [%]")
-    if lines:
-        put_legend(figure, lines)
-    return figure
+            place[healthy] = np.degrees(reference)
+    return draw_mean_cycles(curves, styles, (13.0 * len(curves) / 6, 3.3))
 
 
 def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
-    """Means, intervals and paragraphs."""
+    """Means and intervals."""
     return {
         "patient": who,
         "subtitle": subtitle_of(comparison, who),
         "seeds": comparison.seeds,
         "versions": versions(),
-        "paragraphs": conclusions(comparison),
         "controllers": {
             item.name: {"walked": comparison.walked(item.name), "numbers": comparison.numbers(item.name)}
             for item in comparison.controllers

@@ -24,7 +24,7 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
-from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, unit_of_column, values_of
+from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
 from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
@@ -75,7 +75,6 @@ class SweepStore:
             self._directory / TABLE_FILE,
             table,
             schema_version=str(TABLE_SCHEMA_VERSION),
-            units=json.dumps({name: unit_of_column(name) for name in table.columns}),
             sweep=json.dumps(self._sweep.document),
         )
         shutil.rmtree(self._parts, ignore_errors=True)
