@@ -161,7 +161,7 @@ class Experiment(Parameters):
         controlled = f"joints that {table} controls, {', '.join(self.table.joints)}"
         there = set(self.modes.joints) <= set(self.table.joints)
         require(there, f"joints of {modes}", controlled, ", ".join(self.modes.joints))
-        offered = f"one that {table} offers under postures, {', '.join(self.table.postures) or 'none'}"
+        offered = f"one that {table} offers under postures ({', '.join(self.table.postures) or 'none'})"
         for name, mode in self.modes.phases.items():
             there = mode.posture in (None, *self.table.postures)
             require(there, f"posture of {name} in {modes}", offered, mode.posture)
