@@ -210,7 +210,7 @@ def test_the_folder_is_whole(folder: Path) -> None:
         "table.yaml",
         "tune.json",
         "report.html",
-        *(f"figures/{name}.png" for name in ("gait", "trade_offs")),
+        *(f"figures/{name}.png" for name in ("gait", "trade_offs", "convergence")),
     }
 
 

@@ -72,7 +72,7 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
             None draws for a screen.
 
     Returns:
-        The figure; notebooks show it after ``%matplotlib inline``, :func:`twin_gait.report.save` writes it.
+        The figure; notebooks show it after ``%matplotlib inline``, its ``savefig`` writes it.
 
     Raises:
         ParameterError: If there is no such picture, none of this run, or the width is out of range.

@@ -1,4 +1,4 @@
-"""Pictures and page of a tuning: gait before and after, trade-offs."""
+"""Pictures and page of a tuning: gait before and after, trade-offs, convergence."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report import canvas
@@ -55,6 +56,7 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     return {
         "gait": draw_gait(curves),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
+        "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
     }
 
 
@@ -106,4 +108,22 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
         style_panel(axes, "", error if column == 1 else "")
         axes.set_xlabel(label)
     put_legend(figure, [Line2D([], [], linestyle="none", **style) for _, style in groups])
+    return figure
+
+
+def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -> Figure:
+    """Draw the best cost after each generation, the start being 0, and the median of what it tried.
+
+    ``worst``: cost of the worst walk; a median above it, of falls, is drawn there.
+    """
+    figure = Figure(figsize=(canvas.SCREEN_WIDTH, 3.4), layout="constrained")
+    axes = figure.subplots()
+    best, median = convergence["best"], np.minimum(convergence["median"], worst)
+    axes.plot(range(1, len(median)), median[1:], "o", color=BEFORE_COLOUR, label="median of a generation")
+    axes.step(range(len(best)), best, where="post", color=AFTER_COLOUR, label="best so far")
+    axes.set_ylim(bottom=0.0)
+    style_panel(axes, "", "cost")
+    axes.set_xlabel("generation")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.legend(frameon=False)
     return figure
