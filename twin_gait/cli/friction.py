@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> None:
     bench = parser.add_argument_group("test bench, for logs with a current")
     for field, (flag, unit, text) in _BENCH.items():
         bench.add_argument(flag, dest=field, type=float, metavar=unit, help=text)
-    bench.add_argument("--start-angle-deg", type=float, metavar="A", help="of every log (90, horizontal)")
+    bench.add_argument("--start-angle-deg", type=float, metavar="A", help="first angle of every log (90)")
     bench.add_argument("--angles-as-logged", action="store_true", help="leave the angles as they are")
     options.add(parser, "--seed", "--no-pictures", "--json")
 

@@ -38,7 +38,7 @@ def add_parser(commands: Any) -> None:
     add("--view", action="store_true", help="play the run in the browser afterwards")
     options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
-    add("--accuracy", action="store_true", help="run again at a tenth of the step and tell the difference")
+    add("--accuracy", action="store_true", help="run again at a tenth of the step and print the difference")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "live", walk_live)

@@ -31,7 +31,9 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds=f"{COMPARED:g}")
     text = f"names with commas between them (all that suit: {NAMES})"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="days, which differ (1)")
+    parser.add_argument(
+        "--seeds", type=int, default=1, metavar="N", help="days that differ in mass, friction, speed (1)"
+    )
     options.add_out(parser, "DIR", f"folder to make ({COMPARISONS}/NAME)")
     options.add(parser, "--json")
 

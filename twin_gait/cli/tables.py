@@ -36,7 +36,7 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "check", check_table)
     add = parser.add_argument
     add("table", nargs="?", metavar="TABLE", help="packaged table, YAML file, or a preset for its own")
-    add("--experiment", metavar="FILE", help="what it drives: a preset, a file or a run (whose own table)")
+    add("--experiment", metavar="FILE", help="preset, file or run directory that it drives")
     options.add_settings(parser)
     options.add(parser, "--json")
     add("--rules", action="store_true", help="list the rules and end")

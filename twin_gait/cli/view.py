@@ -56,7 +56,7 @@ def add_parser(commands: Any) -> None:
     add("directory", type=Path, metavar="RUN", help="run directory")
     add("--format", choices=tuple(NAMES), help="(by the name of --out; mot with --convention, else csv)")
     add("--convention", choices=MODELS, help=f"names and signs of a motion ({DEFAULT_CONVENTION})")
-    add("--of", choices=("wearer", "device"), default="wearer", help="whose angles (the wearer's)")
+    add("--of", choices=("wearer", "device"), default="wearer", help="whose angles are written (wearer)")
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
 
 
