@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import math
 import signal
@@ -100,8 +101,10 @@ def simulate(arguments: argparse.Namespace) -> int:
 
 
 def default_folder(name: str) -> Path:
-    """Where a run goes without ``--out``."""
-    return Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
+    """Where a run goes without ``--out``, two of the same second into two folders."""
+    first = Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
+    others = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
+    return next(path for path in itertools.chain([first], others) if not path.exists())
 
 
 def report(summary: Mapping[str, Any], *folders: Path) -> list[str]:

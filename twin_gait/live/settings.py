@@ -23,9 +23,13 @@ MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 
 @dataclass(frozen=True, kw_only=True)
 class MonitorJoint(JointImpedance):
-    """What the monitor sets on one joint."""
+    """What the monitor sets on one joint.
 
-    target_torque: quantities.Torque = 0.0  # in [N m]
+    Attributes:
+        target_torque: Added to the virtual spring, in [N m].
+    """
+
+    target_torque: quantities.Torque = 0.0
 
 
 MonitoredJoints = Mapping[tuple[Side, JointName], MonitorJoint]

@@ -30,22 +30,31 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(quantities.Parameters):
-    """How a table is tuned."""
+    """How a table is tuned.
 
-    # time for everything; generations under way are finished
+    Attributes:
+        minutes: Time for everything; generations under way are finished.
+        generations: Of the search; None until the time is over. With a number the result does not depend on
+            the machine's speed.
+        seed: Of the sensor noise; the search has no chance in it.
+        thresholds: Whether angle thresholds count.
+        blending: Whether the duration of the blend counts.
+        per_side: Whether each leg gets numbers of its own (hemiparesis).
+        everyone: Whether the table is for other wearers, supports and belts too, as one that ships is: search
+            and robust set then have ``corner_cases`` in them.
+        search_duration: Length of a walk in the search in [s].
+        robust_duration: Length of a walk of the robust set in [s].
+    """
+
     minutes: Annotated[quantities.Ratio, quantities.POSITIVE] = 3.0
-    # of the search; None until the time is over. With a number the result does not depend on the machine's
-    # speed
     generations: Annotated[int | None, quantities.COUNT] = None
-    seed: Annotated[int, quantities.WHOLE] = 0  # of the sensor noise; the search has no chance in it
-    thresholds: bool = True  # whether angle thresholds count
-    blending: bool = True  # whether the duration of the blend counts
-    per_side: bool = False  # whether each leg gets numbers of its own (hemiparesis)
-    # whether the table is for other wearers, supports and belts too, as one that ships is: search and robust
-    # set then have corner_cases in them
+    seed: Annotated[int, quantities.WHOLE] = 0
+    thresholds: bool = True
+    blending: bool = True
+    per_side: bool = False
     everyone: bool = False
-    search_duration: float = 14.0  # length of a walk in the search in [s]
-    robust_duration: float = 20.0  # length of a walk of the robust set in [s]
+    search_duration: float = 14.0
+    robust_duration: float = 20.0
 
 
 @dataclass(frozen=True, eq=False)
