@@ -18,7 +18,7 @@ from twin_gait.cli import main
 from twin_gait.cli import tables as command
 from twin_gait.cli.tables import heading
 from twin_gait.cli.terminal import DONE, FAILED
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import gait_table_path
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.report.pages import render
 

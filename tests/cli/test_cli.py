@@ -19,7 +19,7 @@ from twin_gait import load_experiment
 from twin_gait.cli import main
 from twin_gait.cli.program import build_parser
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import gait_table_path
 from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model import packaged_urdf
 from twin_gait.measures.strides import stride_count

@@ -17,8 +17,11 @@ from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import resolved_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
-from twin_gait.configuration.table_inheritance import packaged_gait_tables
+from twin_gait.configuration.gait_table_file import (
+    gait_table_from_mapping,
+    load_gait_table,
+    packaged_gait_tables,
+)
 from twin_gait.configuration.validation import assign, merge, parse_assignment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, AsymmetricFriction, LuGreFriction
@@ -202,7 +205,7 @@ BAD_SETTINGS = {
     "scenario.support.share=1.2": "from 0 to 1",
     "scenario.belt_speed_m_per_s=-1": "belt speed",
     "scenario.leading_phase=flying": "left leg: expected a phase of gait table 'treadmill', early_stance",
-    "modes=walking": "expected one that gait table 'treadmill' offers under postures, none, got",
+    "modes=walking": "expected one that gait table 'treadmill' offers under postures (none), got",
     "requests=walk@2s": "requests: input should be a valid list, got 'walk@2s'",
     "leg.urdf=no.urdf": "no such URDF",
     "integration.step_ms=0.3": "whole number of steps",

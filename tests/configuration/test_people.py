@@ -15,8 +15,8 @@ from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml, experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import (
+    named_document,
     people,
-    person_document,
     person_text,
     presets,
     resolved_document,
@@ -263,7 +263,9 @@ def test_person_survives_being_written_and_read(name):
     assert reread(loaded.document) == loaded.experiment
     as_kept = reread(resolved_document(loaded.experiment, loaded.document, {}))
     assert as_kept.patient == loaded.experiment.patient
-    assert person_document(name).items() <= loaded.document["patient"].items()  # units as typed
+    assert (
+        named_document("patient", name, Path()).items() <= loaded.document["patient"].items()
+    )  # units as typed
 
 
 def test_segments_of_winter_survive_being_written_and_change_the_run():

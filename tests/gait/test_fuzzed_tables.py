@@ -16,8 +16,7 @@ from twin_gait.checking import exits, graph
 from twin_gait.checking.check import build_case, check, load_case, report
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, gait_table_path
 from twin_gait.configuration.validation import parse_yaml
 from twin_gait.exceptions import GaitTableError, TwinGaitError
 from twin_gait.gait import compile_guards

@@ -14,7 +14,7 @@ import pytest
 from firmware_tools import require_tools
 from table_builder import FIVE_PHASES
 
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import gait_table_path
 
 # Once the package is installed its entry point loads the plugin; -p would load it twice.
 _INSTALLED = any(

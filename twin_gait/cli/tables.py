@@ -80,9 +80,8 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.experiments import person_text
-    from twin_gait.configuration.gait_table_file import mode_table_path
+    from twin_gait.configuration.gait_table_file import gait_table_path, mode_table_path
     from twin_gait.configuration.schema import comment_for
-    from twin_gait.configuration.table_inheritance import gait_table_path
 
     tables = configuration.packaged_gait_tables()
     if name in tables and (as_table or name not in configuration.presets()):

@@ -6,11 +6,10 @@ from .experiments import DEFAULT_PRESET as DEFAULT_PRESET
 from .experiments import LoadedExperiment as LoadedExperiment
 from .experiments import load_experiment as load_experiment
 from .experiments import people as people
-from .experiments import person_document as person_document
 from .experiments import presets as presets
 from .gait_table_file import gait_table_from_mapping as gait_table_from_mapping
 from .gait_table_file import load_gait_table as load_gait_table
 from .gait_table_file import load_mode_table as load_mode_table
 from .gait_table_file import load_state_table as load_state_table
+from .gait_table_file import packaged_gait_tables as packaged_gait_tables
 from .gait_table_file import packaged_mode_tables as packaged_mode_tables
-from .table_inheritance import packaged_gait_tables as packaged_gait_tables

@@ -8,11 +8,10 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from twin_gait.configuration import table_inheritance, validation
+from twin_gait.configuration import gait_table_file, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.experiment_file import LoadedExperiment as LoadedExperiment
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.gait_table_file import checked_table, mode_table_from_mapping, mode_table_path
 from twin_gait.configuration.readers import SIDES, section_of
 from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError
@@ -22,6 +21,12 @@ from twin_gait.parameters import Patient
 from twin_gait.worlds.registry import load_plugin, words
 
 _HEADER = ("schema_version", "name", "description")  # of the file of a person
+# Keys under which a file may name what takes the place of the whole: the folder of what ships, and its kind.
+_NAMED = {
+    "patient": ("people", "person"),
+    "table": ("tables", "gait table"),
+    "modes": ("modes", "table of modes"),
+}
 DEFAULT_PRESET = "treadmill"  # of commands that are given none
 GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
 
@@ -36,35 +41,42 @@ def person_text(name: str) -> str:
     return packaged("people")[name].read_text(encoding="utf-8")
 
 
-def names_a_person(value: Any) -> bool:
-    """Whether a ``patient`` of a file names a person instead of stating everything itself."""
-    return isinstance(value, str) or (isinstance(value, Mapping) and "preset" in value)
+def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
+    """What takes the place of all that is under ``patient``, ``table`` or ``modes``; None for mere changes.
 
+    It is checked here, while it is known what was written where.
 
-def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Look a named person up, as the ``patient`` of an experiment file.
-
-    ``value``: name of a person that ships, path of a file, or a mapping with such a name under ``preset`` and
-    changes beside it. ``folder``: folder that a relative path starts from; the working folder comes next.
-    Raises ParameterError if there is no such person. Raises ParameterFileError if the file has a mistake.
+    ``value``: name of what ships, or path of a file; for a person also a mapping with such a name under
+    ``preset`` and changes beside it; for a table one that is spelt out, with ``schema_version`` or
+    ``extends``. ``path``: file that says it, from whose folder a relative path starts; the working folder
+    comes next. ``source``: what messages call it. Raises ParameterFileError if there is nothing of that name,
+    or it has a mistake.
     """
-    given = {"preset": value} if isinstance(value, str) else value
-    changes = {key: item for key, item in given.items() if key != "preset"}
-    path = table_inheritance.gait_table_path(given["preset"], folder, "people", "person")
-    person = {key: item for key, item in read_yaml(path).items() if key not in _HEADER}
-    converting(str(path), "", validation.validate(section_of(Patient), person, str(path)).convert)
+    name, changes = value, {}
+    if isinstance(value, Mapping):
+        if key == "table" and "extends" in value:
+            inline = gait_table_file.extended_table({**value}, path, f"{path}: table")
+            gait_table_file.checked_table(inline, f"{path}: table", path.stem)
+            return inline.data
+        if key != "patient":
+            return {**value} if "schema_version" in value else None
+        name, changes = value.get("preset"), {item: value[item] for item in value if item != "preset"}
+    if name is None:
+        return None
+    found = converting(
+        source or str(path), key, lambda: gait_table_file.gait_table_path(name, path.parent, *_NAMED[key])
+    )
+    if key == "table":
+        written = gait_table_file.read_gait_table(found)
+        gait_table_file.checked_table(written, str(found), found.stem)
+        return {**written.data, "name": written.data.get("name") or found.stem}
+    data = read_yaml(found)
+    if key == "modes":
+        gait_table_file.mode_table_from_mapping(data, str(found), found.stem)
+        return {"name": found.stem, **data}
+    person = {item: data[item] for item in data if item not in _HEADER}
+    converting(str(found), "", validation.validate(section_of(Patient), person, str(found)).convert)
     return merge(person, changes)
-
-
-def named_document(key: str, value: Any, path: Path) -> dict[str, Any] | None:
-    """What an experiment file has under ``patient`` or ``table``, where a value names it; else None.
-
-    ``path``: file that names it, from whose folder a relative path starts; the working folder comes next.
-    Errors are those of :func:`person_document`.
-    """
-    if key == "patient" and names_a_person(value):
-        return _person(value, path, str(path))
-    return _resolve_table(value, path) if key == "table" and isinstance(value, str) else None
 
 
 def presets() -> dict[str, str]:
@@ -86,22 +98,16 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     preset or file, or an assignment cannot be read.
     """
     path, where = _find(source)
-    data = _resolve_preset(read_yaml(path), path)
-    changes = []
+    data, changes = _resolved(read_yaml(path), path), []
+    where = f"{where} with --set" if settings else where
     for keys, value in validation.parse_assignments(settings):
-        if keys in (["table"], ["modes"]):
-            data[str(keys[0])] = value
-        elif keys == ["patient"] and names_a_person(value):
-            data["patient"] = _person(value, path, f"{where} with --set")
-        else:
+        key = str(keys[0])
+        whole = named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
+        if whole is None:
             changes.append((keys, value))
-    if "table" in data:
-        data["table"] = _resolve_table(data["table"], path)
-    if data.get("modes") is not None:
-        data["modes"] = _resolve_modes(data["modes"], path)
+        else:
+            data[key] = whole
     document = _complete_document(data, where, path.parent)
-    if changes:
-        where = f"{where} with --set"
     for keys, value in changes:
         document = validation.assign(document, keys, value)
     return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
@@ -173,49 +179,17 @@ def _find(source: str | Path) -> tuple[Path, str]:
     raise ParameterError(f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file")
 
 
-def _person(value: Any, path: Path, where: str) -> dict[str, Any]:
-    return converting(where, "patient", lambda: person_document(value, path.parent))
-
-
-def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
-    name, named = data.get("preset"), names_a_person(data.get("patient"))
-    if named:
-        data = {**data, "patient": _person(data["patient"], path, str(path))}
+def _resolved(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """A file with what it names in the place of names, laid over its preset."""
+    own = {key: value for key, value in data.items() if key != "preset"}
+    found = {key: named_document(key, own.get(key), path) for key in _NAMED}
+    whole = {key: document for key, document in found.items() if document is not None}
+    name = data.get("preset")
     if name is None:
-        return data
+        return own | whole
     below = _preset(name) if isinstance(name, str) else None
     if below is None:
         known = ", ".join(presets())
         raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}")
-    base = _resolve_preset(read_yaml(below), below)
-    rest = {key: value for key, value in data.items() if key != "preset"}
-    table = rest.pop("table", base.get("table"))
-    if isinstance(table, dict) and not {"schema_version", "extends"} & set(table):
-        table = merge(_resolve_table(base.get("table"), path), table)
-    if named:  # takes the place of the preset's wearer, with nothing of it left underneath
-        base = {**base, "patient": None}
-    return {**merge({**base, "name": path.stem}, rest), "table": table}
-
-
-def _resolve_modes(modes: Any, path: Path) -> dict[str, Any]:
-    if isinstance(modes, dict):
-        return modes
-    found = converting(str(path), "modes", lambda: mode_table_path(modes, path.parent))
-    data = {"name": found.stem, **read_yaml(found)}
-    mode_table_from_mapping(data, str(found), found.stem)  # while it is known what was written where
-    return data
-
-
-def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
-    if isinstance(table, dict) and "extends" not in table:
-        return table
-    if isinstance(table, dict):
-        source, name = f"{path}: table", path.stem
-        found = table_inheritance.extended_table(table, path, source)
-    else:
-        file = converting(str(path), "table", lambda: table_inheritance.gait_table_path(table, path.parent))
-        source, name = str(file), file.stem
-        found = table_inheritance.read_gait_table(file)
-        found = found._replace(data={**found.data, "name": found.data.get("name") or name})
-    checked_table(found, source, name)  # while it is known what was written where
-    return found.data
+    base = {**_resolved(read_yaml(below), below), "name": path.stem}
+    return merge(base | dict.fromkeys(whole), own | whole)  # nothing is left underneath what is whole
