@@ -14,7 +14,7 @@ from twin_gait.identification import statistics
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.laws import MODELS
 from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
-from twin_gait.identification.processing import BenchSetup, ProcessingOptions, balance_warnings, process_log
+from twin_gait.identification.processing import BenchSetup, Processing, balance_warnings, process_log
 from twin_gait.identification.reading import LogColumns, read_log
 from twin_gait.identification.statistics import CrossValidation, Goodness, Uncertainty
 
@@ -38,14 +38,8 @@ def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     return tuple(lacking)
 
 
-_STIFF = 1e6  # σ0/T_c at which a bristle slides at once: the static law
 _ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction changes: the law with sgn ω
 _Rule = Callable[[np.ndarray, np.ndarray], tuple[list[float], list[float]]]
-
-
-def _ratio(excess: float, coulomb: float) -> float:
-    """T_b/T_c as far as LuGre's bounds have room for it."""
-    return float(np.clip(1.0 + excess / coulomb, 0.1, 10.0)) if coulomb else 1.0
 
 
 # By model and simpler one: from the parameters of the simpler one to those that give the same law.
@@ -57,14 +51,8 @@ _RULES: Mapping[tuple[str, str], _Rule] = {
     ("temperature_dependent", "coulomb_viscous_tanh"): lambda b, e: ([*b, 0.0, 0.0], [1.0 / e[0]]),
     ("load_temperature_dependent", "load_dependent"): lambda b, e: ([*b, 0.0, 0.0], [e[0]]),
     ("load_temperature_dependent", "temperature_dependent"): lambda b, e: ([*b[:2], 0.0, *b[2:]], [e[0]]),
-    ("dahl", "coulomb_viscous"): lambda b, e: ([*b], [_STIFF]),
     ("lugre", "dahl"): lambda b, e: ([b[0], 0.0, b[1]], [e[0], 1.0, 1.0]),
-    ("lugre", "stribeck"): lambda b, e: ([b[1], 0.0, b[2]], [_STIFF, _ratio(b[0], b[1]), e[0]]),
     ("lugre_asymmetric", "lugre"): lambda b, e: ([b[0], b[1], b[2], b[2], 0.0], [*e, 2.0, 1.0]),
-    ("lugre_asymmetric", "asymmetric_stribeck"): lambda b, e: (
-        [b[1], 0.0, *b[2:]],
-        [_STIFF, _ratio(b[0], b[1]), *e[1:]],
-    ),
 }
 
 
@@ -89,7 +77,7 @@ class IdentificationOptions:
 
     columns: LogColumns = field(default_factory=LogColumns)  # which column of the logs holds what
     bench: BenchSetup | None = None  # the bench; None for series of friction torques
-    processing: ProcessingOptions = field(default_factory=ProcessingOptions)  # how the logs are smoothed
+    processing: Processing = Processing.ZERO_PHASE  # how the logs of a bench are smoothed
     fit: FitOptions = field(default_factory=FitOptions)  # how the models are fitted
     models: tuple[str, ...] = ()  # names of the models; empty for all that the columns allow
     cross_validation: bool = True  # whether to leave files and weights out in turn
@@ -184,7 +172,7 @@ def identify_tests(
         warnings=(
             *flipped,
             *balance_warnings(tests, options.bench, options.processing),
-            *_file_warnings(tests, options.bench),
+            *_file_warnings(tests),
             *_sample_warnings(samples),
         ),
     )
@@ -263,14 +251,10 @@ def _sample_warnings(samples: Samples) -> list[str]:
     return [text.format(100.0 * share) for share, least, text in doubts if share < least]
 
 
-def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
+def _file_warnings(tests: Sequence[FrictionTest]) -> list[str]:
     """What to know about the files."""
     found = []
     for note in dict.fromkeys(note for test in tests for note in test.notes):
         names = [test.name for test in tests if note in test.notes]
         found.append(f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {note}")
-    mass = None if bench is None else bench.mass
-    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, mass)]
-    if mass is not None and others:
-        found.append(f"--mass {mass:g} is overruled by what {others[0]} says, of {len(others)} such files")
     return found

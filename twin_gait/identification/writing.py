@@ -3,7 +3,7 @@
 import contextlib
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from twin_gait.files import plain, write_atomically, write_json
 from twin_gait.identification.fitting import Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.models import Samples
-from twin_gait.identification.processing import BenchSetup, Processing, ProcessingOptions
+from twin_gait.identification.processing import BenchSetup
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import FIGURES_FOLDER, readable, style_panel, write_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -68,10 +68,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
     """The result as plain numbers, SI units in the keys."""
     options, best = result.options, result.models[0]
     order = f"rmse with {best.validations[0].left_out} left out" if math.isfinite(best.rank[0]) else "BIC"
-    balance = any(test.from_bench for test in result.tests)
-    usual = Processing.ZERO_PHASE if balance else Processing.NONE
-    processing = replace(options.processing, processing=options.processing.processing or usual)
-    bench = options.bench if balance else None
+    bench = options.bench if any(test.from_bench for test in result.tests) else None
     return {
         "schema_version": 1,
         "joint": joint,
@@ -81,7 +78,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
         "method": {
             "order": order,
             **asdict(options.fit),
-            "processing": section_of(ProcessingOptions).document(processing),
+            "processing": None if bench is None else options.processing,
             "bench": None if bench is None else section_of(BenchSetup).document(bench),
         },
         "tests": [{"name": test.name, "mass_kg": test.mass, "samples": test.counts} for test in result.tests],
