@@ -231,6 +231,17 @@ def test_bristles_that_fit_best_are_the_friction_of_a_plant_that_runs(tmp_path, 
     assert compensator.control.friction_model[JointName.KNEE] != KNEE_FRICTION
 
 
+def test_a_mass_that_the_files_overrule_is_said(tmp_path, capsys):
+    logs = [
+        write_log(tmp_path / f"knee_{mass}kg_{number}.log", columns)
+        for number, (mass, columns) in enumerate(campaign(1, tests=1, duration=2.0)[:2])
+    ]
+    fast = ("--model", "coulomb_viscous", "--no-pictures", "--no-cross-validation")
+    assert call(*logs, "--joint", "knee", *fast, "--mass", "7", "--out", tmp_path / "out") == DONE
+    told = "warning: --mass 7 is overruled by what knee_1.0kg_0.log (1 kg) says, of 2 such files"
+    assert told in capsys.readouterr().out
+
+
 def test_a_law_that_would_drive_the_joint_is_left_out_of_the_parameter_files(tmp_path, capsys):
     time = 0.01 * np.arange(400)
     velocity = 2.0 * np.sin(2.0 * np.pi * 0.4 * time)

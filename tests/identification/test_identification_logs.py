@@ -318,11 +318,6 @@ def test_the_weight_comes_from_the_name(tmp_path, name, mass):
     assert read_log(path, NAMED).mass == mass
 
 
-def test_a_weight_that_is_given_counts_before_that_of_the_name():
-    given = process_log(as_log(SWING, 1.0), replace(BENCH, mass=2.0))
-    assert_allclose(given.load, process_log(as_log(SWING, 2.0), BENCH).load)
-
-
 def changed(columns: dict[str, np.ndarray], **others) -> dict[str, np.ndarray]:
     return {**columns, **others}
 

@@ -18,7 +18,7 @@ from twin_gait.vocabulary import JointName
 _PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
 # Numbers of the bench on which logs were made, by their field of a BenchSetup.
 _BENCH = {
-    "mass": ("--mass", "KG", "weight (as the name of the file says)"),
+    "mass": ("--mass", "KG", "weight, where the name of a file does not say"),
     "lever": ("--lever-m", "B", "from the axis to the weight (0.30)"),
     "link_inertia": ("--link-inertia-kgm2", "J", "about the axis (0.02)"),
     "link_moment": ("--link-moment-kgm", "S", "mass of the link times its arm (0)"),

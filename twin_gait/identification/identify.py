@@ -172,7 +172,7 @@ def identify_tests(
         warnings=(
             *flipped,
             *balance_warnings(tests, options.bench, options.processing),
-            *_file_warnings(tests),
+            *_file_warnings(tests, options.bench),
             *_sample_warnings(samples),
         ),
     )
@@ -251,10 +251,14 @@ def _sample_warnings(samples: Samples) -> list[str]:
     return [text.format(100.0 * share) for share, least, text in doubts if share < least]
 
 
-def _file_warnings(tests: Sequence[FrictionTest]) -> list[str]:
+def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
     """What to know about the files."""
     found = []
     for note in dict.fromkeys(note for test in tests for note in test.notes):
         names = [test.name for test in tests if note in test.notes]
         found.append(f"{names[0] if len(names) == 1 else f'{len(names)} files'}: {note}")
+    mass = None if bench is None else bench.mass
+    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, mass)]
+    if mass is not None and others:
+        found.append(f"--mass {mass:g} is overruled by what {others[0]} says, of {len(others)} such files")
     return found

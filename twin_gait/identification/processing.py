@@ -26,7 +26,7 @@ class BenchSetup(quantities.Parameters):
 
     Attributes:
         actuator: Motor and gear.
-        mass: On the link in [kg]; None takes what the name of a log says.
+        mass: On the link in [kg], where the name of a log does not say.
         lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
         link_inertia: About the axis in [kg m²]; an assumption.
         link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
@@ -180,7 +180,7 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
 
 def _weight(log: Log, bench: BenchSetup) -> float:
     """The weight on the link in [kg]."""
-    mass = log.mass if bench.mass is None else bench.mass
+    mass = bench.mass if log.mass is None else log.mass
     if mass is None:
         text = (
             "does not say which weight hung on the link: add --mass, or name the file so (knee_2.5kg_1.log)"
