@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import (
     named_document,
     people,
-    person_text,
     presets,
     resolved_document,
 )
@@ -27,6 +27,7 @@ from twin_gait.studies.batch import overridden
 from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
+FOLDER = Path(str(files("twin_gait.configuration"))) / "people"
 NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
 
 
@@ -141,13 +142,13 @@ def test_every_person_is_read_from_his_own_file(name):
     found = patient(f"patient={name}")
     assert not found.is_mass_alone
     assert (found.mass, found.height) == (70.0, 1.75)  # what differs is what they do
-    assert yaml.safe_load(person_text(name))["name"] == name
+    assert yaml.safe_load((FOLDER / f"{name}.yaml").read_text())["name"] == name
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_number_of_a_person_names_its_source_or_is_called_an_assumption(name):
     """In the comment on its line or on the lines right above it."""
-    lines = person_text(name).splitlines()
+    lines = (FOLDER / f"{name}.yaml").read_text().splitlines()
     words = (
         "assumption",
         "19",

@@ -79,7 +79,6 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str, *, as_table: bool) -> str:
-    from twin_gait.configuration.experiments import person_text
     from twin_gait.configuration.gait_table_file import gait_table_path, mode_table_path
     from twin_gait.configuration.schema import comment_for
 
@@ -91,7 +90,7 @@ def _text_of(name: str, *, as_table: bool) -> str:
     if as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     if name in configuration.people():
-        return person_text(name)
+        return gait_table_path(name, kind="people").read_text(encoding="utf-8")
     document = configuration.load_experiment(name).document
     return f"{comment_for('experiment')}\n{configuration.dump_yaml(document)}"
 

@@ -36,11 +36,6 @@ def people() -> dict[str, str]:
     return descriptions(packaged("people"))
 
 
-def person_text(name: str) -> str:
-    """File of a person that ships, with its sources, ready to be edited."""
-    return packaged("people")[name].read_text(encoding="utf-8")
-
-
 def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
     """What takes the place of all that is under ``patient``, ``table`` or ``modes``; None for mere changes.
 

@@ -7,7 +7,6 @@ region reflective).
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -94,19 +93,14 @@ def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
     return np.array(low), np.array(high)
 
 
-def fit_model(
-    model: FrictionModel, samples: Samples, options: FitOptions, *, seeds: Sequence[np.ndarray] = ()
-) -> Fit:
-    """Fit a model to samples with every column that it needs.
-
-    ``seeds``: further starts beside the many: the fits of simpler models.
-    """
+def fit_model(model: FrictionModel, samples: Samples, options: FitOptions) -> Fit:
+    """Fit a model to samples with every column that it needs."""
     full = rows_of(model, samples)
     limits, threshold = bounds(model, full, physical=options.physical), math.inf
     number = int(full.used.sum())
     # Share of the loss that is worth another step: less than noise decides, exact for few samples.
     tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
-    x = _best_start(model, full, limits, seeds, options)
+    x = _best_start(model, full, limits, options.seed)
     x = refine(model, full, x, limits, tolerance=tolerance)
     values = model.errors(x, full)
     sigma = _robust_sigma(values)
@@ -151,25 +145,20 @@ def _robust_sigma(values: np.ndarray) -> float:
     return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
 
 
-def _best_start(
-    model: FrictionModel, samples: Samples, limits: Bounds, seeds: Sequence[np.ndarray], options: FitOptions
-) -> np.ndarray:
+def _best_start(model: FrictionModel, samples: Samples, limits: Bounds, seed: int) -> np.ndarray:
     count, dimensions = len(model.coefficients), len(model.shape)
     if not dimensions:
         return np.asarray(np.clip(best_coefficients(model, np.empty(0), samples)[0], *limits))
     few = _fewer(samples, model, _START_SAMPLES)
     low, high = (limit[count:] for limit in limits)
-    draws = qmc.Sobol(dimensions, seed=options.seed).random(_STARTS)
+    draws = qmc.Sobol(dimensions, seed=seed).random(_STARTS)
     shapes = low + draws * (high - low)
     found = [best_coefficients(model, np.exp(shape), few) for shape in shapes]
-    kept = _apart(draws, np.array([cost for _, cost in found]))
-    starts = [*(np.concatenate([found[place][0], shapes[place]]) for place in kept), *seeds]
-    polished = [
-        refine(model, few, x, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS) for x in starts
-    ]
-    # Compared on all samples, so that no model comes out worse than a simpler one that it contains.
-    candidates = [*polished, *(np.clip(seed, *limits) for seed in seeds)]
-    return min(candidates, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
+    polished = []
+    for place in _apart(draws, np.array([cost for _, cost in found])):
+        start = np.concatenate([found[place][0], shapes[place]])
+        polished.append(refine(model, few, start, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS))
+    return min(polished, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
 
 
 def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
