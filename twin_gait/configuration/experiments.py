@@ -4,6 +4,7 @@ What holds for both sides of a wearer stands under ``both``; ``left`` and ``righ
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -21,12 +22,8 @@ from twin_gait.parameters import Patient
 from twin_gait.worlds.registry import load_plugin, words
 
 _HEADER = ("schema_version", "name", "description")  # of the file of a person
-# Keys under which a file may name what takes the place of the whole: the folder of what ships, and its kind.
-_NAMED = {
-    "patient": ("people", "person"),
-    "table": ("tables", "gait table"),
-    "modes": ("modes", "table of modes"),
-}
+# Keys under which a file may name what takes the place of the whole, with the folder of what ships.
+_NAMED = {"patient": "people", "table": "tables", "modes": "modes"}
 DEFAULT_PRESET = "treadmill"  # of commands that are given none
 GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
 
@@ -58,9 +55,8 @@ def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[s
         name, changes = value.get("preset"), {item: value[item] for item in value if item != "preset"}
     if name is None:
         return None
-    found = converting(
-        source or str(path), key, lambda: gait_table_file.gait_table_path(name, path.parent, *_NAMED[key])
-    )
+    find = partial(gait_table_file.named_file, name, _NAMED[key], path.parent)
+    found = converting(source or str(path), key, find)
     if key == "table":
         written = gait_table_file.read_gait_table(found)
         gait_table_file.checked_table(written, str(found), found.stem)

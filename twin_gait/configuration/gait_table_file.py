@@ -78,10 +78,16 @@ def _shared(
     return {"name": entry.name or name, "transitions": tuple(transitions.values()), "waivers": entry.waive}
 
 
-def gait_table_path(
-    name: Any, folder: Path | None = None, kind: str = "tables", words: str = "gait table"
-) -> Path:
-    """File of a gait table, or of another kind of table."""
+# What a file of each folder of this package is.
+_KINDS = {"tables": "gait table", "modes": "table of modes", "people": "person"}
+
+
+def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> Path:
+    """File of a gait table, a table of modes or a person, by its path or by the name of one that ships.
+
+    ``folder``: where a relative path starts; the working folder comes next. Raises ParameterError if there
+    is none.
+    """
     shipped = packaged(kind)
     if isinstance(name, str | Path):
         beside = [] if folder is None else [folder / name]
@@ -89,7 +95,7 @@ def gait_table_path(
             if candidate is not None and candidate.is_file():
                 return candidate
     shown = short(name) if isinstance(name, list | dict) else repr(str(name))
-    raise ParameterError(f"no {words} {shown}: neither a file nor one of {', '.join(shipped)}")
+    raise ParameterError(f"no {_KINDS[kind]} {shown}: neither a file nor one of {', '.join(shipped)}")
 
 
 def packaged_gait_tables() -> list[str]:
@@ -126,7 +132,7 @@ def extended_table(
     if "extends" not in data:
         return WrittenTable(data, ((source, data),))
     name = data["extends"]
-    found = converting(source, "extends", lambda: gait_table_path(name, path.parent))
+    found = converting(source, "extends", lambda: named_file(name, folder=path.parent))
     chain = (*below, path.resolve())
     if found.resolve() in chain:
         raise ParameterFileError(source, "extends", f"{name!r} extends this table itself")
@@ -168,7 +174,7 @@ def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTab
     ``draft``: whether phases may lack exits or be out of reach, which a check reports itself. Raises
     ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key, value).
     """
-    path = source if isinstance(source, Path) else gait_table_path(source)
+    path = source if isinstance(source, Path) else named_file(source)
     return checked_table(read_gait_table(path), str(path), path.stem, draft=draft)
 
 
@@ -263,23 +269,18 @@ def packaged_mode_tables() -> list[str]:
     return list(packaged("modes"))
 
 
-def mode_table_path(name: str | Path, folder: Path | None = None) -> Path:
-    """File of a table of modes; raises ParameterError if there is none."""
-    return gait_table_path(name, folder, "modes", "table of modes")
-
-
 def load_mode_table(source: str | Path) -> ModeTable:
     """Read a table of modes from a YAML file, or by the name of one that ships, such as ``twin``.
 
     Raises ParameterError if there is no such table, ParameterFileError if the file has a mistake.
     """
-    path = source if isinstance(source, Path) else mode_table_path(source)
+    path = source if isinstance(source, Path) else named_file(source, "modes")
     return mode_table_from_mapping(read_yaml(path), str(path), path.stem)
 
 
 def load_state_table(source: str | Path, *, draft: bool = False) -> GaitTable | ModeTable:
     """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
     if source in packaged_mode_tables():
-        source = mode_table_path(source)
-    path = source if isinstance(source, Path) else gait_table_path(source)
+        source = named_file(source, "modes")
+    path = source if isinstance(source, Path) else named_file(source)
     return load_mode_table(path) if "modes" in read_yaml(path) else load_gait_table(path, draft=draft)

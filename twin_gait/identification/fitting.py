@@ -22,7 +22,6 @@ HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count 
 _STARTS = 128
 _START_SAMPLES = 4_000  # that starts are compared on and polished
 _POLISHED, _POLISH_TOLERANCE, _POLISH_STEPS = 6, 1e-5, 50  # starts; share of the loss; evaluations
-_APART = 0.1  # of the span of the bounds
 _REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
 _CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
 _NEGLIGIBLE = 1e-5  # of the loss per sample and variance: far below what noise moves the parameters by
@@ -151,25 +150,13 @@ def _best_start(model: FrictionModel, samples: Samples, limits: Bounds, seed: in
         return np.asarray(np.clip(best_coefficients(model, np.empty(0), samples)[0], *limits))
     few = _fewer(samples, model, _START_SAMPLES)
     low, high = (limit[count:] for limit in limits)
-    draws = qmc.Sobol(dimensions, seed=seed).random(_STARTS)
-    shapes = low + draws * (high - low)
+    shapes = low + qmc.Sobol(dimensions, seed=seed).random(_STARTS) * (high - low)
     found = [best_coefficients(model, np.exp(shape), few) for shape in shapes]
     polished = []
-    for place in _apart(draws, np.array([cost for _, cost in found])):
+    for place in np.argsort([cost for _, cost in found], kind="stable")[:_POLISHED]:
         start = np.concatenate([found[place][0], shapes[place]])
         polished.append(refine(model, few, start, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS))
     return min(polished, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
-
-
-def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
-    """The best starts that do not lie beside a better one, in the unit cube of the shape."""
-    chosen: list[int] = []
-    for index in np.argsort(costs, kind="stable"):
-        if all(np.abs(places[index] - places[other]).max() > _APART for other in chosen):
-            chosen.append(int(index))
-        if len(chosen) == _POLISHED:
-            break
-    return chosen
 
 
 def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
