@@ -15,8 +15,7 @@ from numpy.testing import assert_allclose
 import twin_gait
 from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.experiments import resolved_document
+from twin_gait.configuration.experiments import experiment_from_mapping, resolved_document
 from twin_gait.configuration.gait_table_file import (
     gait_table_from_mapping,
     load_gait_table,

@@ -14,8 +14,8 @@ import yaml
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml, experiment_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import (
+    experiment_from_mapping,
     named_document,
     people,
     presets,

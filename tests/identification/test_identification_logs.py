@@ -361,7 +361,7 @@ def test_a_log_that_cannot_be_used_is_refused_in_one_line(columns, message):
 
 
 def test_a_log_without_a_weight_is_refused():
-    with pytest.raises(ParameterFileError, match="does not say which weight"):
+    with pytest.raises(ParameterFileError, match="mass: is not known: add --mass"):
         process_log(as_log(SWING, None), BENCH)
 
 

@@ -1,9 +1,9 @@
 from .documents import dump_yaml as dump_yaml
 from .documents import experiment_document as experiment_document
 from .documents import table_document as table_document
-from .experiment_file import experiment_from_mapping as experiment_from_mapping
 from .experiments import DEFAULT_PRESET as DEFAULT_PRESET
 from .experiments import LoadedExperiment as LoadedExperiment
+from .experiments import experiment_from_mapping as experiment_from_mapping
 from .experiments import load_experiment as load_experiment
 from .experiments import people as people
 from .experiments import presets as presets

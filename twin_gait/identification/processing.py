@@ -120,7 +120,10 @@ def _series(log: Log) -> FrictionTest:
 
 def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTest:
     """Friction torque at 100 Hz by the balance of torques, equation (2.12)."""
-    mass, thesis = _weight(log, bench), processing is Processing.THESIS
+    mass, thesis = bench.mass if log.mass is None else log.mass, processing is Processing.THESIS
+    if mass is None:
+        text = "is not known: add --mass, or name the file by its weight, such as knee_2.5kg_1.log"
+        raise ParameterFileError(log.source, "mass", text)
     rate = 1.0 / float(np.median(np.diff(log.columns[Quantity.TIME])))
     cutoff = min(CUTOFF, 0.2 * rate)
     time, columns, recorded = _even(log, rate, cutoff)
@@ -178,17 +181,6 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
     )
 
 
-def _weight(log: Log, bench: BenchSetup) -> float:
-    """The weight on the link in [kg]."""
-    mass = bench.mass if log.mass is None else log.mass
-    if mass is None:
-        text = (
-            "does not say which weight hung on the link: add --mass, or name the file so (knee_2.5kg_1.log)"
-        )
-        raise ParameterFileError(log.source, "mass", text)
-    return mass
-
-
 def _motion(angle: np.ndarray, recorded: np.ndarray, rate: float, guard: int) -> tuple[np.ndarray, ...]:
     """Velocity and acceleration, and where only recorded samples are within so many: from the angle."""
     velocity = np.gradient(angle, 1.0 / rate)
@@ -202,7 +194,7 @@ def _late_motion(speed: np.ndarray, recorded: np.ndarray, rate: float) -> tuple[
     velocity = moving_average(speed, WINDOW)
     settled = ~signals.widened(~recorded, WINDOW)
     settled[: WINDOW - 1] = settled[-1:] = False
-    return velocity, signals.forward_difference(velocity, 1.0 / rate), settled
+    return velocity, np.diff(velocity, append=velocity[-1]) * rate, settled
 
 
 def _needed(log: Log, quantity: Quantity) -> np.ndarray:
