@@ -12,12 +12,11 @@ from enum import StrEnum
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import qmc
+from scipy.stats import median_abs_deviation, qmc
 
 from twin_gait.identification.laws import SIGNED
 from twin_gait.identification.models import FrictionModel, Samples, thinned, thinned_path
 
-MAD_TO_SIGMA = 1.4826  # of a normal distribution
 HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count linearly
 _STARTS = 128
 _START_SAMPLES = 4_000  # that starts are compared on and polished
@@ -102,13 +101,13 @@ def fit_model(model: FrictionModel, samples: Samples, options: FitOptions) -> Fi
     x = _best_start(model, full, limits, options.seed)
     x = refine(model, full, x, limits, tolerance=tolerance)
     values = model.errors(x, full)
-    sigma = _robust_sigma(values)
+    sigma = median_abs_deviation(values, scale="normal")
     if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
         # The scale settles in two rounds: the first fit may itself be pulled by outliers.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
             x = refine(model, full, x, limits, threshold, tolerance=tolerance)
-            sigma = _robust_sigma(model.errors(x, full)) or sigma
+            sigma = median_abs_deviation(model.errors(x, full), scale="normal") or sigma
     return Fit(model, x, limits, threshold)
 
 
@@ -137,11 +136,6 @@ def refit(fit: Fit, samples: Samples) -> Fit:
     full = rows_of(fit.model, samples)
     x = refine(fit.model, full, fit.x, fit.bounds, fit.threshold, tolerance=_REFIT_TOLERANCE)
     return replace(fit, x=x)
-
-
-def _robust_sigma(values: np.ndarray) -> float:
-    """Standard deviation of a normal distribution with the same median absolute deviation."""
-    return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
 
 
 def _best_start(model: FrictionModel, samples: Samples, limits: Bounds, seed: int) -> np.ndarray:
