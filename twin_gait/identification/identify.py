@@ -133,7 +133,17 @@ def identify_tests(
         for by, labels in folds.items():
             validations.append(statistics.cross_validate(fit, samples, by, labels))
             progress(next(done), total)
-        found.append(_assess(fit, samples, validations, options.fit.seed))
+        values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, options.fit.seed)
+        found.append(
+            IdentifiedModel(
+                fit=fit,
+                goodness=statistics.goodness(samples.torque[samples.used], values, model.size),
+                uncertainty=known,
+                validations=tuple(validations),
+                residuals=values,
+                warnings=tuple(statistics.fit_warnings(fit, known, samples)),
+            )
+        )
     return Identification(
         tests=tuple(tests),
         samples=samples,
@@ -146,18 +156,6 @@ def identify_tests(
             *_file_warnings(tests, options.bench),
             *_sample_warnings(samples),
         ),
-    )
-
-
-def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
-    values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
-    return IdentifiedModel(
-        fit=fit,
-        goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
-        uncertainty=known,
-        validations=tuple(validations),
-        residuals=values,
-        warnings=tuple(statistics.fit_warnings(fit, known, samples)),
     )
 
 

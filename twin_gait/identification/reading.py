@@ -147,8 +147,6 @@ class Log:
     # of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty
     columns: Mapping[Quantity, np.ndarray]
     mass: float | None = None  # weight on the link in [kg], if the file's name says so
-    # columns that the user named; the others were found by their known names
-    asked: frozenset[Quantity] = frozenset()
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
@@ -172,7 +170,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     values = {quantity: table.numbers(name, gaps=True) * factor for quantity, (name, factor) in found.items()}
     weight = _WEIGHT.search(path.name)
     mass = float(re.sub("[,p]", ".", weight[1].lower())) if weight else None
-    return Log(str(path), values, mass, frozenset(columns.names))
+    return Log(str(path), values, mass)
 
 
 FEWEST = 20  # samples of a test
@@ -191,21 +189,21 @@ _SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
 def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[str, ...]]:
     """Take out rows that hold a NaN or repeat the one before, and refuse a log that cannot be used.
 
-    A column that was found by its name alone and that a series can do without is left out if it is mostly
-    empty or cannot be what its name says. Also: how many rows there were of each, and what one should know.
+    A column that can be done without is left out if it is mostly empty or cannot be what its name says. Also:
+    how many rows there were of each, and what one should know.
     """
     series = Quantity.FRICTION_TORQUE in log.columns
     columns = {name: values for name, values in log.columns.items() if name not in _USELESS[series]}
-    optional, notes = set(columns) - log.asked - _NEEDED[series], list[str]()
+    needed, notes = _NEEDED[series], list[str]()
 
     def refuse(quantity: Quantity, why: str) -> None:
-        """Leave an optional column out; a log is not read without another."""
-        if quantity not in optional:
+        """Leave a column out; a log is not read without one that is needed."""
+        if quantity in needed:
             raise ParameterFileError(log.source, quantity, why)
         notes.append(f"{quantity} was left out: {why}")
         del columns[quantity]
 
-    for quantity in sorted(optional):
+    for quantity in sorted(set(columns) - needed):
         empty = int(np.isnan(columns[quantity]).sum())
         if empty > _MOSTLY_EMPTY * len(log):
             refuse(quantity, f"{100 * empty / len(log):.0f} % of its cells are empty")
@@ -223,11 +221,10 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
         raise ParameterFileError(log.source, "", text)
     columns.update({quantity: rows[quantity].to_numpy() for quantity in columns})
     if doubt := _disorder(columns, notes, series=series):
-        optional |= {Quantity.TIME} if series else set()
         refuse(Quantity.TIME, doubt)
     for quantity in sorted(columns):
         if doubt := _beyond(quantity, columns[quantity]):
-            if joint_known or not series or quantity in optional:
+            if joint_known or not series or quantity not in needed:
                 refuse(quantity, doubt)
             else:
                 notes.append(f"{quantity} {doubt}")
