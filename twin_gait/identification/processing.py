@@ -44,10 +44,6 @@ class BenchSetup(quantities.Parameters):
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
 
-    def joint_angle(self, angle: np.ndarray) -> np.ndarray:
-        """Logged angles, set so that the first one is the start angle, in [rad]."""
-        return angle if self.start_angle is None else angle - angle[0] + self.start_angle
-
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
         """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
 
@@ -137,7 +133,9 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
         """Angle, current and load go through the same filter."""
         return values if thesis else zero_phase(values, cutoff, rate)
 
-    raw = bench.joint_angle(columns[Quantity.ANGLE])
+    raw = columns[Quantity.ANGLE]
+    if bench.start_angle is not None:
+        raw = raw - raw[0] + bench.start_angle
     angle, load = smooth(raw), smooth(bench.load_torque(raw, mass))[::step]
     currents = (Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT)[:: 1 if thesis else -1]
     current = next(filter(columns.__contains__, currents), currents[0])

@@ -22,7 +22,6 @@ from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, SKY_BLUE, VERMI
 from twin_gait.report.canvas import FIGURES_FOLDER, readable, style_panel, write_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds import BENCH_FRICTION
 
 DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
@@ -125,14 +124,12 @@ def law_of(kind: type[parameters.FrictionLaw], values: dict[str, float]) -> para
 
 
 def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: JointName) -> str:
-    """An experiment with the law in the plant or in the compensator.
+    """An experiment with the law in the plant or in the compensator; the other joint keeps that of the preset.
 
-    The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
+    A plant that was measured has a friction ratio of 1.
     """
-    found = {**BENCH_FRICTION, joint: law}
-    laws = {str(name): section_of(type(item)).document(item) for name, item in found.items()}
-    ratios = {str(name): 1.0 if name is joint else 0.5 for name in BENCH_FRICTION}
-    section = {"plant": {"friction": laws, "friction_ratio": ratios}}
+    laws = {str(joint): section_of(type(law)).document(law)}
+    section = {"plant": {"friction": laws, "friction_ratio": {str(joint): 1.0}}}
     if file == COMPENSATOR_FILE:
         section = {"control": {"friction_model": laws}}
     name = f"identified_{joint}_{Path(file).stem}"
