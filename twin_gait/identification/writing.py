@@ -124,9 +124,9 @@ def law_of(kind: type[parameters.FrictionLaw], values: dict[str, float]) -> para
 
 
 def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: JointName) -> str:
-    """An experiment with the law in the plant or in the compensator; the other joint keeps that of the preset.
+    """An experiment with the law in the plant or in the compensator.
 
-    A plant that was measured has a friction ratio of 1.
+    The other joint keeps that of the preset. A plant that was measured has a friction ratio of 1.
     """
     laws = {str(joint): section_of(type(law)).document(law)}
     section = {"plant": {"friction": laws, "friction_ratio": {str(joint): 1.0}}}
