@@ -12,7 +12,7 @@ import numpy as np
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification import statistics
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
-from twin_gait.identification.laws import MODELS
+from twin_gait.identification.laws import MODELS, OFFSET
 from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
 from twin_gait.identification.processing import BenchSetup, Processing, balance_warnings, process_log
 from twin_gait.identification.reading import LogColumns, read_log
@@ -33,7 +33,8 @@ def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     """What a model needs and the samples lack: columns that vary, or motion in both directions."""
     columns = {name: getattr(samples, name) for name in model.needs}
     lacking = [name for name, values in columns.items() if values is None or np.ptp(values) <= 1e-9]
-    if model.two_way and samples.rarer_direction < ONE_WAY:
+    # In one direction an offset is not told from Coulomb friction.
+    if OFFSET in model.coefficients and samples.rarer_direction < ONE_WAY:
         lacking.append("motion in both directions")
     return tuple(lacking)
 
