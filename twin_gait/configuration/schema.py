@@ -68,11 +68,7 @@ def _lenient(schema: Any) -> Any:
         return [_lenient(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    found = {
-        key: _lenient(value)
-        for key, value in schema.items()
-        if key != "required" or not isinstance(value, list)
-    }
+    found = {key: _lenient(value) for key, value in schema.items() if key != "required"}
     keys = schema.get("properties", {})
     pairs = [list(pair) for pair in combinations(keys, 2) if len(set(map(quantity_of, pair))) == 1]
     return found | ({"allOf": [{"not": {"required": pair}} for pair in pairs]} if pairs else {})

@@ -209,16 +209,14 @@ _FEW = 0.02  # share of the samples that counts as none
 
 def _sample_warnings(samples: Samples) -> list[str]:
     """What the samples cannot tell, whatever the model."""
+    back, few = samples.rarer_direction, f"fewer than {100.0 * _FEW:g} %"
     speed = np.abs(samples.velocity[samples.used])
-    doubts = (
-        (samples.rarer_direction, _ONE_WAY, "one direction only: {:.1f} % of the samples move the other way; "
-         "an offset of current or load cannot be told from Coulomb friction"),
-        ((speed < _SLOW).mean(), _FEW, f"no slow samples: {{:.1f}} % below {_SLOW:g} rad/s; break-away and "
-         "Stribeck friction are extrapolated"),
-        ((speed > _FAST).mean(), _FEW, f"no fast samples: {{:.1f}} % above {_FAST:g} rad/s; viscous friction "
-         f"beyond {speed.max():.3g} rad/s is extrapolated"),
-    )  # fmt: skip
-    return [text.format(100.0 * share) for share, least, text in doubts if share < least]
+    doubts = {
+        f"one direction only: {100.0 * back:.1f} % of the samples move the other way": back < _ONE_WAY,
+        f"no slow samples: {few} below {_SLOW:g} rad/s": (speed < _SLOW).mean() < _FEW,
+        f"no fast samples: {few} above {_FAST:g} rad/s": (speed > _FAST).mean() < _FEW,
+    }
+    return [text for text, doubtful in doubts.items() if doubtful]
 
 
 def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
