@@ -31,7 +31,6 @@ from twin_gait.identification import (
     IdentificationOptions,
     Log,
     Processing,
-    ProcessingOptions,
     Quantity,
     identify_tests,
     process_log,
@@ -93,7 +92,7 @@ def estimates(two_way: TwoWayProtocol, campaign: tuple[JointName, int]) -> dict[
 def identified(logs: Sequence[Log], joint: JointName, processing: Processing) -> Estimate:
     """Identify logs, and keep the parameters, their intervals and the warnings."""
     bench = BenchSetup(actuator=BENCH_ACTUATORS[joint])
-    how = ProcessingOptions(processing=processing)
+    how = processing
     options = IdentificationOptions(bench=bench, processing=how, models=(LAW,), cross_validation=False)
     result = identify_tests([process_log(log, bench, how) for log in logs], options)
     (model,) = result.models

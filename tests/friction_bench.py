@@ -123,12 +123,8 @@ def campaign(
     return logs
 
 
-def write_log(
-    path: Path, columns: dict[str, np.ndarray], mass: float | None = None, separator: str = ","
-) -> Path:
+def write_log(path: Path, columns: dict[str, np.ndarray]) -> Path:
     """Write columns as text."""
-    head = [] if mass is None else [f"# mass_kg: {mass}"]
-    rows = np.column_stack(list(columns.values()))
-    lines = [separator.join(f"{value:.9g}" for value in row) for row in rows]
-    path.write_text("\n".join([*head, separator.join(columns), *lines]) + "\n")
+    lines = [",".join(f"{value:.9g}" for value in row) for row in np.column_stack(list(columns.values()))]
+    path.write_text("\n".join([",".join(columns), *lines]) + "\n")
     return path

@@ -30,7 +30,6 @@ from twin_gait.identification import (
     Log,
     Loss,
     Processing,
-    ProcessingOptions,
     goodness,
     identify_tests,
     process_log,
@@ -123,7 +122,7 @@ def fit_campaign(
     ``mass_as_printed`` takes J_mass as m b.
     """
     bench = BenchSetup(actuator=BENCH_ACTUATORS[joint], mass_as_printed=mass_as_printed)
-    options = ProcessingOptions(processing=processing)
+    options = processing
     tests = [process_log(log, bench, options) for log in logs_of(joint, protocol, seed)]
     return _fit([_forward(test) for test in tests] if forward else tests, bench, seed)
 

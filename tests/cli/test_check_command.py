@@ -18,7 +18,7 @@ from twin_gait.cli import main
 from twin_gait.cli import tables as command
 from twin_gait.cli.tables import heading
 from twin_gait.cli.terminal import DONE, FAILED
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import named_file
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.report.pages import render
 
@@ -33,7 +33,7 @@ def run(*arguments: str) -> int:
 @pytest.fixture
 def stiff_knee(tmp_path: Path) -> str:
     """A published machine whose early swing waits for a knee angle that no knee has."""
-    text = gait_table_path("osl_walking").read_text(encoding="utf-8")
+    text = named_file("osl_walking").read_text(encoding="utf-8")
     assert "knee.angle_deg > 50" in text
     path = tmp_path / "stiff_knee.yaml"
     path.write_text(text.replace("knee.angle_deg > 50", "knee.angle_deg > 150"), encoding="utf-8")

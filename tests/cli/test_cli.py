@@ -19,7 +19,7 @@ from twin_gait import load_experiment
 from twin_gait.cli import main
 from twin_gait.cli.program import build_parser
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import named_file
 from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model import packaged_urdf
 from twin_gait.measures.strides import stride_count
@@ -124,9 +124,9 @@ def test_presets_are_listed_and_printed(capsys):
 def test_a_gait_table_is_printed_as_its_file_and_can_be_checked(tmp_path, capsys):
     assert run("presets", "sup_2009") == 0
     printed = capsys.readouterr().out
-    assert printed == gait_table_path("sup_2009").read_text(encoding="utf-8")
+    assert printed == named_file("sup_2009").read_text(encoding="utf-8")
     assert run("presets", "treadmill", "--as-table") == 0  # a preset has that name too
-    assert capsys.readouterr().out == gait_table_path("treadmill").read_text(encoding="utf-8")
+    assert capsys.readouterr().out == named_file("treadmill").read_text(encoding="utf-8")
     assert run("presets", "moonwalk", "--as-table") == 2
 
 

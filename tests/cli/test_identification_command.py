@@ -109,20 +109,20 @@ def test_logs_of_the_bench_are_taken_as_a_folder(tmp_path, capsys):
     logs = tmp_path / "campaign"
     logs.mkdir()
     for number, (mass, columns) in enumerate(campaign(1, tests=2, duration=2.0)):
-        write_log(logs / f"knee_{number}.log", columns, mass)
+        write_log(logs / f"knee_{mass}kg_{number}.log", columns)
     (logs / "notes.md").write_text("not a log")
     options = ("--model", "rotational,coulomb_viscous", "--no-pictures", "--angles-as-logged")
     assert call(logs, "--joint", "knee", *options, "--out", tmp_path / "out") == DONE
     printed = capsys.readouterr().out
     assert "10 files" in printed and "with weight left out" in printed and "breakaway_torque_Nm" in printed
     document = json.loads((tmp_path / "out" / "identification.json").read_text())
-    assert document["method"]["processing"]["processing"] == "zero_phase"
+    assert document["method"]["processing"] == "zero_phase"
     assert [test["mass_kg"] for test in document["tests"]] == [1, 1, 1.5, 1.5, 2, 2, 2.5, 2.5, 3, 3]
 
 
 def test_one_way_drops_are_warned_about(tmp_path, capsys):
     logs = [
-        write_log(tmp_path / f"drop_{number}.log", columns, mass)
+        write_log(tmp_path / f"drop_{mass}kg_{number}.log", columns)
         for number, (mass, columns) in enumerate(campaign(1, tests=1, two_way=False, duration=3.0))
     ]
     call(*logs, "--joint", "knee", "--model", "rotational", "--no-pictures", "--out", tmp_path / "out")
@@ -137,7 +137,6 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
         (("--units", "velocity"), "--units: expected NAME=VALUE"),
         (("--model", "gauss"), "model: no 'gauss'"),
         (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),
-        (("--cutoff-Hz", "0"), "cutoff: expected a number above 0"),
         (("--joint", "knee", "--lever-m", "-1"), "lever: expected a number above 0"),
         (("--joint", "knee", "--start-angle-deg", "nan"), "start_angle: expected a finite number"),
     ],
@@ -233,24 +232,14 @@ def test_bristles_that_fit_best_are_the_friction_of_a_plant_that_runs(tmp_path, 
 
 
 def test_a_mass_that_the_files_overrule_is_said(tmp_path, capsys):
-    for number, (mass, columns) in zip(range(2), campaign(1, tests=1, duration=2.0), strict=False):
-        write_log(tmp_path / f"knee_{number}.log", columns, mass)
-    given = (
-        "--joint",
-        "knee",
-        "--model",
-        "coulomb_viscous",
-        "--no-pictures",
-        "--no-cross-validation",
-        "--mass",
-        "7",
-    )
-    logs = [tmp_path / f"knee_{number}.log" for number in range(2)]
-    assert call(*logs, *given, "--out", tmp_path / "out") == DONE
-    assert (
-        "warning: --mass 7 is overruled by what knee_0.log (1 kg) says, of 2 such files"
-        in capsys.readouterr().out
-    )
+    logs = [
+        write_log(tmp_path / f"knee_{mass}kg_{number}.log", columns)
+        for number, (mass, columns) in enumerate(campaign(1, tests=1, duration=2.0)[:2])
+    ]
+    fast = ("--model", "coulomb_viscous", "--no-pictures", "--no-cross-validation")
+    assert call(*logs, "--joint", "knee", *fast, "--mass", "7", "--out", tmp_path / "out") == DONE
+    told = "warning: --mass 7 is overruled by what knee_1.0kg_0.log (1 kg) says, of 2 such files"
+    assert told in capsys.readouterr().out
 
 
 def test_a_law_that_would_drive_the_joint_is_left_out_of_the_parameter_files(tmp_path, capsys):

@@ -15,10 +15,12 @@ from numpy.testing import assert_allclose
 import twin_gait
 from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.experiments import resolved_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
-from twin_gait.configuration.table_inheritance import packaged_gait_tables
+from twin_gait.configuration.experiments import experiment_from_mapping, resolved_document
+from twin_gait.configuration.gait_table_file import (
+    gait_table_from_mapping,
+    load_gait_table,
+    packaged_gait_tables,
+)
 from twin_gait.configuration.validation import assign, merge, parse_assignment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, AsymmetricFriction, LuGreFriction

@@ -13,7 +13,7 @@ from twin_gait import load_experiment
 from twin_gait.cli import main
 from twin_gait.configuration import load_gait_table, load_mode_table, load_state_table, packaged_mode_tables
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
-from twin_gait.configuration.gait_table_file import mode_table_from_mapping, mode_table_path
+from twin_gait.configuration.gait_table_file import mode_table_from_mapping, named_file
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait import ModeTable, TimedRequest
 
@@ -44,12 +44,12 @@ def read(data: dict[str, Any]) -> ModeTable:
 def test_what_ships_is_read_and_written_back(name):
     table = load_mode_table(name)
     assert table.name == name and table == read(yaml.safe_load(dump_yaml(table_document(table))))
-    assert load_mode_table(mode_table_path(name)) == table == load_state_table(name)
+    assert load_mode_table(named_file(name, "modes")) == table == load_state_table(name)
 
 
 def test_the_table_of_quintero_has_the_transitions_of_the_paper():
     """Table II of PMC3375739, states S1 to S12 in the order of the comments of the file."""
-    text = mode_table_path("quintero_2011").read_text(encoding="utf-8")
+    text = named_file("quintero_2011", "modes").read_text(encoding="utf-8")
     numbers = dict(line.split("# S")[::-1] for line in text.splitlines() if "{}  # S" in line)
     state = {name.split(":")[0].strip(): int(number) for number, name in numbers.items()}
     assert sorted(state.values()) == list(range(1, 13))

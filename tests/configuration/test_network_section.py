@@ -9,7 +9,7 @@ import pytest
 
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters import (
     ImpedancePlace,

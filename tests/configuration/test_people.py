@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,10 @@ import yaml
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml, experiment_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import (
+    experiment_from_mapping,
+    named_document,
     people,
-    person_document,
-    person_text,
     presets,
     resolved_document,
 )
@@ -27,6 +27,7 @@ from twin_gait.studies.batch import overridden
 from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
+FOLDER = Path(str(files("twin_gait.configuration"))) / "people"
 NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
 
 
@@ -141,13 +142,13 @@ def test_every_person_is_read_from_his_own_file(name):
     found = patient(f"patient={name}")
     assert not found.is_mass_alone
     assert (found.mass, found.height) == (70.0, 1.75)  # what differs is what they do
-    assert yaml.safe_load(person_text(name))["name"] == name
+    assert yaml.safe_load((FOLDER / f"{name}.yaml").read_text())["name"] == name
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_number_of_a_person_names_its_source_or_is_called_an_assumption(name):
     """In the comment on its line or on the lines right above it."""
-    lines = person_text(name).splitlines()
+    lines = (FOLDER / f"{name}.yaml").read_text().splitlines()
     words = (
         "assumption",
         "19",
@@ -263,7 +264,9 @@ def test_person_survives_being_written_and_read(name):
     assert reread(loaded.document) == loaded.experiment
     as_kept = reread(resolved_document(loaded.experiment, loaded.document, {}))
     assert as_kept.patient == loaded.experiment.patient
-    assert person_document(name).items() <= loaded.document["patient"].items()  # units as typed
+    assert (
+        named_document("patient", name, Path()).items() <= loaded.document["patient"].items()
+    )  # units as typed
 
 
 def test_segments_of_winter_survive_being_written_and_change_the_run():

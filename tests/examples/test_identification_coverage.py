@@ -22,7 +22,6 @@ from twin_gait.identification import (
     BenchSetup,
     IdentificationOptions,
     Processing,
-    ProcessingOptions,
     identify_tests,
     process_log,
 )
@@ -49,7 +48,7 @@ def test_no_minimum_is_missed_that_a_descent_from_the_truth_finds():
     logs = logs_of(Campaign(joint=JointName.KNEE, protocol=Protocol.TWO_WAY, seed=4, two_way=TWO_WAY))
     bench, how = (
         BenchSetup(actuator=BENCH_ACTUATORS[JointName.KNEE]),
-        ProcessingOptions(processing=Processing.THESIS),
+        Processing.THESIS,
     )
     options = IdentificationOptions(bench=bench, processing=how, models=(LAW,), cross_validation=False)
     found = identify_tests([process_log(log, bench, how) for log in logs], options)

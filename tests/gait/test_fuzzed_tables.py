@@ -16,8 +16,7 @@ from twin_gait.checking import exits, graph
 from twin_gait.checking.check import build_case, check, load_case, report
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, named_file
 from twin_gait.configuration.validation import parse_yaml
 from twin_gait.exceptions import GaitTableError, TwinGaitError
 from twin_gait.gait import compile_guards
@@ -36,7 +35,7 @@ quick = settings(
 
 @cache
 def shipped(name: str) -> dict[str, Any]:
-    data: dict[str, Any] = yaml.safe_load(gait_table_path(name).read_text(encoding="utf-8"))
+    data: dict[str, Any] = yaml.safe_load(named_file(name).read_text(encoding="utf-8"))
     return data
 
 
@@ -216,7 +215,7 @@ def test_any_mapping_ends_in_one_line(tree: dict[str, Any]) -> None:
 def test_text_with_a_piece_torn_out_ends_in_a_report_or_in_one_line(
     start: int, length: int, text: str
 ) -> None:
-    whole = gait_table_path("treadmill").read_text(encoding="utf-8")
+    whole = named_file("treadmill").read_text(encoding="utf-8")
     try:
         data = parse_yaml(whole[:start] + text + whole[start + length :], "fuzz.yaml")
     except TwinGaitError as error:

@@ -26,7 +26,6 @@ from twin_gait.identification import (
     process_log,
 )
 from twin_gait.identification.models import FrictionTest
-from twin_gait.identification.processing import ProcessingOptions
 from twin_gait.identification.reading import read_log
 from twin_gait.identification.signals import soft_stop
 
@@ -52,7 +51,6 @@ def identified(path, text: str, model: str = "coulomb_viscous"):
 
 
 MENDED = {
-    "restarts": (text_of(t=np.tile(TIME[:250], 4)), "time goes back 3 times"),
     "no clock": (text_of(t=np.zeros(1000)), "time was left out: is the same in every row"),
     "disorder": (text_of(t=np.random.default_rng(0).permutation(TIME)), "time was left out: goes back"),
     "milliseconds": (text_of(t=1000.0 * TIME), "time advances by 10 s from row to row"),
@@ -90,9 +88,8 @@ REFUSED = {
         text_of().replace("\n0,", "\n2024-01-01,"),
         "expected a finite number in row 1, got '2024-01-01'",
     ),
-    "mark": (text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)), "a mark for a missing value"),
     "unit": (text_of().replace("dq2", "dq2 [counts/s]"), "no unit 'counts/s' of velocity is known"),
-    "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "a mark|moves in 1 samples, at"),
+    "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "moves in 1 samples, at"),
 }
 
 
@@ -104,12 +101,15 @@ def test_what_would_give_a_wrong_result_is_refused_in_one_line(tmp_path, name):
     assert "\n" not in str(error.value)
 
 
-def test_one_column_cannot_be_two_quantities(tmp_path):
-    (tmp_path / "a.csv").write_text(text_of())
-    with pytest.raises(ParameterFileError, match="is given for velocity and friction_torque"):
-        read_log(
-            tmp_path / "a.csv", LogColumns(names={Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "dq2"})
-        )
+def test_records_that_follow_one_another_are_taken_apart(tmp_path):
+    samples = identified(tmp_path / "a.csv", text_of(t=np.tile(TIME[:250], 4))).samples
+    assert np.flatnonzero(samples.fresh).tolist() == [0, 250, 500, 750]
+
+
+def test_a_mark_for_a_missing_value_moves_no_parameter(tmp_path):
+    result = identified(tmp_path / "a.csv", text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)))
+    assert any("friction_torque reaches 9999 Nm" in line for line in result.warnings)
+    assert_allclose(list(result.models[0].fit.x), [3.0, 2.0], rtol=1e-2)
 
 
 def test_a_velocity_in_degrees_is_doubted_in_a_series(tmp_path):
@@ -173,4 +173,4 @@ def test_more_samples_than_are_used_are_taken_evenly(tmp_path, monkeypatch):
 def test_processing_keeps_every_sample_of_a_series(tmp_path):
     (tmp_path / "a.csv").write_text(text_of(t=np.floor(TIME * 20.0) / 20.0))
     log = read_log(tmp_path / "a.csv", LogColumns(names=NAMES))
-    assert len(process_log(log, None, ProcessingOptions())) == 1000
+    assert len(process_log(log, None)) == 1000

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.gait.table import Transition
-from twin_gait.identification.processing import BenchSetup, ProcessingOptions
+from twin_gait.identification.processing import BenchSetup
 from twin_gait.parameters import (
     HARD_TORQUE_LIMIT,
     HIP_ACTUATOR,
@@ -89,7 +89,6 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (CatalogueEfficiency, "temperature", 40.1),
     (Torsion, "stiffness", 0.0),
     (BenchSetup, "mass", -0.1),
-    (ProcessingOptions, "cutoff", 0.0),
     (TwoWayProtocol, "cycles", 0),
     (Transition, "debounce_ticks", 0),
     (Transition, "time_out_ticks", 0),

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.conventions import RAJAGOPAL
 from twin_gait.core.plant import Brace, brace_torque
 from twin_gait.exceptions import TwinGaitError

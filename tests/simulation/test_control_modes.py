@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control.controller import Path as Walk
 from twin_gait.control.controllers.position import KNEE_HIGHEST, KNEE_LOWEST
 from twin_gait.core.assistance import Adaptation, adapted_assistance, cycle_place

@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.cli import friction as command
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
-from twin_gait.identification.processing import BenchSetup, ProcessingOptions, process_log
+from twin_gait.identification.processing import BenchSetup, process_log
 from twin_gait.identification.reading import Quantity, read_log
 from twin_gait.parameters import KNEE_ACTUATOR
 from twin_gait.simulation import LOG_COLUMNS, simulate_bench
@@ -153,7 +153,7 @@ def test_reader_of_the_identification_finds_the_friction_that_was_put_in(tmp_pat
     for path, plan in zip(logs_of(plans, tmp_path), plans, strict=True):
         log = read_log(path)
         assert log.mass == plan.mass and Quantity.MEASURED_CURRENT in log.columns
-        test = process_log(log, bench, ProcessingOptions())
+        test = process_log(log, bench)
         truth = plan.variation.friction_ratio * friction_bench.rotational(test.velocity, friction_bench.KNEE)
         error = (test.torque - truth)[test.used]
         assert test.used.sum() > 300

@@ -14,7 +14,7 @@ import pytest
 from firmware_tools import require_tools
 from table_builder import FIVE_PHASES
 
-from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.configuration.gait_table_file import named_file
 
 # Once the package is installed its entry point loads the plugin; -p would load it twice.
 _INSTALLED = any(
@@ -86,7 +86,7 @@ def test_without_a_compiler_one_line_says_what_to_install(folder: Path) -> None:
 
 
 def test_two_tables_and_a_selection(folder: Path) -> None:
-    shutil.copy(gait_table_path("bench_leg"), folder / "bench.yaml")
+    shutil.copy(named_file("bench_leg"), folder / "bench.yaml")
     done = run(
         folder, "--gait-table", "walk.yaml", "--gait-table", "bench.yaml", "-k", "closed and anew", "-v"
     )

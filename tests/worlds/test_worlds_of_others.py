@@ -15,7 +15,7 @@ import pytest
 
 from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.vocabulary import Outcome, Side
 from twin_gait.worlds import world_kinds, world_of

@@ -18,7 +18,7 @@ from twin_gait.vocabulary import JointName
 _PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
 # Numbers of the bench on which logs were made, by their field of a BenchSetup.
 _BENCH = {
-    "mass": ("--mass", "KG", "weight, where file and file name do not say"),
+    "mass": ("--mass", "KG", "weight, where the name of a file does not say"),
     "lever": ("--lever-m", "B", "from the axis to the weight (0.30)"),
     "link_inertia": ("--link-inertia-kgm2", "J", "about the axis (0.02)"),
     "link_moment": ("--link-moment-kgm", "S", "mass of the link times its arm (0)"),
@@ -46,8 +46,8 @@ def add_parser(commands: Any) -> None:
     add("--units", default="", metavar="Q=UNIT,…", help=text)
     add("--model", action="append", default=[], metavar="NAME,…", help="models to fit (all)")
     add("--joint", choices=("hip", "knee"), help="whose motor and gear it is (for currents)")
-    add("--processing", choices=("zero_phase", "thesis", "none"), help="smoothing of the logs")
-    add("--cutoff-Hz", type=float, metavar="F", help="of the zero-phase filter (40)")
+    text = "smoothing of logs with a current (zero_phase)"
+    add("--processing", choices=("zero_phase", "thesis"), default="zero_phase", help=text)
     add("--physical", action="store_true", help="no negative friction, break-away at least Coulomb")
     add("--no-cross-validation", action="store_true", help="do not leave files out in turn")
     bench = parser.add_argument_group("test bench, for logs with a current")
@@ -115,13 +115,11 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
         return {of.Quantity(name): value for name, value in given.items()}
 
     WHOLE.require("--seed", arguments.seed)
-    named = arguments.processing and of.Processing(arguments.processing)
-    processing = options.given(processing=named, cutoff=arguments.cutoff_Hz)
     names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)
     return of.IdentificationOptions(
         columns=of.LogColumns(names=names, units=units),
         bench=_bench_of_logs(arguments),
-        processing=of.ProcessingOptions(**processing),
+        processing=of.Processing(arguments.processing),
         fit=of.FitOptions(physical=arguments.physical, seed=arguments.seed),
         models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
         cross_validation=not arguments.no_cross_validation,

@@ -79,20 +79,18 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str, *, as_table: bool) -> str:
-    from twin_gait.configuration.experiments import person_text
-    from twin_gait.configuration.gait_table_file import mode_table_path
+    from twin_gait.configuration.gait_table_file import named_file
     from twin_gait.configuration.schema import comment_for
-    from twin_gait.configuration.table_inheritance import gait_table_path
 
     tables = configuration.packaged_gait_tables()
     if name in tables and (as_table or name not in configuration.presets()):
-        return gait_table_path(name).read_text(encoding="utf-8")
+        return named_file(name).read_text(encoding="utf-8")
     if name in configuration.packaged_mode_tables():
-        return mode_table_path(name).read_text(encoding="utf-8")
+        return named_file(name, "modes").read_text(encoding="utf-8")
     if as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     if name in configuration.people():
-        return person_text(name)
+        return named_file(name, "people").read_text(encoding="utf-8")
     document = configuration.load_experiment(name).document
     return f"{comment_for('experiment')}\n{configuration.dump_yaml(document)}"
 

@@ -4,26 +4,111 @@ What holds for both sides of a wearer stands under ``both``; ``left`` and ``righ
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from twin_gait.configuration import table_inheritance, validation
+from pydantic import create_model
+
+from twin_gait.configuration import gait_table_file, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
-from twin_gait.configuration.experiment_file import LoadedExperiment as LoadedExperiment
-from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.gait_table_file import checked_table, mode_table_from_mapping, mode_table_path
-from twin_gait.configuration.readers import SIDES, section_of
-from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml
+from twin_gait.configuration.readers import SIDES, section_of, type_of
+from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters import Patient
+from twin_gait.parameters.quantities import declarations
+from twin_gait.worlds import world_of
 from twin_gait.worlds.registry import load_plugin, words
 
 _HEADER = ("schema_version", "name", "description")  # of the file of a person
+# Keys under which a file may name what takes the place of the whole, with the folder of what ships.
+_NAMED = {"patient": "people", "table": "tables", "modes": "modes"}
 DEFAULT_PRESET = "treadmill"  # of commands that are given none
 GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
+
+
+@dataclass(frozen=True)
+class LoadedExperiment:
+    """An experiment and the resolved mapping that it came from."""
+
+    experiment: Experiment  # the experiment
+    document: dict[str, Any]  # everything resolved, units as typed
+
+
+def experiment_from_mapping(
+    data: dict[str, Any], source: str, folder: Path, like: LoadedExperiment | None = None
+) -> Experiment:
+    """Turn a resolved mapping (presets merged, table inline) into an experiment.
+
+    ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
+    converted again, which takes most of the time.
+    """
+    known = {} if like is None else _known(data, like)
+    entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
+    found: dict[str, Any] = entry.values()
+    # A table without a name has the experiment's.
+    if like is not None and entry.name == like.experiment.name and data["table"] is like.document["table"]:
+        found["table"] = like.experiment.table
+    else:
+        found["table"] = gait_table_file.gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
+    if entry.modes is not None:
+        found["modes"] = gait_table_file.mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
+    if entry.integration is not None:
+        braced, engine = found.get("interface") is not None, found.get("engine", Engine.COMPILED)
+        standard, own = default_integration(engine, entry.scenario, braced=braced), entry.integration.values()
+        found["integration"] = converting(source, "integration", lambda: replace(standard, **own))
+    if data.get("patient") is None:
+        found["patient"] = None
+    _find_files(found, source, folder)
+    urdf, wanted = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
+    if wanted is not None and wanted != urdf_hash(find_urdf(urdf)):
+        problem = f"{urdf} is not the file that this experiment was made with; restore it, or remove this key"
+        raise ParameterFileError(source, "provenance.urdf_sha256", problem)
+    return converting(source, "", lambda: Experiment(**found))
+
+
+def _known(data: Mapping[str, Any], like: LoadedExperiment) -> dict[str, Any]:
+    """Sections that are the very same as in another mapping, as they were converted there."""
+    return {
+        item.key: getattr(like.experiment, item.name)
+        for item in declarations(Experiment)
+        if item.key not in ("table", "modes", "integration")
+        and isinstance(data.get(item.key), dict)
+        and data[item.key] is like.document.get(item.key)
+    }
+
+
+def _file_about(scenario: Any, source: str) -> Any:
+    """Section of an experiment in the world that it is about."""
+    if scenario is None:
+        return section_of(Experiment)  # which says what is missing
+    kind = scenario.get("kind") if isinstance(scenario, Mapping) else scenario
+    name = kind if isinstance(kind, str) else validation.short(kind)
+    return _section_in(converting(source, "scenario.kind", lambda: world_of(name)))
+
+
+@cache
+def _section_in(world: type[Any]) -> Any:
+    return create_model("Experiment", __base__=section_of(Experiment), scenario=(type_of(world), ...))
+
+
+def _find_files(found: dict[str, Any], source: str, folder: Path) -> None:
+    """Look for the files that an experiment names, beside its own file first."""
+    leg = found["leg"] = replace(found["leg"], urdf=_beside(folder, found["leg"].urdf))
+    converting(source, "leg", lambda: find_urdf(leg.urdf))
+    if found.get("network") is not None:
+        network = found["network"] = replace(found["network"], dbc=_beside(folder, found["network"].dbc))
+        find_dbc(network.dbc)
+
+
+def _beside(folder: Path, name: str) -> str:
+    """A path from the folder of the file, if there is such a file; else the name as it is."""
+    return str((folder / name).resolve()) if (folder / name).is_file() else name
 
 
 def people() -> dict[str, str]:
@@ -31,40 +116,41 @@ def people() -> dict[str, str]:
     return descriptions(packaged("people"))
 
 
-def person_text(name: str) -> str:
-    """File of a person that ships, with its sources, ready to be edited."""
-    return packaged("people")[name].read_text(encoding="utf-8")
+def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
+    """What takes the place of all that is under ``patient``, ``table`` or ``modes``; None for mere changes.
 
+    It is checked here, while it is known what was written where.
 
-def names_a_person(value: Any) -> bool:
-    """Whether a ``patient`` of a file names a person instead of stating everything itself."""
-    return isinstance(value, str) or (isinstance(value, Mapping) and "preset" in value)
-
-
-def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> dict[str, Any]:
-    """Look a named person up, as the ``patient`` of an experiment file.
-
-    ``value``: name of a person that ships, path of a file, or a mapping with such a name under ``preset`` and
-    changes beside it. ``folder``: folder that a relative path starts from; the working folder comes next.
-    Raises ParameterError if there is no such person. Raises ParameterFileError if the file has a mistake.
+    ``value``: name of what ships, or path of a file; for a person also a mapping with such a name under
+    ``preset`` and changes beside it; for a table one that is spelt out, with ``schema_version`` or
+    ``extends``. ``path``: file that says it, from whose folder a relative path starts; the working folder
+    comes next. ``source``: what messages call it. Raises ParameterFileError if there is nothing of that name,
+    or it has a mistake.
     """
-    given = {"preset": value} if isinstance(value, str) else value
-    changes = {key: item for key, item in given.items() if key != "preset"}
-    path = table_inheritance.gait_table_path(given["preset"], folder, "people", "person")
-    person = {key: item for key, item in read_yaml(path).items() if key not in _HEADER}
-    converting(str(path), "", validation.validate(section_of(Patient), person, str(path)).convert)
+    name, changes = value, {}
+    if isinstance(value, Mapping):
+        if key == "table" and "extends" in value:
+            inline = gait_table_file.extended_table({**value}, path, f"{path}: table")
+            gait_table_file.checked_table(inline, f"{path}: table", path.stem)
+            return inline.data
+        if key != "patient":
+            return {**value} if "schema_version" in value else None
+        name, changes = value.get("preset"), {item: value[item] for item in value if item != "preset"}
+    if name is None:
+        return None
+    find = partial(gait_table_file.named_file, name, _NAMED[key], path.parent)
+    found = converting(source or str(path), key, find)
+    if key == "table":
+        written = gait_table_file.read_gait_table(found)
+        gait_table_file.checked_table(written, str(found), found.stem)
+        return {**written.data, "name": written.data.get("name") or found.stem}
+    data = read_yaml(found)
+    if key == "modes":
+        gait_table_file.mode_table_from_mapping(data, str(found), found.stem)
+        return {"name": found.stem, **data}
+    person = {item: data[item] for item in data if item not in _HEADER}
+    converting(str(found), "", validate(section_of(Patient), person, str(found)).convert)
     return merge(person, changes)
-
-
-def named_document(key: str, value: Any, path: Path) -> dict[str, Any] | None:
-    """What an experiment file has under ``patient`` or ``table``, where a value names it; else None.
-
-    ``path``: file that names it, from whose folder a relative path starts; the working folder comes next.
-    Errors are those of :func:`person_document`.
-    """
-    if key == "patient" and names_a_person(value):
-        return _person(value, path, str(path))
-    return _resolve_table(value, path) if key == "table" and isinstance(value, str) else None
 
 
 def presets() -> dict[str, str]:
@@ -86,22 +172,16 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     preset or file, or an assignment cannot be read.
     """
     path, where = _find(source)
-    data = _resolve_preset(read_yaml(path), path)
-    changes = []
+    data, changes = _resolved(read_yaml(path), path), []
+    where = f"{where} with --set" if settings else where
     for keys, value in validation.parse_assignments(settings):
-        if keys in (["table"], ["modes"]):
-            data[str(keys[0])] = value
-        elif keys == ["patient"] and names_a_person(value):
-            data["patient"] = _person(value, path, f"{where} with --set")
-        else:
+        key = str(keys[0])
+        whole = named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
+        if whole is None:
             changes.append((keys, value))
-    if "table" in data:
-        data["table"] = _resolve_table(data["table"], path)
-    if data.get("modes") is not None:
-        data["modes"] = _resolve_modes(data["modes"], path)
+        else:
+            data[key] = whole
     document = _complete_document(data, where, path.parent)
-    if changes:
-        where = f"{where} with --set"
     for keys, value in changes:
         document = validation.assign(document, keys, value)
     return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
@@ -173,49 +253,17 @@ def _find(source: str | Path) -> tuple[Path, str]:
     raise ParameterError(f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file")
 
 
-def _person(value: Any, path: Path, where: str) -> dict[str, Any]:
-    return converting(where, "patient", lambda: person_document(value, path.parent))
-
-
-def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
-    name, named = data.get("preset"), names_a_person(data.get("patient"))
-    if named:
-        data = {**data, "patient": _person(data["patient"], path, str(path))}
+def _resolved(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """A file with what it names in the place of names, laid over its preset."""
+    own = {key: value for key, value in data.items() if key != "preset"}
+    found = {key: named_document(key, own.get(key), path) for key in _NAMED}
+    whole = {key: document for key, document in found.items() if document is not None}
+    name = data.get("preset")
     if name is None:
-        return data
+        return own | whole
     below = _preset(name) if isinstance(name, str) else None
     if below is None:
         known = ", ".join(presets())
         raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}")
-    base = _resolve_preset(read_yaml(below), below)
-    rest = {key: value for key, value in data.items() if key != "preset"}
-    table = rest.pop("table", base.get("table"))
-    if isinstance(table, dict) and not {"schema_version", "extends"} & set(table):
-        table = merge(_resolve_table(base.get("table"), path), table)
-    if named:  # takes the place of the preset's wearer, with nothing of it left underneath
-        base = {**base, "patient": None}
-    return {**merge({**base, "name": path.stem}, rest), "table": table}
-
-
-def _resolve_modes(modes: Any, path: Path) -> dict[str, Any]:
-    if isinstance(modes, dict):
-        return modes
-    found = converting(str(path), "modes", lambda: mode_table_path(modes, path.parent))
-    data = {"name": found.stem, **read_yaml(found)}
-    mode_table_from_mapping(data, str(found), found.stem)  # while it is known what was written where
-    return data
-
-
-def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
-    if isinstance(table, dict) and "extends" not in table:
-        return table
-    if isinstance(table, dict):
-        source, name = f"{path}: table", path.stem
-        found = table_inheritance.extended_table(table, path, source)
-    else:
-        file = converting(str(path), "table", lambda: table_inheritance.gait_table_path(table, path.parent))
-        source, name = str(file), file.stem
-        found = table_inheritance.read_gait_table(file)
-        found = found._replace(data={**found.data, "name": found.data.get("name") or name})
-    checked_table(found, source, name)  # while it is known what was written where
-    return found.data
+    base = {**_resolved(read_yaml(below), below), "name": path.stem}
+    return merge(base | dict.fromkeys(whole), own | whole)  # nothing is left underneath what is whole

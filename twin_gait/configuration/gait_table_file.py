@@ -1,22 +1,26 @@
-"""Gait tables, and tables of operating modes, as YAML: units in the keys there, SI in the tables."""
+"""Gait tables, and tables of operating modes, as YAML: units in the keys there, SI in the tables.
+
+One gait table may extend another.
+"""
 
 import re
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from pydantic import Field, create_model
 
 from twin_gait.configuration.readers import section_of, type_of
-from twin_gait.configuration.table_inheritance import TableMapping, gait_table_path, read_gait_table
 from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, short, validate
-from twin_gait.exceptions import GaitTableError, ParameterFileError
+from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait import GaitTable, Mode, ModeTable, table
 from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
+# Lists of a table that another one extends, and what an entry of each is about.
+_LISTS = {"transitions": ("from", "to", "cause"), "waive": ("rule", "phase", "transition")}
 
 
 @lru_cache
@@ -74,27 +78,123 @@ def _shared(
     return {"name": entry.name or name, "transitions": tuple(transitions.values()), "waivers": entry.waive}
 
 
+# What a file of each folder of this package is.
+_KINDS = {"tables": "gait table", "modes": "table of modes", "people": "person"}
+
+
+def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> Path:
+    """File of a gait table, a table of modes or a person, by its path or by the name of one that ships.
+
+    ``folder``: where a relative path starts; the working folder comes next. Raises ParameterError if there
+    is none.
+    """
+    shipped = packaged(kind)
+    if isinstance(name, str | Path):
+        beside = [] if folder is None else [folder / name]
+        for candidate in (*beside, Path(name).expanduser(), shipped.get(str(name))):
+            if candidate is not None and candidate.is_file():
+                return candidate
+    shown = short(name) if isinstance(name, list | dict) else repr(str(name))
+    raise ParameterError(f"no {_KINDS[kind]} {shown}: neither a file nor one of {', '.join(shipped)}")
+
+
+def packaged_gait_tables() -> list[str]:
+    """Names of the gait tables that ship with the package."""
+    return list(packaged("tables"))
+
+
+class WrittenTable(NamedTuple):
+    """A gait table as a mapping, those that it extends laid underneath."""
+
+    data: dict[str, Any]  # the mapping, without ``extends``
+    files: tuple[tuple[str, dict[str, Any]], ...]  # name and mapping of each file, the uppermost first
+
+
+def read_gait_table(path: Path) -> WrittenTable:
+    """Read a gait table file as a mapping, laid over the table that it extends."""
+    return extended_table(read_yaml(path), path, str(path))
+
+
+def extended_table(
+    data: dict[str, Any], path: Path, source: str, below: tuple[Path, ...] = ()
+) -> WrittenTable:
+    """Lay a table over the one that its key ``extends`` names.
+
+    Mappings are laid over each other key by key, as presets are. A transition with the same from, to and
+    cause takes the place of the inherited one, ``remove: true`` takes it away; a waiver of the same takes the
+    place of the inherited one. Others follow those of the table underneath, which therefore come first where
+    two exits are due at once. The name is not taken over.
+    """
+    lists = {key: data.get(key) or [] for key in _LISTS}
+    for key, entries in lists.items():
+        if not isinstance(entries, list):
+            raise ParameterFileError(source, key, f"expected a list, got {short(entries)}")
+    if "extends" not in data:
+        return WrittenTable(data, ((source, data),))
+    name = data["extends"]
+    found = converting(source, "extends", lambda: named_file(name, folder=path.parent))
+    chain = (*below, path.resolve())
+    if found.resolve() in chain:
+        raise ParameterFileError(source, "extends", f"{name!r} extends this table itself")
+    base = extended_table(read_yaml(found), found, str(found), chain)
+    merged = merge({**base.data, "name": None}, {key: data[key] for key in data if key != "extends"})
+    for key, entries in lists.items():
+        merged[key] = _laid_over(base.data.get(key) or [], entries, key, source, name)
+    return WrittenTable(merged, ((source, data), *base.files))
+
+
+def _laid_over(below: list[Any], own: list[Any], key: str, source: str, base: str) -> list[Any]:
+    """Entries of two lists as one: those about the same as an inherited one stand in its place."""
+
+    def about(item: Any) -> tuple[Any, ...] | None:
+        """None for what the schema refuses."""
+        names = tuple(item.get(name) for name in _LISTS[key]) if isinstance(item, dict) else (0,)
+        return names if all(name is None or isinstance(name, str) for name in names) else None
+
+    said: dict[Any, list[Any]] = {}
+    for item in own:
+        said.setdefault(about(item), []).append(item)
+    merged = [mine for item in below for mine in said.pop(about(item), [item])]
+    added = [mine for items in said.values() for mine in items]
+    removed = [item for item in own if about(item) and "from" in item and item.get("remove") is True]
+    for item in removed:
+        more = [name for name in item if name not in (*_LISTS[key], "remove")]
+        problem = f"{more[0]}: remove takes nothing beside from, to and cause" if more else ""
+        if item in added:
+            start, end, cause = map(item.get, _LISTS[key])
+            problem = f"nothing to remove: {base} has no {start} → {end} ({cause})"
+        if problem:
+            raise ParameterFileError(source, f"{key}[{own.index(item)}]", problem)
+    return [item for item in merged + added if item not in removed]
+
+
 def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
     """Read a gait table from a YAML file, or by the name of one that ships, such as ``treadmill``.
 
     ``draft``: whether phases may lack exits or be out of reach, which a check reports itself. Raises
     ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key, value).
     """
-    path = source if isinstance(source, Path) else gait_table_path(source)
+    path = source if isinstance(source, Path) else named_file(source)
     return checked_table(read_gait_table(path), str(path), path.stem, draft=draft)
 
 
-def checked_table(found: TableMapping, source: str, name: str, *, draft: bool = False) -> table.GaitTable:
+def checked_table(found: WrittenTable, source: str, name: str, *, draft: bool = False) -> table.GaitTable:
     """As :func:`gait_table_from_mapping`; mistakes in an entry of a list name file and entry as written."""
     try:
         return gait_table_from_mapping(found.data, source, name, draft=draft)
     except ParameterFileError as error:
         text = f"{error.key}: {error.problem}".removeprefix(": ")
-        entry = re.match(r"\w+\[\d+\]", text)
-        place = found.places.get(entry[0]) if entry else None
-        if entry is None or place is None:
+        merged = re.match(rf"({'|'.join(_LISTS)})\[(\d+)\]", text)
+        if merged is None:
             raise
-        raise ParameterFileError(place.source, "", place.key + text[entry.end() :]) from error
+        key, entry = merged[1], found.data[merged[1]][int(merged[2])]
+        file, place = next(
+            (file, place)
+            for file, data in found.files
+            for place, item in enumerate(data.get(key) or ())
+            if item is entry
+        )
+        raise ParameterFileError(file, "", f"{key}[{place}]{text[merged.end() :]}") from error
 
 
 def gait_table_from_mapping(
@@ -169,23 +269,18 @@ def packaged_mode_tables() -> list[str]:
     return list(packaged("modes"))
 
 
-def mode_table_path(name: str | Path, folder: Path | None = None) -> Path:
-    """File of a table of modes; raises ParameterError if there is none."""
-    return gait_table_path(name, folder, "modes", "table of modes")
-
-
 def load_mode_table(source: str | Path) -> ModeTable:
     """Read a table of modes from a YAML file, or by the name of one that ships, such as ``twin``.
 
     Raises ParameterError if there is no such table, ParameterFileError if the file has a mistake.
     """
-    path = source if isinstance(source, Path) else mode_table_path(source)
+    path = source if isinstance(source, Path) else named_file(source, "modes")
     return mode_table_from_mapping(read_yaml(path), str(path), path.stem)
 
 
 def load_state_table(source: str | Path, *, draft: bool = False) -> GaitTable | ModeTable:
     """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
     if source in packaged_mode_tables():
-        source = mode_table_path(source)
-    path = source if isinstance(source, Path) else gait_table_path(source)
+        source = named_file(source, "modes")
+    path = source if isinstance(source, Path) else named_file(source)
     return load_mode_table(path) if "modes" in read_yaml(path) else load_gait_table(path, draft=draft)

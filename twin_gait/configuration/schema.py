@@ -12,7 +12,6 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.validation import quantity_of
 from twin_gait.experiment import Experiment
 from twin_gait.parameters import Patient
-from twin_gait.parameters.quantities import Word, declarations
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import world_kinds, world_of
 
@@ -37,10 +36,6 @@ def json_schema(kind: str) -> dict[str, Any]:
     text = {"type": "string", "pattern": _GUARD}
     schema["$defs"]["Guard"] = {"anyOf": [text, {**nested, "additionalProperties": False}]}
     schema["$defs"]["Transition"]["properties"] |= {"all": guards, "any": guards}
-    for item in declarations(Experiment) if kind == "experiment" else ():
-        word = item.mark(Word)
-        if word:
-            schema["properties"][item.key]["anyOf"].append({"enum": [word.without, word.kind]})
     return {"$schema": DIALECT, **schema, "title": f"{kind} of twin_gait"}
 
 
@@ -73,11 +68,7 @@ def _lenient(schema: Any) -> Any:
         return [_lenient(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
-    found = {
-        key: _lenient(value)
-        for key, value in schema.items()
-        if key != "required" or not isinstance(value, list)
-    }
+    found = {key: _lenient(value) for key, value in schema.items() if key != "required"}
     keys = schema.get("properties", {})
     pairs = [list(pair) for pair in combinations(keys, 2) if len(set(map(quantity_of, pair))) == 1]
     return found | ({"allOf": [{"not": {"required": pair}} for pair in pairs]} if pairs else {})

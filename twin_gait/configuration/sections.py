@@ -115,9 +115,8 @@ def _one_of(kinds: tuple[type[Any], ...]) -> Any:
 
 def _section_or_word(parameters: type[Any], word: Word) -> Any:
     """Type of a section, or a word for it or for its absence, which a section may have as its ``kind``."""
-    choices: Any = Literal[word.without, word.kind]
-    kind = (choices, word.kind)
-    model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=kind)
+    words: Any = Literal[word.without, word.kind]
+    model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=(words, word.kind))
 
     def read(value: Any, section: Callable[[Any], Any]) -> Any:
         if isinstance(value, parameters):
@@ -129,7 +128,7 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
             raise ValueError(f"{word.without} has nothing to set; leave it out, or set kind to {word.kind}")
         return None
 
-    return Annotated[model, WrapValidator(read)]
+    return Annotated[model | words, WrapValidator(read)]
 
 
 def _number(item: Declaration, kind: type[Any], factor: float) -> Any:

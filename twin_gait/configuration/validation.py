@@ -255,11 +255,7 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
     except ParameterFileError:
         raise
     except TwinGaitError as error:
-        text = str(error)
-        if key and text.startswith("["):  # an entry of a list
-            place, _, text = text.partition(": ")
-            key += place
-        raise ParameterFileError(source, key, text) from error
+        raise ParameterFileError(source, key, str(error)) from error
 
 
 def _nearest(name: str, known: Sequence[str], model: type[BaseModel]) -> list[str]:

@@ -17,7 +17,6 @@ from .processing import RATE as RATE
 from .processing import WINDOW as WINDOW
 from .processing import BenchSetup as BenchSetup
 from .processing import Processing as Processing
-from .processing import ProcessingOptions as ProcessingOptions
 from .processing import process_log as process_log
 from .reading import Log as Log
 from .reading import LogColumns as LogColumns

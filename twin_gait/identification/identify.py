@@ -1,9 +1,9 @@
-"""Identify friction: logs in, models out, best first; which models samples can tell, and their starts."""
+"""Identify friction: logs in, models out, best first; which models the samples can tell."""
 
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,9 +12,9 @@ import numpy as np
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification import statistics
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
-from twin_gait.identification.laws import MODELS
+from twin_gait.identification.laws import MODELS, OFFSET
 from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
-from twin_gait.identification.processing import BenchSetup, ProcessingOptions, balance_warnings, process_log
+from twin_gait.identification.processing import BenchSetup, Processing, balance_warnings, process_log
 from twin_gait.identification.reading import LogColumns, read_log
 from twin_gait.identification.statistics import CrossValidation, Goodness, Uncertainty
 
@@ -33,49 +33,10 @@ def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     """What a model needs and the samples lack: columns that vary, or motion in both directions."""
     columns = {name: getattr(samples, name) for name in model.needs}
     lacking = [name for name, values in columns.items() if values is None or np.ptp(values) <= 1e-9]
-    if model.two_way and samples.rarer_direction < ONE_WAY:
+    # In one direction an offset is not told from Coulomb friction.
+    if OFFSET in model.coefficients and samples.rarer_direction < ONE_WAY:
         lacking.append("motion in both directions")
     return tuple(lacking)
-
-
-_STIFF = 1e6  # σ0/T_c at which a bristle slides at once: the static law
-_ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction changes: the law with sgn ω
-_Rule = Callable[[np.ndarray, np.ndarray], tuple[list[float], list[float]]]
-
-
-def _ratio(excess: float, coulomb: float) -> float:
-    """T_b/T_c as far as LuGre's bounds have room for it."""
-    return float(np.clip(1.0 + excess / coulomb, 0.1, 10.0)) if coulomb else 1.0
-
-
-# By model and simpler one: from the parameters of the simpler one to those that give the same law.
-_RULES: Mapping[tuple[str, str], _Rule] = {
-    ("asymmetric", "coulomb_viscous_tanh"): lambda b, e: ([b[0], b[1], b[1], 0.0], [1.0 / e[0]]),
-    ("asymmetric_stribeck", "asymmetric"): lambda b, e: ([0.0, *b], [e[0], 10.0 * e[0], 2.0, 1.0]),
-    ("asymmetric_stribeck", "stribeck"): lambda b, e: ([*b, b[2], 0.0], [_ABRUPT * e[0], *e, 1.0]),
-    ("load_dependent", "coulomb_viscous_tanh"): lambda b, e: ([b[0], b[1], 0.0], [1.0 / e[0]]),
-    ("temperature_dependent", "coulomb_viscous_tanh"): lambda b, e: ([*b, 0.0, 0.0], [1.0 / e[0]]),
-    ("load_temperature_dependent", "load_dependent"): lambda b, e: ([*b, 0.0, 0.0], [e[0]]),
-    ("load_temperature_dependent", "temperature_dependent"): lambda b, e: ([*b[:2], 0.0, *b[2:]], [e[0]]),
-    ("dahl", "coulomb_viscous"): lambda b, e: ([*b], [_STIFF]),
-    ("lugre", "dahl"): lambda b, e: ([b[0], 0.0, b[1]], [e[0], 1.0, 1.0]),
-    ("lugre", "stribeck"): lambda b, e: ([b[1], 0.0, b[2]], [_STIFF, _ratio(b[0], b[1]), e[0]]),
-    ("lugre_asymmetric", "lugre"): lambda b, e: ([b[0], b[1], b[2], b[2], 0.0], [*e, 2.0, 1.0]),
-    ("lugre_asymmetric", "asymmetric_stribeck"): lambda b, e: (
-        [b[1], 0.0, *b[2:]],
-        [_STIFF, _ratio(b[0], b[1]), *e[1:]],
-    ),
-}
-
-
-def inherited_starts(name: str, fits: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    """Parameter vectors that give a model the law of a simpler one."""
-    found = []
-    for (model, parent), rule in _RULES.items():
-        if model == name and parent in fits:
-            beta, eta = rule(*MODELS[parent].split(fits[parent]))
-            found.append(np.concatenate([beta, np.log(eta)]))
-    return found
 
 
 Progress = Callable[[int, int], None]
@@ -89,7 +50,7 @@ class IdentificationOptions:
 
     columns: LogColumns = field(default_factory=LogColumns)  # which column of the logs holds what
     bench: BenchSetup | None = None  # the bench; None for series of friction torques
-    processing: ProcessingOptions = field(default_factory=ProcessingOptions)  # how the logs are smoothed
+    processing: Processing = Processing.ZERO_PHASE  # how the logs of a bench are smoothed
     fit: FitOptions = field(default_factory=FitOptions)  # how the models are fitted
     models: tuple[str, ...] = ()  # names of the models; empty for all that the columns allow
     cross_validation: bool = True  # whether to leave files and weights out in turn
@@ -167,14 +128,23 @@ def identify_tests(
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done, found = len(models) * (1 + len(folds)), itertools.count(1), list[IdentifiedModel]()
     for model in models:
-        starts = inherited_starts(model.name, {item.name: item.fit.x for item in found})
-        fit = fit_model(model, samples, options.fit, seeds=starts)
+        fit = fit_model(model, samples, options.fit)
         progress(next(done), total)
         validations = []
         for by, labels in folds.items():
             validations.append(statistics.cross_validate(fit, samples, by, labels))
             progress(next(done), total)
-        found.append(_assess(fit, samples, validations, options.fit.seed))
+        values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, options.fit.seed)
+        found.append(
+            IdentifiedModel(
+                fit=fit,
+                goodness=statistics.goodness(samples.torque[samples.used], values, model.size),
+                uncertainty=known,
+                validations=tuple(validations),
+                residuals=values,
+                warnings=tuple(statistics.fit_warnings(fit, known, samples)),
+            )
+        )
     return Identification(
         tests=tuple(tests),
         samples=samples,
@@ -187,18 +157,6 @@ def identify_tests(
             *_file_warnings(tests, options.bench),
             *_sample_warnings(samples),
         ),
-    )
-
-
-def _assess(fit: Fit, samples: Samples, validations: Sequence[CrossValidation], seed: int) -> IdentifiedModel:
-    values, known = fit.residuals(samples), statistics.uncertainty(fit, samples, seed)
-    return IdentifiedModel(
-        fit=fit,
-        goodness=statistics.goodness(samples.torque[samples.used], values, fit.model.size),
-        uncertainty=known,
-        validations=tuple(validations),
-        residuals=values,
-        warnings=tuple(statistics.fit_warnings(fit, known, samples)),
     )
 
 
@@ -251,16 +209,14 @@ _FEW = 0.02  # share of the samples that counts as none
 
 def _sample_warnings(samples: Samples) -> list[str]:
     """What the samples cannot tell, whatever the model."""
+    back, few = samples.rarer_direction, f"fewer than {100.0 * _FEW:g} %"
     speed = np.abs(samples.velocity[samples.used])
-    doubts = (
-        (samples.rarer_direction, _ONE_WAY, "one direction only: {:.1f} % of the samples move the other way; "
-         "an offset of current or load cannot be told from Coulomb friction"),
-        ((speed < _SLOW).mean(), _FEW, f"no slow samples: {{:.1f}} % below {_SLOW:g} rad/s; break-away and "
-         "Stribeck friction are extrapolated"),
-        ((speed > _FAST).mean(), _FEW, f"no fast samples: {{:.1f}} % above {_FAST:g} rad/s; viscous friction "
-         f"beyond {speed.max():.3g} rad/s is extrapolated"),
-    )  # fmt: skip
-    return [text.format(100.0 * share) for share, least, text in doubts if share < least]
+    doubts = {
+        f"one direction only: {100.0 * back:.1f} % of the samples move the other way": back < _ONE_WAY,
+        f"no slow samples: {few} below {_SLOW:g} rad/s": (speed < _SLOW).mean() < _FEW,
+        f"no fast samples: {few} above {_FAST:g} rad/s": (speed > _FAST).mean() < _FEW,
+    }
+    return [text for text, doubtful in doubts.items() if doubtful]
 
 
 def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:

@@ -40,18 +40,19 @@ def spans_in_a_turn(samples: Samples) -> float:
     return 1.0 if samples.angle is None else 2.0 * np.pi / max(float(np.ptp(samples.angle)), _TINY)
 
 
-_COULOMB, _VISCOUS, _OFFSET = "coulomb_friction_Nm", "viscous_friction_Nms_per_rad", "offset_Nm"
+_COULOMB, _VISCOUS, OFFSET = "coulomb_friction_Nm", "viscous_friction_Nms_per_rad", "offset_Nm"
 _BREAKAWAY, _BRISTLE_DAMPING = "breakaway_torque_Nm", "bristle_damping_Nms_per_rad"
 _BOTH_WAYS = "viscous_friction_forward_Nm", "viscous_friction_backward_Nm"
 _PER_LOAD = "coulomb_per_load"
 _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
 _RIPPLES = "ripple_cosine_Nm", "ripple_sine_Nm"
 # Coefficients that a physical friction may have below 0.
-SIGNED = frozenset({_OFFSET, *_PER_KELVIN, *_RIPPLES})
+SIGNED = frozenset({OFFSET, *_PER_KELVIN, *_RIPPLES})
 _TRANSITION = Shape("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
 _STRIBECK = Shape("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
 _BREAKAWAY_VELOCITY = replace(_STRIBECK, name="breakaway_velocity_rad_per_s")
-_EXPONENTS = Shape("stribeck_exponent", 0.4, 10.0), Shape("viscous_exponent", 0.1, 3.0)
+# Velocity and exponent of the Stribeck curve, and the exponent of viscous friction.
+_CURVE = _STRIBECK, Shape("stribeck_exponent", 0.4, 10.0), Shape("viscous_exponent", 0.1, 3.0)
 _STEEPNESS = Shape("steepness_s_per_rad", 1.0, 1e4, lambda samples: 1.0 / usual_speed(samples))
 _RIPPLE = Shape("ripple_per_turn", 1.0, 60.0, spans_in_a_turn)
 # σ0/T_c, the inverse of the deflection at which the bristles slide, and T_b/T_c.
@@ -84,80 +85,89 @@ _Law = Callable[[Samples, np.ndarray, np.ndarray], Any]  # torque of each sample
 MODELS: dict[str, FrictionModel] = {}  # by name, which is that of the law
 
 
-def _model(formula: str, coefficients: tuple[str, ...], *shape: Shape, **more: Any) -> Callable[[_Law], _Law]:
-    """Make a model of a law; see :class:`FrictionModel`."""
+def _model(coefficients: tuple[str, ...], *shape: Shape, **more: Any) -> Callable[[_Law], _Law]:
+    """Make a model of a law, whose formula begins what is said of it; see :class:`FrictionModel`."""
 
     def add(law: _Law) -> _Law:
+        formula = (law.__doc__ or "").partition("\n")[0].removesuffix(".")
         MODELS[law.__name__] = FrictionModel(law.__name__, formula, coefficients, shape, law, **more)
         return law
 
     return add
 
 
-@_model("T_c sgn ω + d ω", (_COULOMB, _VISCOUS))
+@_model((_COULOMB, _VISCOUS))
 def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous."""
+    """T_c sgn ω + d ω.
+
+    Coefficients: Coulomb, viscous.
+    """
     return over_arrays.coulomb_viscous_torque(samples.velocity, *beta)
 
 
-@_model("T_c tanh(κ ω) + d ω", (_COULOMB, _VISCOUS), _STEEPNESS)
+@_model((_COULOMB, _VISCOUS), _STEEPNESS)
 def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous; shape: steepness."""
+    """T_c tanh(κ ω) + d ω.
+
+    Coefficients: Coulomb, viscous; shape: steepness.
+    """
     return over_arrays.coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
 
 
-@_model(
-    "[T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω",
-    (_BREAKAWAY, _COULOMB, _VISCOUS), _STRIBECK, _EXPONENTS[0], public=breakaway_first,
-)  # fmt: skip
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), *_CURVE[:2], public=breakaway_first)
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent."""
+    """[T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω.
+
+    Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent.
+    """
     level = over_arrays.stribeck_level(samples.velocity, beta[1], beta[0] + beta[1], *eta)
     return over_arrays.coulomb_viscous_torque(samples.velocity, level, beta[2])
 
 
-@_model(
-    "√(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω",
-    (_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first,
-)  # fmt: skip
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first)
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
+    """√(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω.
+
+    Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity.
+    """
     breakaway = beta[0] + beta[1]
     return over_arrays.rotational_friction_torque(samples.velocity, breakaway, beta[1], eta[0], beta[2])
 
 
-@_model(
-    "√(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, "
-    "ω_1 = √2 ω_b, ω_2 = ω_b/10",
-    (_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first,
-)  # fmt: skip
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first)
 def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """As :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity."""
+    """√(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, ω_1 = √2 ω_b, ω_2 = ω_b/10.
+
+    As :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity.
+    """
     breakaway, velocities = beta[0] + beta[1], (math.sqrt(2.0) * eta[0], 0.1 * eta[0])
     return over_arrays.two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
 
 
-@_model("(T_c + c_l |T_L|) tanh(ω/ω_t) + d ω", (_COULOMB, _VISCOUS, _PER_LOAD), _TRANSITION, needs=("load",))
+@_model((_COULOMB, _VISCOUS, _PER_LOAD), _TRANSITION, needs=("load",))
 def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity."""
+    """(T_c + c_l |T_L|) tanh(ω/ω_t) + d ω.
+
+    Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity.
+    """
     return _conditioned(samples, eta, *beta, 0.0, 0.0)
 
 
-@_model(
-    "(T_c + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C",
-    (_COULOMB, _VISCOUS, *_PER_KELVIN), _TRANSITION, needs=("temperature",),
-)  # fmt: skip
+@_model((_COULOMB, _VISCOUS, *_PER_KELVIN), _TRANSITION, needs=("temperature",))
 def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity."""
+    """(T_c + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C.
+
+    Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity.
+    """
     return _conditioned(samples, eta, *beta[:2], 0.0, *beta[2:])
 
 
-@_model(
-    "(T_c + c_l |T_L| + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C",
-    (_COULOMB, _VISCOUS, _PER_LOAD, *_PER_KELVIN), _TRANSITION, needs=("load", "temperature"),
-)  # fmt: skip
+@_model((_COULOMB, _VISCOUS, _PER_LOAD, *_PER_KELVIN), _TRANSITION, needs=("load", "temperature"))
 def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity."""
+    """(T_c + c_l |T_L| + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C.
+
+    Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity.
+    """
     return _conditioned(samples, eta, *beta)
 
 
@@ -171,66 +181,69 @@ def _conditioned(
     return over_arrays.conditioned_torque(samples.velocity, load, warm, *parts, *eta)
 
 
-@_model("T_0 + T_c tanh(ω/ω_t) + d± ω", (_COULOMB, *_BOTH_WAYS, _OFFSET), _TRANSITION, two_way=True)
+@_model((_COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION)
 def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity."""
+    """T_0 + T_c tanh(ω/ω_t) + d± ω.
+
+    Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity.
+    """
     coulomb, *both_ways, offset = beta
     viscous = over_arrays.directional_viscous_torque(samples.velocity, *both_ways, 1.0)
     return over_arrays.asymmetric_torque(samples.velocity, offset, coulomb, eta[0], viscous)
 
 
-@_model(
-    "T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω",
-    (_BREAKAWAY, _COULOMB, *_BOTH_WAYS, _OFFSET), _TRANSITION, _STRIBECK, *_EXPONENTS,
-    public=breakaway_first, two_way=True,
-)  # fmt: skip
+@_model((_BREAKAWAY, _COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION, *_CURVE, public=breakaway_first)
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind."""
+    """T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω.
+
+    As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind.
+    """
     excess, coulomb, *both_ways, offset = beta
     level = over_arrays.stribeck_level(samples.velocity, coulomb, coulomb + excess, *eta[1:3])
     viscous = over_arrays.directional_viscous_torque(samples.velocity, *both_ways, eta[3])
     return over_arrays.asymmetric_torque(samples.velocity, offset, level, eta[0], viscous)
 
 
-@_model(
-    "T_c tanh(ω/ω_t) + d ω + T_0 + C cos nθ + S sin nθ",
-    (_COULOMB, _VISCOUS, _OFFSET, *_RIPPLES), _TRANSITION, _RIPPLE, needs=("angle",), two_way=True,
-)  # fmt: skip
+@_model((_COULOMB, _VISCOUS, OFFSET, *_RIPPLES), _TRANSITION, _RIPPLE, needs=("angle",))
 def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous, offset, cosine, sine; shape: transition velocity, ripples a turn."""
+    """T_c tanh(ω/ω_t) + d ω + T_0 + C cos nθ + S sin nθ.
+
+    Coefficients: Coulomb, viscous, offset, cosine, sine; shape: transition velocity, ripples a turn.
+    """
     coulomb, viscous, offset, *waves = beta
     smooth = over_arrays.coulomb_viscous_tanh_torque(samples.velocity, coulomb, viscous, 1.0 / eta[0])
     return np.asarray(smooth + offset + over_arrays.ripple_torque(samples.angle, *waves, eta[1]))
 
 
-@_model(
-    "σ0 z + d ω, ż = ω − σ0 |ω| z / T_c",
-    (_COULOMB, _VISCOUS), _BRISTLES, public=bristles_reported, needs=("period",), dynamic=True,
-)  # fmt: skip
+_DYNAMIC = {"public": bristles_reported, "needs": ("period",), "dynamic": True}
+
+
+@_model((_COULOMB, _VISCOUS), _BRISTLES, **_DYNAMIC)
 def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, viscous; shape: stiffness over Coulomb."""
+    """σ0 z + d ω, ż = ω − σ0 |ω| z / T_c.
+
+    Coefficients: Coulomb, viscous; shape: stiffness over Coulomb.
+    """
     rest = over_arrays.coulomb_viscous_torque(samples.velocity, 0.0, beta[1])
     return _bristles(samples, np.array([eta[0], 1.0, 1.0]), 1.0, (beta[0], 0.0), rest)
 
 
-@_model(
-    "σ0 z + σ1 ż + d ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−(ω/ω_st)²)",
-    (_COULOMB, _BRISTLE_DAMPING, _VISCOUS), _BRISTLES, _RATIO, _STRIBECK,
-    public=bristles_reported, needs=("period",), dynamic=True,
-)  # fmt: skip
+@_model((_COULOMB, _BRISTLE_DAMPING, _VISCOUS), _BRISTLES, _RATIO, _STRIBECK, **_DYNAMIC)
 def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity."""
+    """σ0 z + σ1 ż + d ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−(ω/ω_st)²).
+
+    Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity.
+    """
     rest = over_arrays.coulomb_viscous_torque(samples.velocity, 0.0, beta[2])
     return _bristles(samples, eta, 2.0, (beta[0], beta[1]), rest)
 
 
-@_model(
-    "T_0 + σ0 z + σ1 ż + d± |ω|^α sgn ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)",
-    (_COULOMB, _BRISTLE_DAMPING, *_BOTH_WAYS, _OFFSET), _BRISTLES, _RATIO, _STRIBECK, *_EXPONENTS,
-    public=bristles_reported, needs=("period",), dynamic=True, two_way=True,
-)  # fmt: skip
+@_model((_COULOMB, _BRISTLE_DAMPING, *_BOTH_WAYS, OFFSET), _BRISTLES, _RATIO, *_CURVE, **_DYNAMIC)
 def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """As :func:`lugre`, viscous forward and backward, with an offset; shape: both exponents behind."""
+    """T_0 + σ0 z + σ1 ż + d± |ω|^α sgn ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−|ω/ω_st|^δ).
+
+    As :func:`lugre`, viscous forward and backward, with an offset; shape: both exponents behind.
+    """
     coulomb, damping, *viscous, offset = beta
     rest = offset + over_arrays.directional_viscous_torque(samples.velocity, *viscous, eta[4])
     return _bristles(samples, eta[:3], eta[3], (coulomb, damping), rest)

@@ -163,7 +163,6 @@ class FrictionModel:
     public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = lambda beta, eta: (*beta, *eta)
     needs: tuple[str, ...] = ()  # columns of the samples, beyond speed and torque
     dynamic: bool = False  # whether it has a state
-    two_way: bool = False  # whether it tells the directions apart, which samples of one direction cannot
 
     @property
     def names(self) -> tuple[str, ...]:

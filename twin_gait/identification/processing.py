@@ -26,7 +26,7 @@ class BenchSetup(quantities.Parameters):
 
     Attributes:
         actuator: Motor and gear.
-        mass: On the link in [kg], where the log does not say.
+        mass: On the link in [kg], where the name of a log does not say.
         lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
         link_inertia: About the axis in [kg m²]; an assumption.
         link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
@@ -44,10 +44,6 @@ class BenchSetup(quantities.Parameters):
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
 
-    def joint_angle(self, angle: np.ndarray) -> np.ndarray:
-        """Logged angles, set so that the first one is the start angle, in [rad]."""
-        return angle if self.start_angle is None else angle - angle[0] + self.start_angle
-
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
         """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
 
@@ -63,26 +59,13 @@ class BenchSetup(quantities.Parameters):
 
 
 class Processing(StrEnum):
-    """How a log is smoothed before the friction torque is computed."""
+    """How a log of a bench is smoothed before the friction torque is computed; a series is as recorded."""
 
     ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
     THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
-    NONE = "none"  # as recorded
 
 
-@dataclass(frozen=True, kw_only=True)
-class ProcessingOptions(quantities.Parameters):
-    """How to process logs.
-
-    Attributes:
-        processing: None takes zero phase for logs with a current, and none for friction torques.
-        cutoff: Of the zero-phase filter in [Hz].
-    """
-
-    processing: Processing | None = None
-    cutoff: Annotated[quantities.Frequency, quantities.POSITIVE] = 40.0
-
-
+CUTOFF = 40.0  # [Hz] of the zero-phase filter; a fifth of the rate of a log that is slow
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
 WINDOW = 10  # samples of the thesis's moving average
 _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
@@ -95,39 +78,33 @@ _GAP, _SHORT = 1.5, 0.125
 _STANDSTILL = 0.002  # [rad] / [s] that a log of a bench must exceed
 
 
-def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) -> FrictionTest:
+def process_log(
+    log: Log, bench: BenchSetup | None, processing: Processing = Processing.ZERO_PHASE
+) -> FrictionTest:
     """Turn a log into samples of friction torque; without a bench only friction torques are expected.
 
     Raises ParameterFileError if the log lacks what is needed, or cannot be what it is read as.
     """
     log, counts, notes = clean(log, joint_known=bench is not None)
-    series = bench is None or Quantity.FRICTION_TORQUE in log.columns
-    told = (Quantity.VELOCITY, Quantity.FRICTION_TORQUE) if series else (Quantity.TIME, Quantity.ANGLE)
+    series = Quantity.FRICTION_TORQUE in log.columns
+    told = (Quantity.TIME, Quantity.ANGLE)
+    if bench is None or series:
+        told = (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
     for quantity in told:
         values = _needed(log, quantity)
         if np.ptp(values) == 0.0:
             text = f"is {values[0]:g} in every row; nothing can be fitted"
             raise ParameterFileError(log.source, quantity, text)
-    usual = Processing.NONE if series else Processing.ZERO_PHASE
-    options = replace(options, processing=options.processing or usual)
-    column = log.columns.get(Quantity.MASS)
-    log = replace(log, mass=log.mass if column is None else float(np.median(column)))
-    test = _series(log, options) if bench is None or series else _balance(log, bench, options)
+    test = _series(log) if bench is None or series else _balance(log, bench, processing)
     return replace(test, counts={**counts, **test.counts, "used": int(test.used.sum())}, notes=notes)
 
 
-def _series(log: Log, options: ProcessingOptions) -> FrictionTest:
-    """A plain series of velocity and friction torque."""
-    velocity, torque = log.columns[Quantity.VELOCITY], log.columns[Quantity.FRICTION_TORQUE]
-    if options.processing is Processing.THESIS:
-        velocity = moving_average(velocity, WINDOW)
-    elif options.processing is Processing.ZERO_PHASE:
-        rate, cutoff = _rate(log, options)
-        velocity, torque = zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
+def _series(log: Log) -> FrictionTest:
+    """A plain series of velocity and friction torque, as it was recorded."""
     return FrictionTest(
         name=Path(log.source).name,
-        velocity=velocity,
-        torque=torque,
+        velocity=log.columns[Quantity.VELOCITY],
+        torque=log.columns[Quantity.FRICTION_TORQUE],
         used=np.ones(len(log), dtype=bool),
         time=log.columns.get(Quantity.TIME),
         angle=log.columns.get(Quantity.ANGLE),
@@ -137,11 +114,15 @@ def _series(log: Log, options: ProcessingOptions) -> FrictionTest:
     )
 
 
-def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions) -> FrictionTest:
+def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTest:
     """Friction torque at 100 Hz by the balance of torques, equation (2.12)."""
-    mass, (rate, cutoff) = _weight(log, bench), _rate(log, options)
+    mass, thesis = bench.mass if log.mass is None else log.mass, processing is Processing.THESIS
+    if mass is None:
+        text = "is not known: add --mass, or name the file by its weight, such as knee_2.5kg_1.log"
+        raise ParameterFileError(log.source, "mass", text)
+    rate = 1.0 / float(np.median(np.diff(log.columns[Quantity.TIME])))
+    cutoff = min(CUTOFF, 0.2 * rate)
     time, columns, recorded = _even(log, rate, cutoff)
-    thesis, filtered = (options.processing is item for item in (Processing.THESIS, Processing.ZERO_PHASE))
     step, guard = max(1, round(rate / RATE)), WINDOW if thesis else int(np.ceil(rate / cutoff))
     shortest = (WINDOW + FEWEST) * step if thesis else 4 * guard + FEWEST
     if len(time) < shortest:
@@ -150,9 +131,11 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions) -> Frictio
 
     def smooth(values: np.ndarray) -> np.ndarray:
         """Angle, current and load go through the same filter."""
-        return zero_phase(values, cutoff, rate) if filtered else values
+        return values if thesis else zero_phase(values, cutoff, rate)
 
-    raw = bench.joint_angle(columns[Quantity.ANGLE])
+    raw = columns[Quantity.ANGLE]
+    if bench.start_angle is not None:
+        raw = raw - raw[0] + bench.start_angle
     angle, load = smooth(raw), smooth(bench.load_torque(raw, mass))[::step]
     currents = (Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT)[:: 1 if thesis else -1]
     current = next(filter(columns.__contains__, currents), currents[0])
@@ -175,7 +158,7 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions) -> Frictio
     # So near a fast reversal the filter mixes friction of both directions: what comes out of it is the
     # filtered friction, not the friction at the filtered velocity.
     near = np.abs(velocity) < REVERSAL_REACH * np.abs(acceleration) / cutoff
-    turning = ~stopped & ~standing & near & filtered
+    turning = ~stopped & ~standing & near & (not thesis)
     rejected = {"stop": stopped, "standstill": standing, "reversal": turning}
     temperature = columns.get(Quantity.TEMPERATURE)
     return FrictionTest(
@@ -196,18 +179,6 @@ def _balance(log: Log, bench: BenchSetup, options: ProcessingOptions) -> Frictio
     )
 
 
-def _weight(log: Log, bench: BenchSetup) -> float:
-    """The weight on the link in [kg]."""
-    mass = bench.mass if log.mass is None else log.mass
-    if mass is None:
-        text = (
-            "does not say which weight hung on the link: add --mass, a line '# mass_kg: 2.5', or name the "
-            "file so (knee_2.5kg_1.log)"
-        )
-        raise ParameterFileError(log.source, "mass", text)
-    return mass
-
-
 def _motion(angle: np.ndarray, recorded: np.ndarray, rate: float, guard: int) -> tuple[np.ndarray, ...]:
     """Velocity and acceleration, and where only recorded samples are within so many: from the angle."""
     velocity = np.gradient(angle, 1.0 / rate)
@@ -221,7 +192,7 @@ def _late_motion(speed: np.ndarray, recorded: np.ndarray, rate: float) -> tuple[
     velocity = moving_average(speed, WINDOW)
     settled = ~signals.widened(~recorded, WINDOW)
     settled[: WINDOW - 1] = settled[-1:] = False
-    return velocity, signals.forward_difference(velocity, 1.0 / rate), settled
+    return velocity, np.diff(velocity, append=velocity[-1]) * rate, settled
 
 
 def _needed(log: Log, quantity: Quantity) -> np.ndarray:
@@ -229,12 +200,6 @@ def _needed(log: Log, quantity: Quantity) -> np.ndarray:
         text = f"no such column; name one with --columns {quantity}=NAME"
         raise ParameterFileError(log.source, quantity, text)
     return log.columns[quantity]
-
-
-def _rate(log: Log, options: ProcessingOptions) -> tuple[float, float]:
-    """Sampling rate in [Hz], and the cutoff that it allows: a slow log less."""
-    rate = 1.0 / float(np.median(np.diff(_needed(log, Quantity.TIME))))
-    return rate, min(options.cutoff, 0.2 * rate)
 
 
 def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray], np.ndarray]:
@@ -276,7 +241,7 @@ _GAIN, _TILT = 0.15, 8.0  # of the load's size, and of its angle in [deg]
 
 
 def balance_warnings(
-    tests: Sequence[FrictionTest], bench: BenchSetup | None, options: ProcessingOptions
+    tests: Sequence[FrictionTest], bench: BenchSetup | None, processing: Processing
 ) -> list[str]:
     r"""Whether the motor bears the weight that the bench says; a ParameterError if it bears it upside down.
 
@@ -286,13 +251,13 @@ def balance_warnings(
     from the horizontal; its parts are told within classes of equal speed. The thesis's late velocity would
     look like such an angle, and is warned of itself.
     """
-    if options.processing is Processing.THESIS:
-        late = 0.5 * (WINDOW - 1) / RATE
-        text = f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load"
-        return [f"{text}: the parameters are biased (--processing zero_phase)"]
     tests = [test for test in tests if test.from_bench]
     if bench is None or not tests:
         return []
+    if processing is Processing.THESIS:
+        late = 0.5 * (WINDOW - 1) / RATE
+        text = f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load"
+        return [f"{text}: the parameters are biased (--processing zero_phase)"]
     rows = join_tests(tests)
     mass = np.array([test.mass for test in tests], dtype=float)[rows.test]
     load, across = (bench.load_torque(np.asarray(rows.angle) - turn, mass) for turn in (0.0, np.pi / 2))

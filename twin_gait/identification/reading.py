@@ -1,6 +1,6 @@
 """Read logs and series of measurements: any text table, any column names, units declared or by name.
 
-Then rows and columns that cannot be used: empty cells, disordered times, other units, missing-value marks.
+Then rows and columns that cannot be used: empty cells, disordered times, other units.
 """
 
 import math
@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
-from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.exceptions import ParameterFileError
 from twin_gait.runs.log_files import LogTable, read_text_table
 
 
@@ -29,7 +30,6 @@ class Quantity(StrEnum):
     TARGET_CURRENT = "target_current"
     MEASURED_CURRENT = "measured_current"
     TEMPERATURE = "temperature"
-    MASS = "mass"
 
 
 class Kind(NamedTuple):
@@ -57,34 +57,27 @@ KINDS: Mapping[Quantity, Kind] = {
     Quantity.TARGET_CURRENT: Kind(("target_current", "current_target"), _AMPERES, 200.0),
     Quantity.MEASURED_CURRENT: Kind(("measured_current", "current_measured", "current"), _AMPERES, 200.0),
     Quantity.TEMPERATURE: Kind(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
-    Quantity.MASS: Kind(("mass", "weight"), {"kg": 1.0, "g": 1e-3}, 200.0),
 }
 
-_SHORT_UNIT, _NO_UNIT = 3, ("-", "1", "SI", "raw")
-_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
-_RATE = re.compile(r"_([A-Za-z]+_per_[A-Za-z]+)$")
+# A unit stands behind a name: ``velocity [deg/s]`` or ``velocity_deg_per_s``.
+_HEADING = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])]|_([^\W_]+(?:_per_[^\W_]+)?))?")
+_WAYS_TO_WRITE = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}
+_WEIGHT = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
 
 
 def _heading(column: str, quantity: Quantity) -> tuple[str, str | None]:
-    """A column's name without its unit, and the unit: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
-    text = column.strip()
-    if bracketed := _BRACKETED.match(text):
-        name, stated = bracketed["name"], bracketed["unit"].strip()
-        # A remark in brackets is no unit: units are ratios or short words.
-        alike = "/" in stated or (0 < len(stated) <= _SHORT_UNIT and stated not in _NO_UNIT)
-        return name, stated if alike or known_unit(stated, quantity) else None
-    for unit in sorted(KINDS[quantity].units, key=len, reverse=True):
-        ending = "_" + unit.replace("/", "_per_")
-        if text.endswith(ending):
-            return text.removesuffix(ending), unit
-    rate = _RATE.search(text)
-    return text, rate and rate[1]
+    """A column's name without its unit, and the unit as it is written."""
+    found = _HEADING.fullmatch(column.strip())
+    name, bracketed, behind = found.groups() if found else (column.strip(), None, None)
+    if behind and "_per_" not in behind and _known_unit(behind, quantity) is None:
+        return column.strip(), None  # the last word of a name
+    return name, bracketed or behind
 
 
-def known_unit(text: str | None, quantity: Quantity) -> str | None:
+def _known_unit(text: str | None, quantity: Quantity) -> str | None:
     """A unit in the way it is written here, or None if it is none of the quantity."""
     wanted = (text or "").strip().replace(" ", "").replace("·", "").replace("_per_", "/")
-    wanted = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}.get(wanted, wanted)
+    wanted = _WAYS_TO_WRITE.get(wanted, wanted)
     return wanted if wanted in KINDS[quantity].units else None
 
 
@@ -97,64 +90,53 @@ class LogColumns:
     # unit of a quantity, where the column does not state it; SI without one
     units: Mapping[Quantity, str] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        for quantity, unit in self.units.items():
-            if known_unit(unit, quantity) is None:
-                there = ", ".join(KINDS[quantity].units)
-                raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {there}")
 
-
-def columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
+def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
     """Name of the column of each quantity, and the factor to SI with the sign."""
     found: dict[Quantity, tuple[str, float]] = {}
     asked_for = {name.lstrip("-") for name in columns.names.values()}
+    free = [name for name in table.names if name not in asked_for]
     for quantity in Quantity:
         asked, sign = columns.names.get(quantity), 1.0
         if asked is None:
-            name = _known_column([name for name in table.names if name not in asked_for], quantity)
+            name = _known_column(free, quantity)
         else:
             if asked.startswith("-") and asked not in table:
                 sign, asked = -1.0, asked[1:].strip()
             name = table.full_name(asked)
-        if name is None:
-            continue
-        twice = next((other for other, (held, _) in found.items() if held == name), None)
-        if twice is not None:
-            raise ParameterFileError(table.source, name, f"is given for {twice} and {quantity}")
-        found[quantity] = (name, sign * _factor(table.source, name, quantity, columns.units.get(quantity)))
+        if name is not None:
+            factor = _factor(table.source, name, quantity, columns.units.get(quantity))
+            found[quantity] = (name, sign * factor)
     return found
 
 
 def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
-    """The column whose name is the quantity's; an optional one in a strange unit is left."""
+    """The one column whose name is the quantity's; an optional one in a strange unit is left."""
     headings = [_heading(name, quantity) for name in names]
     plain = [name.strip().lower().replace(" ", "_") for name, _ in headings]
-    for known in KINDS[quantity].names:
-        if plain.count(known) == 1:
-            place = plain.index(known)
-            stated = headings[place][1]
-            strange = stated is not None and known_unit(stated, quantity) is None
-            optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-            return None if optional and strange else names[place]
-    return None
+    known = next((name for name in KINDS[quantity].names if plain.count(name) == 1), None)
+    if known is None:
+        return None
+    place = plain.index(known)
+    stated = headings[place][1]
+    strange = stated is not None and _known_unit(stated, quantity) is None
+    optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
+    return None if optional and strange else names[place]
 
 
 def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
     """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
     units, (_, stated) = KINDS[quantity].units, _heading(column, quantity)
-    known, told = known_unit(stated, quantity), known_unit(given, quantity)
+    known, told = _known_unit(stated, quantity), _known_unit(given, quantity)
+    wrong = given if given and not told else stated if not told and not known else None
+    if wrong:
+        text = f"no unit {wrong!r} of {quantity} is known; give one of {', '.join(units)} with --units"
+        raise ParameterFileError(source, column, f"{text} {quantity}=…")
     if known and told and units[known] != units[told]:
         text = f"is in {known} by its name; leave --units {quantity}={given} out"
         raise ParameterFileError(source, column, text)
-    if stated and not (known or told):
-        text = f"no unit {stated!r} of {quantity} is known; give one of {', '.join(units)} with --units"
-        raise ParameterFileError(source, column, f"{text} {quantity}=…")
     unit = known or told
     return units[unit] if unit else 1.0
-
-
-_MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
-_COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*(\d*\.?\d+(?:[eE][-+]?\d+)?)\s*$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +146,7 @@ class Log:
     source: str  # the file
     # of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty
     columns: Mapping[Quantity, np.ndarray]
-    mass: float | None = None  # weight on the link in [kg], if comments or the file's name say so
-    # columns that the user named; the others were found by their known names
-    asked: frozenset[Quantity] = frozenset()
+    mass: float | None = None  # weight on the link in [kg], if the file's name says so
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
@@ -175,93 +155,76 @@ class Log:
 def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     """Read a log.
 
-    The separator may be a comma, a semicolon, a tab or blanks; lines that begin with # are comments, of which
-    ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on. Columns
-    with a known name are found without being named in ``columns``.
+    The separator may be a comma, a semicolon, a tab or blanks; lines that begin with # are comments. A file
+    without column names has columns 1, 2 and so on. Columns with a known name are found without being named
+    in ``columns``. The file's name may say the weight on the link: ``knee_2.5kg_1.log``.
 
     Raises ParameterFileError if the file cannot be read as numbers; one line with file, column and row.
     """
     columns = columns or LogColumns()
     table = read_text_table(path, {name.lstrip("-") for name in columns.names.values()})
-    found = columns_of(table, columns)
+    found = _columns_of(table, columns)
     if not found:
         advice = "name them with --columns velocity=NAME,friction_torque=NAME"
         raise ParameterFileError(path, "", f"no column is known among {table.listed()}; {advice}")
-    if table.frame.empty:
-        raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
     values = {quantity: table.numbers(name, gaps=True) * factor for quantity, (name, factor) in found.items()}
-    return Log(str(path), values, _mass(path.name, table.remarks), frozenset(columns.names))
-
-
-def _mass(name: str, remarks: tuple[str, ...]) -> float | None:
-    """The weight in [kg] that a comment states, or else the name of the file."""
-    for match in filter(None, map(_COMMENT.match, map(str.strip, remarks))):
-        if match[1].lower().split("_")[0].strip() in KINDS[Quantity.MASS].names:
-            return float(match[2])
-    found = _MASS_IN_NAME.search(name)
-    return float(re.sub("[,p]", ".", found[1].lower())) if found else None
+    weight = _WEIGHT.search(path.name)
+    mass = float(re.sub("[,p]", ".", weight[1].lower())) if weight else None
+    return Log(str(path), values, mass)
 
 
 FEWEST = 20  # samples of a test
 _MOSTLY_EMPTY = 0.1  # share of empty cells beyond which an optional column is left out, not the rows
 _PERIODS = (2e-5, 0.5)  # [s] between the samples of measured friction
 _CURRENTS = frozenset({Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT})
-# In a series and in a log of a bench: columns that the torque is computed from, and those that are of use.
-_USED = {
+# In a series and in a log of a bench: columns that the torque is computed from, and those of no use.
+_NEEDED = {
     True: frozenset({Quantity.VELOCITY, Quantity.FRICTION_TORQUE}),
     False: _CURRENTS | {Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY},
 }
-_KEPT = {True: frozenset(Quantity) - _CURRENTS, False: frozenset(Quantity) - {Quantity.LOAD_TORQUE}}
-_MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
+_USELESS = {True: _CURRENTS, False: frozenset({Quantity.LOAD_TORQUE})}
 _SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
-_USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
 
 
 def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[str, ...]]:
     """Take out rows that hold a NaN or repeat the one before, and refuse a log that cannot be used.
 
-    A column that was found by its name alone and that a series can do without is left out if it is mostly
-    empty or cannot be what its name says. Also: how many rows there were of each, and what one should know.
+    A column that can be done without is left out if it is mostly empty or cannot be what its name says. Also:
+    how many rows there were of each, and what one should know.
     """
     series = Quantity.FRICTION_TORQUE in log.columns
-    columns = {name: log.columns[name] for name in log.columns if name in log.asked | _KEPT[series]}
-    optional = set(columns) - log.asked - _USED[series]
-    notes: list[str] = []
+    columns = {name: values for name, values in log.columns.items() if name not in _USELESS[series]}
+    needed, notes = _NEEDED[series], list[str]()
 
     def refuse(quantity: Quantity, why: str) -> None:
-        """Leave an optional column out; a log is not read without another."""
-        if quantity not in optional:
+        """Leave a column out; a log is not read without one that is needed."""
+        if quantity in needed:
             raise ParameterFileError(log.source, quantity, why)
         notes.append(f"{quantity} was left out: {why}")
         del columns[quantity]
 
-    for quantity in sorted(optional):
-        empty = float(np.isnan(columns[quantity]).mean())
-        if empty > _MOSTLY_EMPTY:
-            refuse(quantity, f"{100.0 * empty:.0f} % of its cells are empty")
-    kept = ~np.logical_or.reduce([np.isnan(values) for values in columns.values()])
-    columns = {quantity: values[kept] for quantity, values in columns.items()}
-    counts = {"read": len(log), "not_a_number": int((~kept).sum()), "duplicate_time": 0}
-    if Quantity.TIME in columns and kept.any():
+    for quantity in sorted(set(columns) - needed):
+        empty = int(np.isnan(columns[quantity]).sum())
+        if empty > _MOSTLY_EMPTY * len(log):
+            refuse(quantity, f"{100 * empty / len(log):.0f} % of its cells are empty")
+    rows = pd.DataFrame(columns).dropna()
+    counts = {"read": len(log), "not_a_number": len(log) - len(rows), "duplicate_time": 0}
+    if Quantity.TIME in rows:
         # A clock may stand still in a series; derivatives of a log of a bench cannot.
-        clocks = columns.values() if series else (columns[Quantity.TIME],)
-        same = np.logical_and.reduce([np.diff(values, prepend=np.nan) == 0.0 for values in clocks])
-        columns = {quantity: values[~same] for quantity, values in columns.items()}
-        counts["duplicate_time"] = int(same.sum())
+        clocks = rows if series else rows[[Quantity.TIME]]
+        same = (clocks.diff() == 0.0).all(axis=1)
+        rows, counts["duplicate_time"] = rows[~same], int(same.sum())
         if not series and same.mean() > 0.5:
             refuse(Quantity.TIME, "is that of the row before in most rows; the clock is too coarse")
-        if doubt := _disorder(columns[Quantity.TIME], notes, series=series):
-            optional |= {Quantity.TIME} if series else set()
-            refuse(Quantity.TIME, doubt)
-    rows = len(next(iter(columns.values()), ()))
-    if rows < FEWEST:
-        text = f"has {rows} usable rows of {len(log)}, with no cell empty; expected at least {FEWEST}"
+    if len(rows) < FEWEST:
+        text = f"has {len(rows)} usable rows of {len(log)}, with no cell empty; expected at least {FEWEST}"
         raise ParameterFileError(log.source, "", text)
-    for quantity in sorted(_MEASURED.intersection(columns)):
-        _check_mark(log.source, quantity, columns[quantity])
+    columns.update({quantity: rows[quantity].to_numpy() for quantity in columns})
+    if doubt := _disorder(columns, notes, series=series):
+        refuse(Quantity.TIME, doubt)
     for quantity in sorted(columns):
         if doubt := _beyond(quantity, columns[quantity]):
-            if joint_known or not series or quantity in optional:
+            if joint_known or not series or quantity not in needed:
                 refuse(quantity, doubt)
             else:
                 notes.append(f"{quantity} {doubt}")
@@ -270,11 +233,14 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     return replace(log, columns=columns), counts, tuple(notes)
 
 
-def _disorder(time: np.ndarray, notes: list[str], *, series: bool) -> str:
+def _disorder(columns: Mapping[Quantity, np.ndarray], notes: list[str], *, series: bool) -> str:
     """What is said of times that cannot be used; nothing of others, or a note.
 
     In a series records may follow one another.
     """
+    if Quantity.TIME not in columns:
+        return ""
+    time = columns[Quantity.TIME]
     steps = np.diff(time)
     back, forward = int((steps < 0.0).sum()), steps[steps > 0.0]
     if back > (len(steps) / FEWEST if series else 0):
@@ -289,21 +255,7 @@ def _disorder(time: np.ndarray, notes: list[str], *, series: bool) -> str:
             f"time advances by {period:.3g} s from row to row: if it is in another unit, declare it "
             "(--units time=ms); stiffness and damping of bristles depend on it"
         )
-    if back:
-        notes.append(f"time goes back {back} times: records that follow one another were taken apart")
     return ""
-
-
-def _check_mark(source: str, quantity: Quantity, values: np.ndarray) -> None:
-    """Refuse values that stand for a missing one, such as -9999 or 1e30."""
-    size = np.abs(values)
-    usual, row = float(np.quantile(size, _USUAL)), int(np.argmax(size))
-    if size[row] > _MARK * usual > 0.0:
-        text = (
-            f"is {values[row]:.4g} once where {100 * _USUAL:g} % stay below {usual:.3g}: a mark for a "
-            "missing value? Leave such cells empty"
-        )
-        raise ParameterFileError(source, quantity, text)
 
 
 def _beyond(quantity: Quantity, values: np.ndarray) -> str:

@@ -32,12 +32,6 @@ def moving_average(values: np.ndarray, window: int) -> np.ndarray:
     return pd.Series(values).rolling(window, min_periods=1).mean().to_numpy()
 
 
-def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
-    """Derivative by the sample after, equation (2.10), for a period in [s]; the last one is repeated."""
-    steps = np.diff(values) / period
-    return np.append(steps, steps[-1])
-
-
 _IMPACT = 25.0  # [rad] / [s²] beyond which the link has hit a stop
 _MARGIN = 0.01  # [rad] before the place of a stop that count as at the stop
 _APPROACH = 10  # samples over which the direction of an impact is taken

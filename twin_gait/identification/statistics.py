@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import median_abs_deviation
 from scipy.stats import t as student
 
 from twin_gait.identification import fitting
@@ -68,13 +69,10 @@ class CrossValidation:
 
 def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> dict[str, np.ndarray]:
     """The ways to leave something out of these tests: by what (see CrossValidation), fold of each sample."""
-    found = {}
+    kind, fold = "file" if len(tests) <= MOST_FOLDS else "files", samples.test % MOST_FOLDS
     if len(tests) == 1:
-        found["piece"] = np.arange(len(samples)) * _PIECES // max(len(samples), 1)
-    elif len(tests) <= MOST_FOLDS:
-        found["file"] = samples.test
-    else:
-        found["files"] = samples.test % MOST_FOLDS
+        kind, fold = "piece", np.arange(len(samples)) * _PIECES // max(len(samples), 1)
+    found = {kind: fold}
     masses = [test.mass for test in tests]
     if None not in masses and 1 < len(set(masses)) < len(tests):
         _, index = np.unique(np.array(masses, dtype=float), return_inverse=True)
@@ -190,8 +188,8 @@ def _telling(steps: np.ndarray) -> np.ndarray:
 
     If many do, the parameter is not determined, and they all count.
     """
-    size = np.abs(steps - np.median(steps, axis=0))
-    far = (size > _FAR * fitting.MAD_TO_SIGMA * np.median(size, axis=0)).any(axis=1)
+    spread = median_abs_deviation(steps, scale="normal")
+    far = (np.abs(steps - np.median(steps, axis=0)) > _FAR * spread).any(axis=1)
     return ~far if far.mean() <= _MOST_FAR else np.ones(len(steps), dtype=bool)
 
 

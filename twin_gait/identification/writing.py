@@ -3,7 +3,7 @@
 import contextlib
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,11 @@ from twin_gait.files import plain, write_atomically, write_json
 from twin_gait.identification.fitting import Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.models import Samples
-from twin_gait.identification.processing import BenchSetup, Processing, ProcessingOptions
+from twin_gait.identification.processing import BenchSetup
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import FIGURES_FOLDER, readable, style_panel, write_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds import BENCH_FRICTION
 
 DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
@@ -68,10 +67,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
     """The result as plain numbers, SI units in the keys."""
     options, best = result.options, result.models[0]
     order = f"rmse with {best.validations[0].left_out} left out" if math.isfinite(best.rank[0]) else "BIC"
-    balance = any(test.from_bench for test in result.tests)
-    usual = Processing.ZERO_PHASE if balance else Processing.NONE
-    processing = replace(options.processing, processing=options.processing.processing or usual)
-    bench = options.bench if balance else None
+    bench = options.bench if any(test.from_bench for test in result.tests) else None
     return {
         "schema_version": 1,
         "joint": joint,
@@ -81,7 +77,7 @@ def _identification_document(result: Identification, joint: JointName | None) ->
         "method": {
             "order": order,
             **asdict(options.fit),
-            "processing": section_of(ProcessingOptions).document(processing),
+            "processing": None if bench is None else options.processing,
             "bench": None if bench is None else section_of(BenchSetup).document(bench),
         },
         "tests": [{"name": test.name, "mass_kg": test.mass, "samples": test.counts} for test in result.tests],
@@ -130,12 +126,10 @@ def law_of(kind: type[parameters.FrictionLaw], values: dict[str, float]) -> para
 def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: JointName) -> str:
     """An experiment with the law in the plant or in the compensator.
 
-    The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
+    The other joint keeps that of the preset. A plant that was measured has a friction ratio of 1.
     """
-    found = {**BENCH_FRICTION, joint: law}
-    laws = {str(name): section_of(type(item)).document(item) for name, item in found.items()}
-    ratios = {str(name): 1.0 if name is joint else 0.5 for name in BENCH_FRICTION}
-    section = {"plant": {"friction": laws, "friction_ratio": ratios}}
+    laws = {str(joint): section_of(type(law)).document(law)}
+    section = {"plant": {"friction": laws, "friction_ratio": {str(joint): 1.0}}}
     if file == COMPENSATOR_FILE:
         section = {"control": {"friction_model": laws}}
     name = f"identified_{joint}_{Path(file).stem}"

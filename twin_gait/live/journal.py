@@ -25,7 +25,7 @@ import pandas as pd
 import pyarrow as pa
 from pydantic import ConfigDict, TypeAdapter
 
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically

@@ -8,13 +8,11 @@ from typing import Annotated, Any, ClassVar
 
 from twin_gait.core.friction import ASYMMETRIC, BRISTLE, FRICTIONLESS, ROTATIONAL, PlantFriction
 from twin_gait.parameters import quantities
-from twin_gait.parameters.quantities import require
+from twin_gait.parameters.quantities import declarations, require
 
 
 class _FrictionLaw(quantities.Parameters):
     tag = "law"
-    # What is proportional to the friction; velocities, exponents and the way until bristles slide are not.
-    torques: ClassVar[tuple[str, ...]]
 
     def scaled(self, ratio: float) -> FrictionLaw:
         """Return the law multiplied by a ratio, for a plant with other friction than the model.
@@ -22,7 +20,9 @@ class _FrictionLaw(quantities.Parameters):
         ``ratio``: plant friction over model friction, 0 or more. Bristles slide after the same way as before.
         """
         quantities.NOT_NEGATIVE.require("friction ratio", ratio)
-        given = {name: getattr(self, name) for name in self.torques}
+        # What has newtons in its unit is proportional to the friction; velocities and exponents are not.
+        units = {item.name: next(iter(item.keys)) for item in declarations(type(self))}
+        given = {name: getattr(self, name) for name, key in units.items() if "_Nm" in key}
         changes = {name: ratio * value for name, value in given.items() if value is not None}
         scaled: FrictionLaw = replace(self, **changes)  # type: ignore[type-var, assignment]
         return scaled
@@ -40,7 +40,6 @@ class FrictionParameters(_FrictionLaw):
     """
 
     kind = "rotational"
-    torques = ("breakaway_torque", "coulomb_friction", "viscous_friction")
     breakaway_torque: quantities.Torque
     coulomb_friction: quantities.Torque
     breakaway_velocity: quantities.AngularVelocity
@@ -113,10 +112,6 @@ class StribeckFriction(_FrictionLaw):
     """
 
     law: ClassVar[int]
-    torques: ClassVar[tuple[str, ...]] = (
-        "coulomb_friction", "breakaway_torque", "offset",
-        "viscous_friction_forward", "viscous_friction_backward",
-    )  # fmt: skip
     coulomb_friction: Annotated[quantities.Torque, quantities.POSITIVE]
     breakaway_torque: Annotated[quantities.Torque | None, quantities.POSITIVE] = None
     stribeck_velocity: Annotated[quantities.AngularVelocity | None, quantities.POSITIVE] = None
@@ -181,7 +176,6 @@ class LuGreFriction(StribeckFriction):
 
     kind: ClassVar[str] = "lugre"
     law: ClassVar[int] = BRISTLE
-    torques = (*StribeckFriction.torques, "bristle_stiffness", "bristle_damping")
     bristle_stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE]
     bristle_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
 

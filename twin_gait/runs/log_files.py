@@ -43,7 +43,6 @@ class LogTable:
     unit: str | None = None  # of angles, if the file states it: ``rad`` or ``deg``
     opensim: bool = False  # whether it is a motion file of OpenSim
     decimal: str = "."  # what stands before the decimals of a number
-    remarks: tuple[str, ...] = ()  # lines above the names
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a column of that name."""
@@ -157,7 +156,7 @@ def read_text_table(path: Path, asked: Collection[str] = ()) -> LogTable:
         names = tuple(str(number + 1) for number in range(len(names)))
     else:
         frame = frame.iloc[1:]
-    return LogTable(str(path), names, frame, decimal=decimal, remarks=tuple(lines[:start]))
+    return LogTable(str(path), names, frame, decimal=decimal)
 
 
 def _first_row(lines: Sequence[str], asked: Collection[str]) -> int:
