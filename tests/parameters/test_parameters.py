@@ -30,7 +30,7 @@ from twin_gait.parameters import (
     StopParameters,
     SupportParameters,
 )
-from twin_gait.studies.campaign import TwoWayProtocol
+from twin_gait.studies.campaign import Campaign
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel
 from twin_gait.worlds.bench_joint import CatalogueEfficiency, DriveParameters, LinkParameters, Torsion
 
@@ -90,7 +90,7 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (Torsion, "stiffness", 0.0),
     (BenchSetup, "mass", -0.1),
     (ProcessingOptions, "cutoff", 0.0),
-    (TwoWayProtocol, "cycles", 0),
+    (Campaign, "cycles", 0),
     (Transition, "debounce_ticks", 0),
     (Transition, "time_out_ticks", 0),
 ]
@@ -99,6 +99,7 @@ REQUIRED: dict[Any, dict[str, Any]] = {
     CosinePath: {"start_angle": 0.0, "amplitude": 0.1, "frequency": 1.0},
     DriveParameters: {"inductance": 1e-3},
     BenchSetup: {"actuator": KNEE_ACTUATOR},
+    Campaign: {"joint": "knee"},
     Transition: {
         "source": "late_stance",
         "target": "swing_flexion",
