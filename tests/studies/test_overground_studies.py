@@ -57,7 +57,7 @@ def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
 
 def test_a_sweep_under_operating_modes_tells_what_the_summary_of_each_run_does(tmp_path):
     rising = load_experiment("sit_to_stand", ["duration_s=1"]).experiment
-    row = simulate_batch(rising, [{}]).table.iloc[0]
+    row = simulate_batch(rising, [{}]).iloc[0]
     whole = summarise(simulate(rising))
     assert (row["status"], row["outcome"]) == (whole["status"], whole["outcome"]) == ("completed", None)
     assert row["left_strides"] == whole["sides"]["left"]["strides"] == 0
