@@ -1,16 +1,14 @@
 """Run every controller on every day of a wearer, and put the measures side by side."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 import pandas as pd
 import yaml
-from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
@@ -93,7 +91,7 @@ class Comparison:
     def interval(self, controller: str, number: str) -> Interval:
         """Mean of a measure over the runs of a controller that have it."""
         runs = self.table[self.table["controller"] == controller]
-        return interval_of(runs.reindex(columns=[number]).to_numpy(dtype=float)[:, 0])
+        return interval_of(runs.get(number, pd.Series(dtype=float)))
 
     def walked(self, controller: str) -> int:
         """Runs of a controller without a fall or a trip."""
@@ -107,14 +105,11 @@ class Comparison:
         return {name: found.mean for name, found in means.items()} | widths
 
 
-def interval_of(values: np.ndarray) -> Interval:
+def interval_of(values: pd.Series) -> Interval:
     """Mean with the confidence interval of Student's t distribution; NaN does not count."""
-    known = values[~np.isnan(values)]
-    mean = float(known.mean()) if len(known) else math.nan
-    if len(known) < 2:
-        return Interval(mean, math.nan)
-    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(known) - 1))
-    return Interval(mean, quantile * float(sem(known)))
+    deviation: Any = values.sem()
+    quantile = student.ppf(0.5 + 0.5 * CONFIDENCE, values.count() - 1)
+    return Interval(float(values.mean()), float(quantile * deviation))
 
 
 def compare(
@@ -132,7 +127,7 @@ def compare(
         raise ParameterError("patient: nobody wears the device; name somebody with --patient")
     require(seeds >= 1, "seeds", "1 or more", seeds)
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
-    day_of, measure = partial(_changed, experiment), partial(_measured, experiment.seed)
+    day_of, measure = partial(_on_day, experiment), partial(_measured, experiment.seed)
     found = run_episodes(day_of, measure, asked, named=lambda place: asked[place][0].name, **watch)
     if len(found) < len(asked):
         return None
@@ -142,7 +137,7 @@ def compare(
     return Comparison(experiment, tuple(controllers), seeds, table, nominal)
 
 
-def _changed(experiment: Experiment, asked: tuple[Controller, int]) -> Experiment:
+def _on_day(experiment: Experiment, asked: tuple[Controller, int]) -> Experiment:
     controller, seed = asked
     return controller.change(varied(experiment, seed))
 
