@@ -1,6 +1,7 @@
 """One leg of a run in numbers, for the summary."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,10 +15,9 @@ from twin_gait.measures import effort, phases, strides, switching
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
-from twin_gait.measures.walk import WalkMeasures
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.walk_words import summary_of_errors, summary_of_leg
+from twin_gait.report.walk_words import summary_of_errors
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
@@ -25,14 +25,14 @@ SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start'
 
 
 def summarise_side(
-    run: Run, record: LegRecord, skip: int, measures: WalkMeasures | None = None
+    run: Run, record: LegRecord, skip: int, measures: Mapping[str, float] | None = None
 ) -> dict[str, Any]:
     """Gait and effort of one leg, with ``measures`` of the walk on a belt; None or NaN if not defined."""
     leg = MeasuredLeg(run, record, skip)
     return {
         **leg.by_contact(),
         **leg.by_phase(),
-        **({} if measures is None else {"walk": summary_of_leg(measures)}),
+        **({} if measures is None else {"walk": dict(measures)}),
         **leg.errors(),
         "joints": {str(joint): leg.joint(joint) for joint in record.angles},
     }
