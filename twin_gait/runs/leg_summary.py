@@ -197,9 +197,9 @@ class MeasuredLeg:
             ("torque", "Nm", self.column(joint, "motor_torque_Nm"), actuator.continuous_torque),
             ("current", "A", self.column(joint, "measured_current_A"), continuous_current(actuator)),
         ):
-            load = effort.load(values, continuous)
-            found[f"{quantity}_peak_{unit}"], found[f"{quantity}_rms_{unit}"] = load.peak, load.rms
-            found[f"{quantity}_continuous_share"] = load.continuous_share
+            rms = effort.root_mean_square(values)
+            found[f"{quantity}_peak_{unit}"], found[f"{quantity}_rms_{unit}"] = _largest(np.abs(values)), rms
+            found[f"{quantity}_continuous_share"] = rms / continuous
         return found
 
     def motion(self, joint: JointName) -> dict[str, float]:

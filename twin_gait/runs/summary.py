@@ -112,12 +112,7 @@ def energy_in_numbers(run: Run) -> dict[str, float]:
     """How well the energy of a run balances with the work of all sources."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
-    balance = effort.energy_balance(energy, works)
-    return {
-        "energy_residual_J": balance.largest_residual,
-        "energy_throughput_J": balance.throughput,
-        "energy_residual_share": balance.relative_residual,
-    }
+    return effort.energy_balance(energy, works)
 
 
 def _safety(run: Run) -> dict[str, Any]:

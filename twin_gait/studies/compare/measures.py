@@ -94,7 +94,7 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
             leg.column(joint, "measured_current_A"),
         )
     )
-    current = effort.load(flowing, continuous_current(actuator))
+    current = effort.root_mean_square(flowing)
     half_way = int(leg.strides[0, 0] + leg.strides[-1, 1]) // 2
     return {
         "interaction_rms_Nm": effort.root_mean_square(device),
@@ -103,8 +103,8 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
         "device_work_J": effort.positive_work(device, velocity, TICK),
         "wearer_work_J": effort.positive_work(own, velocity, TICK),
         "assistance_level": assistance_level(run, side, joint, half_way),
-        "current_rms_A": current.rms,
-        "current_rms_share": current.continuous_share,
+        "current_rms_A": current,
+        "current_rms_share": current / continuous_current(actuator),
     }
 
 
