@@ -41,9 +41,8 @@ def summary(outcome: Outcome) -> list[str]:
 
 
 def _content(outcome: Outcome) -> dict[str, Any]:
-    known = {name: value for name, value in outcome.items() if name != "version"}
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**known, "errors": errors, "amount": amount}
+    return {**outcome, "errors": errors, "amount": amount}
 
 
 def draw_figures(outcome: Outcome, experiment: Experiment, runs: Mapping[str, Run]) -> dict[str, Figure]:

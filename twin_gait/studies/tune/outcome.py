@@ -5,7 +5,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait import __version__
 from twin_gait.checking.check import build_case, check, counts
 from twin_gait.checking.finding import Severity
 from twin_gait.configuration.documents import dump_yaml
@@ -98,7 +97,6 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
     names = list(tuning.search_cases)
     return {
         "schema_version": OUTCOME_VERSION,
-        "version": __version__,
         "experiment": experiment.name,
         "wearer": wearer,
         "belt_speed_m_per_s": speed,
@@ -123,10 +121,7 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
             "after": standing([after.walks[name] for name in names]),
         },
         "parameters": _parameters(tuning, after),
-        "convergence": {
-            "best": [item.cost for item in generations],
-            "median": [item.median for item in generations],
-        },
+        "convergence": [item.cost for item in generations],
         "effort": {
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
