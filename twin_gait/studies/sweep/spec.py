@@ -118,19 +118,19 @@ def sweep_from_mapping(
             problem = f"no measure {measure!r}; see the columns of the table of any sweep"
             raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
-    experiment, typed = _experiment(entry.experiment, assignments, source, folder)
+    loaded = _experiment(entry.experiment, assignments, source, folder)
     overrides = overrides_of(entry, source)
     document = {
         "schema_version": entry.schema_version,
         "name": entry.name or name,
-        "experiment": _experiment_document(experiment, typed),
+        "experiment": _experiment_document(loaded),
         **{key: data[key] for key in ("method", "parameters", "episodes", "samples") if key in data},
         "seed": entry.seed,
         "measures": entry.measures,
         "named": _named(entry.named, overrides, folder / Path(source).name),
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
-    return Sweep(source, experiment, overrides, document)
+    return Sweep(source, loaded.experiment, overrides, document)
 
 
 def _named(known: Named, overrides: Sequence[Override], path: Path) -> Named:
@@ -146,24 +146,23 @@ def _named(known: Named, overrides: Sequence[Override], path: Path) -> Named:
 
 def _experiment(
     given: str | Mapping[str, Any], assignments: Sequence[str], source: str, folder: Path
-) -> tuple[Experiment, dict[str, Any]]:
+) -> LoadedExperiment:
     if isinstance(given, str):
         beside = folder / given
-        loaded = load_experiment(beside if beside.is_file() else given, assignments)
-        return loaded.experiment, loaded.document
+        return load_experiment(beside if beside.is_file() else given, assignments)
     document = dict(given)
     for keys, value in validation.parse_assignments(assignments):
         document = validation.assign(document, keys, value)
-    return experiment_from_mapping(document, f"{source}: experiment", folder), document
+    return LoadedExperiment(experiment_from_mapping(document, f"{source}: experiment", folder), document)
 
 
-def _experiment_document(experiment: Experiment, typed: dict[str, Any]) -> dict[str, Any]:
+def _experiment_document(loaded: LoadedExperiment) -> dict[str, Any]:
     """The experiment with the hashes of URDF and table; the versions stand once, beside it.
 
     An integrator that was left to the engine stays so: an episode may change the engine.
     """
-    document = resolved_document(experiment, typed, {})
-    if experiment.integration is None:
+    document = resolved_document(loaded.experiment, loaded.document, {})
+    if loaded.experiment.integration is None:
         del document["integration"]
     return document
 

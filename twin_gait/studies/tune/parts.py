@@ -24,7 +24,7 @@ from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square
 from twin_gait.measures.strides import normalise_strides, symmetry_index
 from twin_gait.report.reference import reference_cycle, reference_measures
-from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
+from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
 
@@ -92,15 +92,11 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
     limits = [leg.saturation(joint)["saturated_share"] for joint in joints]
     switches = [leg.torque_at_switches(joint) for joint in joints]
-    errors = {
-        f"{joint}_error_deg": reference_error(leg.run, angles, joint, leg.strides)
-        for joint, angles in leg.compared_angles().items()
-    }
     apart = leg.errors().get("errors", {})
+    errors = {f"{joint}_error_deg": parts["total_deg"] for joint, parts in apart.items()}
     offsets = [abs(parts["offset_deg"]) for joint, parts in apart.items() if joint in joints]
     return {
-        "ankle_error_deg": math.nan,
-        **errors,
+        **{part.name: errors.get(part.name, math.nan) for part in ERRORS.values()},
         "offset_deg": max(offsets, default=math.nan),
         "knee_at_contact_deg": walk["knee_at_contact_deg"],
         "yield_lack_deg": healthy["knee_yield_deg"] - walk["knee_yield_deg"],
