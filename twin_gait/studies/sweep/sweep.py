@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -142,9 +142,9 @@ def run_sweep(
     if not (directory / SPEC_FILE).is_file():
         check_sweep(sweep, workers, watch.get("should_stop"))
     with _opened(directory, sweep):
-        resumed = len(_kept(directory))
+        done = set(_kept(directory).index)
         try:
-            _run(sweep, directory, workers, **watch)
+            _run(sweep, directory, done, workers, **watch)
         finally:
             _merge(directory, sweep)
         table = read_table(directory / TABLE_FILE)
@@ -159,8 +159,8 @@ def run_sweep(
             # measures that were asked for and that no completed episode has
             "not_drawn": [name for name, found in measured.items() if not found],
             "last_call": {
-                "resumed_with": resumed,
-                "episodes": len(table) - resumed,
+                "resumed_with": len(done),
+                "episodes": len(table) - len(done),
                 "wall_s": time.perf_counter() - began,
             },
         }
@@ -182,9 +182,10 @@ def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None)
         raise KeyboardInterrupt
 
 
-def _run(sweep: Sweep, directory: Path, workers: Workers, **watch: Unpack[Watch]) -> None:
+def _run(
+    sweep: Sweep, directory: Path, done: Collection[int], workers: Workers, **watch: Unpack[Watch]
+) -> None:
     """Run what is not done yet."""
-    done = set(_kept(directory).index)
     pending = [episode for episode in enumerate(sweep.overrides) if episode[0] not in done]
     tell = watch.get("progress") or (lambda number, total: None)
     tell(len(done), len(sweep.overrides))
