@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait.measures.leg_record import leg_record
-from twin_gait.measures.strides import PERCENT, ErrorParts, error_parts
+from twin_gait.measures.strides import ERROR_PARTS, PERCENT, error_parts
 from twin_gait.measures.walk import (
     Walkway,
     belt_carries,
@@ -199,6 +199,12 @@ def test_standing_between_two_walks_is_in_no_measure() -> None:
 # ------------------------------------------------------------------ offset, timing and shape
 
 
+def told(total: float, offset: float, timing: float, shape: float, shift: float) -> Any:
+    """Parts of an error in [rad] and as a share of the cycle, as they are told."""
+    values = (*np.degrees([total, offset, timing, shape]), 100.0 * shift)
+    return pytest.approx(dict(zip(ERROR_PARTS, values, strict=True)), abs=1e-5)
+
+
 def sine(harmonic: int = 1, *, late: float = 0.0) -> np.ndarray:
     return np.sin(2.0 * math.pi * harmonic * (PERCENT / 100.0 - late))
 
@@ -211,31 +217,31 @@ def test_parts_of_an_error_in_closed_form(late: float, offset: float) -> None:
     timing = 2.0 * math.sqrt(2.0) * abs(math.sin(math.pi * late))
     shape = 0.5 / math.sqrt(2.0)
     total = math.sqrt(offset**2 + timing**2 + shape**2)
-    assert parts == pytest.approx(ErrorParts(total, offset, timing, shape, late), abs=1e-7)
+    assert parts == told(total, offset, timing, shape, late)
 
 
 def test_parts_are_those_of_all_strides_and_make_up_the_whole() -> None:
     rng = np.random.default_rng(7)
     cycles, reference = rng.normal(size=(5, 101)).cumsum(axis=1), rng.normal(size=101).cumsum()
-    parts = error_parts(cycles, reference)
+    total, offset, timing, shape, shift = error_parts(cycles, reference).values()
     difference = (cycles - reference)[:, :-1]
-    assert parts.total == pytest.approx(math.sqrt(np.mean(difference**2)))
-    assert parts.offset == pytest.approx(difference.mean())
+    assert total == pytest.approx(math.degrees(math.sqrt(np.mean(difference**2))))
+    assert offset == pytest.approx(math.degrees(difference.mean()))
     shifted = [
-        np.mean((np.roll(cycles[:, :-1], -shift, axis=1) - reference[:-1] - parts.offset) ** 2)
-        for shift in range(100)
+        np.mean((np.roll(cycles[:, :-1], -place, axis=1) - reference[:-1] - difference.mean()) ** 2)
+        for place in range(100)
     ]
-    assert parts.shape == pytest.approx(math.sqrt(min(shifted)))
-    assert parts.shift == pytest.approx((np.argmin(shifted) + 50) % 100 / 100.0 - 0.5)
-    assert parts.total**2 == pytest.approx(parts.offset**2 + parts.timing**2 + parts.shape**2)
+    assert shape == pytest.approx(math.degrees(math.sqrt(min(shifted))))
+    assert shift == pytest.approx((np.argmin(shifted) + 50) % 100 - 50)
+    assert total**2 == pytest.approx(offset**2 + timing**2 + shape**2)
 
 
 def test_strides_that_differ_err_in_shape() -> None:
     parts = error_parts(np.array([sine() + 0.3, sine() - 0.3]), sine())
-    assert parts == pytest.approx(ErrorParts(0.3, 0.0, 0.0, 0.3, 0.0), abs=1e-7)
-    assert all(math.isnan(part) for part in error_parts(np.zeros((0, 101)), sine()))
+    assert parts == told(0.3, 0.0, 0.0, 0.3, 0.0)
+    assert all(math.isnan(part) for part in error_parts(np.zeros((0, 101)), sine()).values())
 
 
 def test_no_part_of_an_error_is_nought_where_a_stride_has_a_gap() -> None:
     cycles = np.array([sine(), np.where(PERCENT == 50.0, math.nan, sine())])
-    assert all(math.isnan(part) for part in error_parts(cycles, sine())[:4])
+    assert all(math.isnan(part) for part in [*error_parts(cycles, sine()).values()][:4])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from twin_gait.experiment import Experiment
-from twin_gait.measures.strides import ErrorParts, stride_count
+from twin_gait.measures.strides import stride_count
 from twin_gait.simulation.engine import BusTraffic
 
 
@@ -23,7 +22,6 @@ def describe(experiment: Experiment) -> str:
 
 
 DASH = "–"
-_DEGREE = math.degrees(1.0)
 
 
 def amount(value: float | None, unit: str = "") -> str:
@@ -32,12 +30,6 @@ def amount(value: float | None, unit: str = "") -> str:
         return DASH
     places = sum(abs(value) < bound for bound in (1.0, 10.0, 100.0))
     return f"{round(value, places) + 0.0:.{places}f} {unit}".strip().replace("-", "−")
-
-
-def summary_of_errors(parts: ErrorParts) -> dict[str, float]:
-    """Parts of the error of an angle for a summary, from [rad]."""
-    lengths = {f"{name}_deg": _DEGREE * getattr(parts, name) for name in ErrorParts._fields[:-1]}
-    return {**lengths, "shift_percent": 100.0 * parts.shift}
 
 
 def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

@@ -17,7 +17,6 @@ from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.walk_words import summary_of_errors
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
@@ -110,7 +109,7 @@ class MeasuredLeg:
             reference = reference_cycle(self.run.experiment, joint)
             if reference is not None:
                 cycles = strides.normalise_strides(angles, self.strides)
-                found[str(joint)] = summary_of_errors(strides.error_parts(cycles, reference))
+                found[str(joint)] = strides.error_parts(cycles, reference)
         return {"errors": found} if found else {}
 
     def by_contact(self) -> dict[str, Any]:
