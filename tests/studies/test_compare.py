@@ -131,7 +131,7 @@ def test_interval_of_three_by_hand():
     ("preset", "settings", "seeds", "message"),
     [
         ("bench_leg", [], 1, "on the ground"),
-        ("treadmill", ["patient=null"], 1, "nobody wears"),
+        ("treadmill", ["patient=null"], 1, "expected a wearer who walks .* with --patient"),
         ("treadmill", [], 0, "seeds"),
     ],
 )

@@ -23,6 +23,7 @@ from twin_gait.configuration.validation import assign, converting, parse_assignm
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
+from twin_gait.parameters import Patient
 from twin_gait.runs.leg_summary import side_in_brief
 from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
 from twin_gait.simulation import Run, RunStatus
@@ -30,6 +31,7 @@ from twin_gait.simulation.simulator import block_size, compile_ahead, simulate_t
 from twin_gait.studies.jobs import Watch, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds import Walking
 
 
 def run_episodes(
@@ -88,6 +90,17 @@ def _block_ahead(
             compile_ahead(experiment, len(items), on_compile)
             return block_size(experiment, len(items))
     return 1
+
+
+def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
+    """How the legs of an experiment walk, and who wears them; without both it is a ParameterError."""
+    walking, patient = experiment.scenario.walking, experiment.patient
+    if walking is None or patient is None:
+        raise ParameterError(
+            f"{experiment.name}: expected a wearer who walks on the ground; name such a preset, and somebody"
+            " with --patient"
+        )
+    return walking, patient
 
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.

@@ -12,11 +12,10 @@ import yaml
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
-from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, require
 from twin_gait.simulation import Run
-from twin_gait.studies.batch import run_episodes
+from twin_gait.studies.batch import run_episodes, walking_wearer
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.studies.jobs import Watch
 from twin_gait.worlds.world import BELT_SPEED
@@ -119,12 +118,7 @@ def compare(
 
     Returns the comparison, or None if it was stopped; what cannot be compared is a ParameterError.
     """
-    if experiment.scenario.walking is None:
-        raise ParameterError(
-            f"{experiment.name}: controllers are compared where legs walk on the ground; name such a preset"
-        )
-    if experiment.patient is None:
-        raise ParameterError("patient: nobody wears the device; name somebody with --patient")
+    walking_wearer(experiment)
     require(seeds >= 1, "seeds", "1 or more", seeds)
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
     day_of, measure = partial(_on_day, experiment), partial(_measured, experiment.seed)
@@ -153,8 +147,7 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     """The experiment on another day."""
     if seed == 0:
         return experiment
-    scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
-    assert scenario.walking is not None and patient is not None  # the caller has checked
+    scenario, plant, (walking, patient) = experiment.scenario, experiment.plant, walking_wearer(experiment)
     drawn = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4)
     weight, rough, fast, form = (1.0 + np.array(SPREADS) * drawn).tolist()
     conditions = {
@@ -165,6 +158,6 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     friction = {joint: rough * plant.friction_ratio.get(joint, 1.0) for joint in plant.friction}
     plant = replace(plant, friction_ratio=friction)
     if scenario.adjusts(BELT_SPEED):
-        scenario = scenario.adjusted(BELT_SPEED, fast * scenario.walking.speed)
+        scenario = scenario.adjusted(BELT_SPEED, fast * walking.speed)
     seed += experiment.seed
     return replace(experiment, seed=seed, patient=patient, plant=plant, scenario=scenario)

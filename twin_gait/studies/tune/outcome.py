@@ -18,9 +18,10 @@ from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
+from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.tune.parts import AIM, EXCESS, HELD_TO, WORST, Rating, nominal_cost, part_costs
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
-from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, check_walker, standing, table_of, walker
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, standing, table_of, walker
 from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -93,7 +94,7 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
 def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
     """Content of ``tune.json`` but for what the check finds."""
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
-    speed, generations = check_walker(experiment)[0].speed, tuning.generations
+    speed, generations = walking_wearer(experiment)[0].speed, tuning.generations
     names = list(tuning.search_cases)
     return {
         "schema_version": OUTCOME_VERSION,

@@ -12,6 +12,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import quantities
 from twin_gait.simulation.simulator import compile_ahead
+from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
@@ -226,7 +227,7 @@ def tune(
     Raises:
         ParameterError: If there is nothing to tune, the settings make no sense or a walk cannot be run.
     """
-    walks.check_walker(experiment)
+    walking_wearer(experiment)
     if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
         raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
