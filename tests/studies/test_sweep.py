@@ -147,7 +147,7 @@ def test_stopping_and_going_on_gives_the_same_table(swept, tmp_path):
             should_stop=lambda began=began: len(done) > began + 3,
         )
         assert len(result.table) >= result.summary["last_call"]["resumed_with"]
-        if result.status == "completed":
+        if result.summary["status"] == "completed":
             break
     assert result.summary["last_call"]["resumed_with"] > 0
     assert_same(read_table(out / "table.parquet"), read_table(swept[1] / "table.parquet"))

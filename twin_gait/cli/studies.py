@@ -77,7 +77,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
     document = {**result.summary, "directory": arguments.out}
     terminal.answer(arguments, lines("sweep.txt", document), document)
-    return terminal.stopped(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
+    return terminal.stopped(again) if document["status"] is simulation.RunStatus.INTERRUPTED else DONE
 
 
 def compare(arguments: argparse.Namespace) -> int:

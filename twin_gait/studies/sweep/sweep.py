@@ -114,8 +114,8 @@ class SweepResult:
     """What a sweep gives back."""
 
     table: pd.DataFrame  # one row per finished episode, sorted by episode
-    status: RunStatus  # COMPLETED, or INTERRUPTED if it was stopped; the same call goes on with it
-    summary: dict[str, Any]  # content of ``summary.json``
+    # content of ``summary.json``, whose ``status`` is INTERRUPTED if it was stopped; the same call goes on
+    summary: dict[str, Any]
 
 
 def run_sweep(
@@ -152,7 +152,7 @@ def run_sweep(
         measured = {name: np.isfinite(values_of(table, name)).any() for name in sweep.document["measures"]}
         summary = {
             "name": sweep.document["name"],
-            "status": str(status),
+            "status": status,
             "episodes": len(sweep.overrides),
             "finished": len(table),
             "outcomes": {str(name): int(count) for name, count in sorted(_outcomes(table).items())},
@@ -167,7 +167,7 @@ def run_sweep(
         write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
             write_report(sweep, table, directory)
-    return SweepResult(table, status, summary)
+    return SweepResult(table, summary)
 
 
 def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None) -> None:
