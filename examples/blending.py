@@ -297,7 +297,7 @@ def robustness(blends: Sequence[Blend], points: Sequence[dict[str, float]], work
     """Number of each outcome over the points of a grid, one row per way to blend."""
     base = load_experiment("treadmill").experiment
     overrides = [{**settings_of(blend), **point} for blend in blends for point in points]
-    outcomes = simulate_batch(base, overrides, workers=workers).table["outcome"].to_numpy()
+    outcomes = simulate_batch(base, overrides, workers=workers)["outcome"].to_numpy()
     counted = [Counter(part) for part in np.split(outcomes, len(blends))]
     occurring = [outcome for outcome, _ in sum(counted, Counter()).most_common()]
     return pd.DataFrame(

@@ -29,7 +29,7 @@ def walk_all(count: int, duration: float, workers: Workers) -> tuple[list[dict],
         base = load_experiment("treadmill", settings).experiment
         for seed in SEEDS:
             who = walkers(count, seed)
-            walks = simulate_batch(base, who, workers=workers).table
+            walks = simulate_batch(base, who, workers=workers)
             rows.append(cohort_row(table, seed, walks))
             others += failures(table, seed, walks, who)
             print(rows[-1], flush=True)

@@ -58,7 +58,7 @@ if __name__ == "__main__":
     form = form_of("fault_campaign")
     experiment = load_experiment("treadmill", [f"duration_s={3.0 if form.quick else DURATION}"]).experiment
     faults = draw_faults(experiment, 10 if form.quick else RUNS, SEED)
-    table = simulate_faults(experiment, faults, row=audited_row, workers=form.workers).table
+    table = simulate_faults(experiment, faults, row=audited_row, workers=form.workers)
     outcomes = outcome_table(table)
     print(outcomes.to_string(index=False))
     table.to_csv(form.out / "faults.csv", index=False, lineterminator="\n", float_format="%.6g")

@@ -36,14 +36,13 @@ from twin_gait.identification import (
     process_log,
 )
 from twin_gait.simulation import simulate_bench
-from twin_gait.studies import Campaign, Protocol, TwoWayProtocol, planned_tests, run_jobs
+from twin_gait.studies import Campaign, Protocol, planned_tests, run_jobs
 from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 
 LAW = "rotational"
 PROCESSINGS = (Processing.ZERO_PHASE, Processing.THESIS)
 CAMPAIGNS, QUICK_CAMPAIGNS = 200, 2
-TWO_WAY = TwoWayProtocol(cycles=2)  # two periods each take half the time of the protocol's four
-QUICK_TWO_WAY = TwoWayProtocol(cycles=1)
+CYCLES, QUICK_CYCLES = 2, 1  # of a test; two take half the time of the protocol's four
 LOGGED = {
     Quantity.TIME: "time_s",
     Quantity.ANGLE: "position_rad",
@@ -82,10 +81,10 @@ def logs_of(campaign: Campaign) -> list[Log]:
     return logs
 
 
-def estimates(two_way: TwoWayProtocol, campaign: tuple[JointName, int]) -> dict[Processing, Estimate]:
+def estimates(cycles: int, campaign: tuple[JointName, int]) -> dict[Processing, Estimate]:
     """Simulate the campaign of a joint and a seed, and identify it once for each processing."""
     joint, seed = campaign
-    logs = logs_of(Campaign(joint=joint, protocol=Protocol.TWO_WAY, seed=seed, two_way=two_way))
+    logs = logs_of(Campaign(joint=joint, protocol=Protocol.TWO_WAY, seed=seed, cycles=cycles))
     return {processing: identified(logs, joint, processing) for processing in PROCESSINGS}
 
 
@@ -155,10 +154,10 @@ def row_of(joint: JointName, item: Any) -> dict[str, str]:
 # %%
 if __name__ == "__main__":
     form = form_of("identification_coverage")
-    count, protocol = (QUICK_CAMPAIGNS, QUICK_TWO_WAY) if form.quick else (CAMPAIGNS, TWO_WAY)
+    count, cycles = (QUICK_CAMPAIGNS, QUICK_CYCLES) if form.quick else (CAMPAIGNS, CYCLES)
     joints = (JointName.KNEE,) if form.quick else (JointName.KNEE, JointName.HIP)
     asked = [(joint, seed) for joint in joints for seed in range(count)]
-    found = run_jobs(partial(estimates, protocol), asked, workers=form.workers)
+    found = run_jobs(partial(estimates, cycles), asked, workers=form.workers)
     tables, warned, rows = [], {}, {}
     for processing in PROCESSINGS:
         rows[str(processing)] = []

@@ -61,7 +61,7 @@ def outcome_map(
         {"network.impedance": place, "network.delay_s": 1e-3 * delay, "network.loss": loss}
         for place, delay, loss in points
     ]
-    table = simulate_batch(base, overrides, workers=workers).table
+    table = simulate_batch(base, overrides, workers=workers)
     errors = table[[f"{side}_rmse_knee_by_contact_deg" for side in ("left", "right")]].mean(axis=1)
     rows = pd.DataFrame(points, columns=["springs", "delay_ms", "loss"])
     return rows.assign(outcome=table["outcome"].to_numpy(), rmse_knee_deg=errors.round(2).to_numpy())

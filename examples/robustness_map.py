@@ -75,9 +75,10 @@ if __name__ == "__main__":
     form = form_of("robustness_map")
     with tempfile.TemporaryDirectory() as folder, Workers(form.workers) as workers:
         sweep = load_sweep(spec_in(folder, quick=form.quick))
-        result = run_sweep(sweep, Path(folder) / "map", workers=workers)
+        out = Path(folder) / "map"
+        result = run_sweep(sweep, out, workers=workers)
         for name in ("heat_map_walked.png", "main_effects_walked.png"):
-            shutil.copy(result.directory / "figures" / name, form.out)
+            shutil.copy(out / "figures" / name, form.out)
     walks = rows_of(result.table)
     walks.to_csv(form.out / "robustness_map.csv", index=False, lineterminator="\n")
     share = float((walks["outcome"] == "walked").mean())

@@ -27,7 +27,7 @@ from thesis.friction import (
     table_numbers,
 )
 
-from twin_gait.studies import TwoWayProtocol
+from twin_gait.studies import TWO_WAY_SPEEDS
 
 form = form_of("thesis_friction")
 answers = Answers("thesis_friction", form)
@@ -54,7 +54,7 @@ for figure, joint in () if form.quick else (("fig_3_2", KNEE), ("fig_3_3", HIP))
 # %%
 if not form.quick:
     driven = {joint: fit_campaign(joint, DRIVEN, PROMPT) for joint in JOINTS}
-    picture = figures.draw_comparison(driven, TwoWayProtocol().highest_speed)
+    picture = figures.draw_comparison(driven, TWO_WAY_SPEEDS[-1])
     answers.add("fig_3_4", comparison_numbers(driven), picture)
 
 # %% [markdown]

@@ -27,7 +27,7 @@ if __name__ == "__main__":
     settings = QUICK if form.quick else {"generations": GENERATIONS}
     jobs = [Job(number, walker, settings) for number, walker in enumerate(who)]
     with Workers(form.workers) as workers:
-        plain = simulate_batch(experiment_of({}), who, workers=workers).table
+        plain = simulate_batch(experiment_of({}), who, workers=workers)
         tuned = pd.DataFrame(run_jobs(tuned_walk, jobs, workers=workers))
     rows = [cohort_row("treadmill, scaled", SEED, plain), cohort_row("tuned", SEED, tuned)]
     print(pd.DataFrame(rows).to_string(index=False))

@@ -92,7 +92,7 @@ def energy_drift(run: Run) -> float:
 def energy_residual(run: Run) -> float:
     """Energy of a run that the work of all sources does not account for, over the work in and out."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
-    return energy_balance(energy, run.log.filter(like="_work_J").to_numpy().T).relative_residual
+    return energy_balance(energy, run.log.filter(like="_work_J").to_numpy().T)["energy_residual_share"]
 
 
 def largest_friction_power(run: Run) -> float:

@@ -35,7 +35,7 @@ from twin_gait.identification import (
     process_log,
     read_log,
 )
-from twin_gait.studies import SPREAD, Campaign, Protocol, planned_tests, run_campaign
+from twin_gait.studies import SPREAD, TWO_WAY_PERIOD, Campaign, Protocol, planned_tests, run_campaign
 from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 
 HIP = JointName.HIP
@@ -203,7 +203,7 @@ def fit_numbers(joint: JointName, late: LawFit, prompt: LawFit, driven: LawFit) 
     """Fits of the falls with the thesis's processing and without delay, and that of motor-driven tests."""
     campaign, bench = Campaign(joint=joint), BenchSetup(actuator=BENCH_ACTUATORS[joint])
     masses = {plan.mass for plan in planned_tests(campaign)}
-    frequency, truth = 2.0 * math.pi / campaign.two_way.period, table_values(joint)
+    frequency, truth = 2.0 * math.pi / TWO_WAY_PERIOD, table_values(joint)
     lagged = [lagged_viscous(truth["d"], float(bench.inertia(mass)), frequency) for mass in masses]
     margin, samples, implied = driven.half_width("d"), late.goodness.samples, implied_samples(*PRINTED[joint])
     slow = late.velocity < truth["c"]

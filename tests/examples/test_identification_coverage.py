@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from identification_coverage import (
+    CYCLES,
     LAW,
-    QUICK_TWO_WAY,
-    TWO_WAY,
+    QUICK_CYCLES,
     Estimate,
     coverage,
     estimates,
@@ -33,7 +33,7 @@ from twin_gait.worlds import BENCH_ACTUATORS
 @pytest.mark.slow
 def test_zero_phase_is_near_the_truth_and_another_seed_is_another_campaign():
     truth = np.array(list(true_parameters(JointName.KNEE).values()))
-    first, second = (estimates(QUICK_TWO_WAY, (JointName.KNEE, seed)) for seed in (0, 1))
+    first, second = (estimates(QUICK_CYCLES, (JointName.KNEE, seed)) for seed in (0, 1))
     for found in (first, second):
         estimate = found[Processing.ZERO_PHASE]
         # Four standard deviations of short campaigns; the intervals are four of them wide.
@@ -45,7 +45,7 @@ def test_zero_phase_is_near_the_truth_and_another_seed_is_another_campaign():
 @pytest.mark.slow
 def test_no_minimum_is_missed_that_a_descent_from_the_truth_finds():
     # Starts are compared on a fifth of the samples; every fifth leads to another minimum here.
-    logs = logs_of(Campaign(joint=JointName.KNEE, protocol=Protocol.TWO_WAY, seed=4, two_way=TWO_WAY))
+    logs = logs_of(Campaign(joint=JointName.KNEE, protocol=Protocol.TWO_WAY, seed=4, cycles=CYCLES))
     bench, how = (
         BenchSetup(actuator=BENCH_ACTUATORS[JointName.KNEE]),
         Processing.THESIS,

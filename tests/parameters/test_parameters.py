@@ -30,7 +30,7 @@ from twin_gait.parameters import (
     StopParameters,
     SupportParameters,
 )
-from twin_gait.studies.campaign import TwoWayProtocol
+from twin_gait.studies.campaign import Campaign
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel
 from twin_gait.worlds.bench_joint import CatalogueEfficiency, DriveParameters, LinkParameters, Torsion
 
@@ -89,7 +89,7 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (CatalogueEfficiency, "temperature", 40.1),
     (Torsion, "stiffness", 0.0),
     (BenchSetup, "mass", -0.1),
-    (TwoWayProtocol, "cycles", 0),
+    (Campaign, "cycles", 0),
     (Transition, "debounce_ticks", 0),
     (Transition, "time_out_ticks", 0),
 ]
@@ -98,6 +98,7 @@ REQUIRED: dict[Any, dict[str, Any]] = {
     CosinePath: {"start_angle": 0.0, "amplitude": 0.1, "frequency": 1.0},
     DriveParameters: {"inductance": 1e-3},
     BenchSetup: {"actuator": KNEE_ACTUATOR},
+    Campaign: {"joint": "knee"},
     Transition: {
         "source": "late_stance",
         "target": "swing_flexion",

@@ -15,9 +15,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
-from twin_gait.studies.batch import BatchResult, overridden, simulate_batch
+from twin_gait.studies.batch import overridden, simulate_batch
 
 FALLING = 4
 OVERRIDES: list[dict[str, Any]] = [
@@ -44,7 +43,7 @@ def noisy(walk: Experiment) -> Experiment:
 
 
 @pytest.fixture(scope="module")
-def alone(walk: Experiment) -> BatchResult:
+def alone(walk: Experiment) -> pd.DataFrame:
     """All twelve in this process."""
     return simulate_batch(walk, OVERRIDES)
 
@@ -62,22 +61,21 @@ def test_two_workers_give_the_same_table(walk, alone):
         # A worker's task and one to follow: what is under way does not grow with the batch.
         assert len(asked) <= done + 3
 
-    result = simulate_batch(
+    table = simulate_batch(
         walk,
         OVERRIDES,
         workers=2,
         progress=progress,
         should_stop=lambda: asked.append(True) or False,
     )
-    assert result.status is RunStatus.COMPLETED
-    assert_same(result.table, alone.table)
+    assert_same(table, alone)
     assert counts == [(done, 12) for done in range(1, 13)]
 
 
 @pytest.mark.parametrize("length", [1, 7])
 def test_a_shorter_batch_is_the_beginning_of_a_longer_one(walk, alone, length):
-    short = simulate_batch(walk, OVERRIDES[:length]).table
-    longer = alone.table.head(length)
+    short = simulate_batch(walk, OVERRIDES[:length])
+    longer = alone.head(length)
     keys = [name for name in longer.columns if name in short.columns]
     assert set(longer.columns) - set(short.columns) <= set(OVERRIDES[FALLING])
     assert_same(short, longer[keys])
@@ -85,17 +83,17 @@ def test_a_shorter_batch_is_the_beginning_of_a_longer_one(walk, alone, length):
 
 def test_order_does_not_matter(walk, alone):
     order = np.random.default_rng(3).permutation(len(OVERRIDES))
-    shuffled = simulate_batch(walk, [OVERRIDES[index] for index in order]).table
+    shuffled = simulate_batch(walk, [OVERRIDES[index] for index in order])
     assert shuffled["episode"].tolist() == list(range(12))
     shuffled = shuffled.assign(episode=order).sort_values("episode").reset_index(drop=True)
-    assert_same(shuffled[list(alone.table.columns)], alone.table)
+    assert_same(shuffled[list(alone.columns)], alone)
 
 
 def test_a_row_is_the_summary_of_its_episode(walk, alone):
     settings = ["duration_s=6", "engine=compiled", "patient.mass_kg=82", "scenario.belt_speed_m_per_s=0.41"]
     by_command_line = load_experiment("treadmill", settings).experiment
     assert overridden(walk, OVERRIDES[11]) == by_command_line
-    summary, row = summarise(simulate(by_command_line)), alone.table.iloc[11]
+    summary, row = summarise(simulate(by_command_line)), alone.iloc[11]
     assert row["patient.mass_kg"] == 82.0
     assert row["duration_s"] == 6.0
     assert row["battery_power_mean_W"] == summary["battery_power_mean_W"]
@@ -107,17 +105,17 @@ def test_a_row_is_the_summary_of_its_episode(walk, alone):
 
 
 def test_changes_have_an_effect_and_no_wall_time_is_kept(alone):
-    assert alone.table["battery_power_mean_W"].nunique() == len(OVERRIDES)
-    assert not [name for name in alone.table.columns if "wall" in name or "realtime" in name]
+    assert alone["battery_power_mean_W"].nunique() == len(OVERRIDES)
+    assert not [name for name in alone.columns if "wall" in name or "realtime" in name]
 
 
 def test_a_fall_ends_its_episode_only(alone):
-    fallen = alone.table["fell"]
+    fallen = alone["fell"]
     assert fallen.tolist() == [index == FALLING for index in range(12)]
-    assert alone.table["status"][FALLING] == "fell"
-    assert 0.0 < alone.table["duration_s"][FALLING] < 6.0
-    assert (alone.table["duration_s"][~fallen] == 6.0).all()
-    assert np.isnan(alone.table["scenario.support.share"][0])
+    assert alone["status"][FALLING] == "fell"
+    assert 0.0 < alone["duration_s"][FALLING] < 6.0
+    assert (alone["duration_s"][~fallen] == 6.0).all()
+    assert np.isnan(alone["scenario.support.share"][0])
 
 
 WRONG = {
@@ -175,7 +173,7 @@ def test_senseless_workers_are_refused(walk):
 
 
 def test_equal_episodes_are_equal_and_a_seed_gives_other_draws(noisy):
-    table = simulate_batch(noisy, [{}, {}, {"seed": 12}, {"seed": 11}]).table
+    table = simulate_batch(noisy, [{}, {}, {"seed": 12}, {"seed": 11}])
     assert table["seed"].tolist() == [11, 11, 12, 11]
     power = table["battery_power_mean_W"]
     assert power[0] == power[1] == power[3] != power[2]
@@ -189,26 +187,19 @@ def test_a_stopped_batch_keeps_the_first_episodes(walk, alone, workers):
         nonlocal done
         done = number
 
-    result = simulate_batch(
-        walk, OVERRIDES, workers=workers, progress=progress, should_stop=lambda: done >= 3
-    )
-    assert result.status is RunStatus.INTERRUPTED
+    table = simulate_batch(walk, OVERRIDES, workers=workers, progress=progress, should_stop=lambda: done >= 3)
     # With two workers those that were under way are finished and kept.
-    assert 3 <= len(result.table) <= (3 if workers == 1 else 6)
-    assert_same(result.table, alone.table.head(len(result.table)))
+    assert 3 <= len(table) <= (3 if workers == 1 else 6)
+    assert_same(table, alone.head(len(table)))
 
 
 def test_a_batch_stopped_at_once_and_an_empty_one_have_no_rows(walk):
-    stopped = simulate_batch(walk, OVERRIDES[:2], should_stop=lambda: True)
-    assert (stopped.status, len(stopped.table)) == (RunStatus.INTERRUPTED, 0)
-    empty = simulate_batch(walk, [])
-    assert (empty.status, len(empty.table)) == (RunStatus.COMPLETED, 0)
+    assert len(simulate_batch(walk, OVERRIDES[:2], should_stop=lambda: True)) == 0
+    assert len(simulate_batch(walk, [])) == 0
 
 
 def test_a_key_named_like_a_measure_keeps_both(walk):
-    table = simulate_batch(
-        walk, [{"duration_s": np.float64(0.2)}, {**OVERRIDES[FALLING], "duration_s": 4}]
-    ).table
+    table = simulate_batch(walk, [{"duration_s": np.float64(0.2)}, {**OVERRIDES[FALLING], "duration_s": 4}])
     assert table["set.duration_s"].tolist() == [0.2, 4.0]
     assert table["duration_s"][0] == 0.2
     assert table["duration_s"][1] < 4.0

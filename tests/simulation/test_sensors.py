@@ -77,7 +77,7 @@ def test_offsets_are_swept_and_drawn_and_kept():
         "samples": 3,
     }
     sweep = sweep_from_mapping(spec, "spec", Path())
-    table = simulate_batch(sweep.experiment, sweep.design.to_dict("records")).table
+    table = simulate_batch(sweep.experiment, sweep.overrides)
     assert table["right_hip_torque_rms_Nm"].nunique() == 3
     assert table["status"].tolist() == ["completed"] * 3
     again = sweep_from_mapping(dict(sweep.document), "document", Path())

@@ -160,7 +160,7 @@ def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
     rows = unlike(count, 5, 0.15)
     base = with_document(walk)
     order = np.random.default_rng(workers).permutation(len(rows))
-    table = simulate_batch(walk, [rows[place] for place in order], workers=workers).table
+    table = simulate_batch(walk, [rows[place] for place in order], workers=workers)
     alone = pd.DataFrame([flat_summary(simulate(changed(base, rows[place], "episode"))) for place in order])
     for name in alone.columns:
         same = (table[name] == alone[name]) | (table[name].isna() & alone[name].isna())

@@ -35,9 +35,9 @@ def test_belt_pulls_as_much_as_the_guide_pushes_over_whole_strides() -> None:
     run = walk()
     power, legs, walkway = run.walk_power(), run.walk_measures(), run.walkway
     assert power is not None and walkway is not None
-    feet = sum(leg.fore_aft_force for leg in legs.values())
-    assert power.guide_force == pytest.approx(-feet, abs=2e-4 * walkway.carried_weight)
-    assert power.belt == pytest.approx(-feet * run.experiment.scenario.belt_speed)
+    feet = sum(leg["fore_aft_force_N"] for leg in legs.values())
+    assert power["guide_force_N"] == pytest.approx(-feet, abs=2e-4 * walkway.carried_weight)
+    assert power["belt_W"] == pytest.approx(-feet * run.experiment.scenario.belt_speed)
     load = sum(run.leg_record(side).normal_force for side in run.sides)
     span = slice(*run.leg_record(Side.LEFT).strides()[[0, -1], [0, 1]])
     assert load[span].mean() == pytest.approx(walkway.carried_weight, rel=1e-3)

@@ -20,7 +20,6 @@ from twin_gait.studies.compare.comparing import CONTROLLERS
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import shown_measures
 from twin_gait.studies.fault_campaign import draw_faults
-from twin_gait.studies.tune.outcome import gait_curves
 from twin_gait.studies.tune.parts import WORST, parts_of, rate_walk, residuals, walk_cost
 from twin_gait.studies.tune.space import editable_document, parameters_of
 from twin_gait.studies.tune.walks import cases_of
@@ -83,14 +82,13 @@ def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
 
 
 def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
-    experiment = walk.experiment
-    table = editable_document(experiment.table)
-    curves = gait_curves(experiment, {"before": table, "after": table}, 8.0)
-    assert list(curves) == [*JOINTS]
-    figure = pictures.draw_gait(curves)
-    assert [axes.get_title() for axes in figure.axes] == ["hip [°]", "knee [°]", "ankle [°]"]
     nothing = {"candidates": [], "before": [9.0, 24.0, 9.5], "after": [8.0, 24.0, 9.5]}
-    labels = [axes.get_ylabel() for axes in pictures.draw_trade_offs(nothing, JOINTS).axes]
+    outcome = {"trade_offs": nothing, "joints": JOINTS}
+    figures = pictures.draw_figures(outcome, walk.experiment, {"before": walk, "after": walk})
+    panels = figures["gait"].axes
+    assert [axes.get_title() for axes in panels[::2]] == [f"left {joint} [°]" for joint in JOINTS]
+    assert all(len(axes.lines) == 3 for axes in panels)
+    labels = [axes.get_ylabel() for axes in figures["trade_offs"].axes]
     assert labels[0] == "error: RMS of hip, knee and ankle [°]"
 
 

@@ -40,7 +40,7 @@ def spec(tmp_path_factory) -> Path:
 
 
 def batch(spec: Path, overrides: list[Override], workers: int) -> pd.DataFrame:
-    return simulate_batch(load_sweep(spec).experiment, overrides, workers=workers).table
+    return simulate_batch(load_sweep(spec).experiment, overrides, workers=workers)
 
 
 @pytest.fixture(scope="module")

@@ -57,7 +57,7 @@ def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
 
 def test_a_sweep_under_operating_modes_tells_what_the_summary_of_each_run_does(tmp_path):
     rising = load_experiment("sit_to_stand", ["duration_s=1"]).experiment
-    row = simulate_batch(rising, [{}]).table.iloc[0]
+    row = simulate_batch(rising, [{}]).iloc[0]
     whole = summarise(simulate(rising))
     assert (row["status"], row["outcome"]) == (whole["status"], whole["outcome"]) == ("completed", None)
     assert row["left_strides"] == whole["sides"]["left"]["strides"] == 0
@@ -77,7 +77,7 @@ def test_controllers_are_compared_on_the_floor():
     table, gravity = (found.table[found.table["controller"] == name].iloc[0] for name in ("table", "gravity"))
     assert table["walked"] == 1.0 and gravity["walked"] == 0.0 and gravity["walked_s"] < 4.0
     energy = table["battery_power_W"] * 12.0
-    assert table["energy_per_metre_J"] == pytest.approx(energy / way_of(found.runs["table"]))
+    assert table["energy_per_metre_J"] == pytest.approx(energy / way_of(found.runs["table"]), rel=1e-3)
     assert 0.5 < table["stride_length_m"] < 1.0
 
 

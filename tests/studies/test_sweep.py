@@ -22,7 +22,7 @@ from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import sweep as sweep_module
-from twin_gait.studies.sweep.spec import experiment_of_episode, load_sweep, sweep_from_mapping
+from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.sweep import check_sweep, read_table, run_sweep
 from twin_gait.studies.workers import Workers
 
@@ -64,8 +64,10 @@ def test_a_row_is_what_simulate_gives_with_the_same_settings(swept):
 def test_a_sweep_has_the_table_of_a_batch_of_its_design(swept):
     sweep = load_sweep(swept[0])
     table = read_table(swept[1] / "table.parquet")
-    episodes = [{**sweep.override(number), "seed": seed} for number, seed in enumerate(table["seed"])]
-    batch = simulate_batch(sweep.experiment, episodes).table.drop(columns="set.seed")
+    episodes = [
+        {**override, "seed": seed} for override, seed in zip(sweep.overrides, table["seed"], strict=True)
+    ]
+    batch = simulate_batch(sweep.experiment, episodes).drop(columns="set.seed")
     assert_same(table.astype(batch.dtypes), batch)
 
 
@@ -88,7 +90,7 @@ def test_wearers_and_gait_tables_are_exchanged_whole_and_kept_in_the_specificati
     (there / "who.yaml").write_text("mass_kg: 60\n")  # after it was read
     document = json.dumps(sweep.document)
     for number, table in enumerate(levels["table"]):
-        found = experiment_of_episode(document, number)
+        found = sweep.maker()((number, sweep.overrides[number]))
         path = str(there / table) if table.endswith(".yaml") else table
         settings = [f"table={path}", "patient.height_m=1.8", "duration_s=0.1"]
         expected = load_experiment("treadmill", settings).experiment
@@ -145,7 +147,7 @@ def test_stopping_and_going_on_gives_the_same_table(swept, tmp_path):
             should_stop=lambda began=began: len(done) > began + 3,
         )
         assert len(result.table) >= result.summary["last_call"]["resumed_with"]
-        if result.status == "completed":
+        if result.summary["status"] == "completed":
             break
     assert result.summary["last_call"]["resumed_with"] > 0
     assert_same(read_table(out / "table.parquet"), read_table(swept[1] / "table.parquet"))
@@ -302,7 +304,7 @@ def test_an_experiment_beside_the_specification_is_found_from_any_folder(tmp_pat
 
 def test_the_example_is_a_sweep_of_320_walks():
     sweep = load_sweep(EXAMPLE)
-    assert len(sweep.design) == 320
+    assert len(sweep.overrides) == 320
     check_sweep(sweep, Workers())
     commented = [
         line.removeprefix("#   ") for line in EXAMPLE.read_text().splitlines() if line.startswith("#   ")
@@ -319,8 +321,8 @@ def test_the_example_draws_all_that_it_asks_for():
     sweep = load_sweep(EXAMPLE)
     # 75 kg, 1.80 m, a middle belt, 60 % support: a walk that completes
     place = (75, 1.80, 0.38, 0.6)
-    (episode,) = np.flatnonzero(np.isclose(sweep.design.astype(float), place).all(axis=1)).tolist()
-    row = flat_summary(simulate(experiment_of_episode(json.dumps(sweep.document), episode)))
+    (episode,) = (item for item in enumerate(sweep.overrides) if np.allclose([*item[1].values()], place))
+    row = flat_summary(simulate(sweep.maker()(episode)))
     assert row["status"] == "completed"
     assert all(np.isfinite(row[name]) for name in sweep.document["measures"])
 

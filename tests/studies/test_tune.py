@@ -232,7 +232,7 @@ def test_a_part_is_better_traded_or_the_same(before: float | None, after: float,
 
 
 def test_finalists_come_from_all_stretches_of_the_search_the_latest_first() -> None:
-    at = [Generation([place], 9.0 - place, 9.0, []) for place in (0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 4.0)]
+    at = [Generation([place], 9.0 - place, []) for place in (0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 4.0)]
     assert [item.point for item in stages.leaders(at, 3)] == [[4.0], [2.0], [0.0]]
     assert [item.point for item in stages.leaders(at[:3], 5)] == [[1.0], [0.0]]
 

@@ -79,7 +79,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
     document = {**result.summary, "directory": arguments.out}
     terminal.answer(arguments, lines("sweep.txt", document), document)
-    return terminal.stopped(again) if result.status is simulation.RunStatus.INTERRUPTED else DONE
+    return terminal.stopped(again) if document["status"] is simulation.RunStatus.INTERRUPTED else DONE
 
 
 def compare(arguments: argparse.Namespace) -> int:
@@ -153,25 +153,24 @@ def faults(arguments: argparse.Namespace) -> int:
     and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, or a
     trip did not end in the hold.
     """
-    from twin_gait.studies.fault_campaign import limit_lines, violations
+    from twin_gait.studies.fault_campaign import violations
 
     workers, seed = options.workers_of(arguments), arguments.seed
     base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
     drawn = studies.draw_faults(base, arguments.count, seed)
     with terminal.watched("faults", "fault") as watch:
-        campaign = studies.simulate_faults(base, drawn, workers=workers, **watch)
-    table = campaign.table
+        table = studies.simulate_faults(base, drawn, workers=workers, **watch)
+    status = simulation.RunStatus.COMPLETED if len(table) == len(drawn) else simulation.RunStatus.INTERRUPTED
     broken = list(violations(table)["fault"]) if len(table) else []
     lines = [f"{base.name}, {base.duration:g} s each, {len(table)} faults, seed {seed}"]
     if len(table):
-        lines += [studies.outcome_table(table).to_string(index=False), *limit_lines(table)]
-    if broken:
-        lines.append(f"broken: {', '.join(broken[:5])}")
+        lines.append(studies.outcome_table(table).to_string(index=False))
+        lines.append(f"a limit broken, a value empty or a hold left: {', '.join(broken[:5]) or 'none'}")
     document = {
-        "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(campaign.status),
+        "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(status),
         "violations": broken, "faults": table.to_dict("records"),
     }  # fmt: skip
     terminal.answer(arguments, lines, document)
-    if campaign.status is simulation.RunStatus.INTERRUPTED:
+    if status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     return FAILED if broken else DONE

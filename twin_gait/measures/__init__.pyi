@@ -3,7 +3,6 @@ from .effort import battery_use as battery_use
 from .effort import changes_at_switches as changes_at_switches
 from .effort import energy_balance as energy_balance
 from .effort import interaction_torque as interaction_torque
-from .effort import load as load
 from .effort import opposing_torque as opposing_torque
 from .effort import positive_work as positive_work
 from .effort import root_mean_square as root_mean_square

@@ -14,7 +14,6 @@ it, as they are in such a sensor.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -43,26 +42,6 @@ def saturation_shares(
     }
     cases["saturated"] = np.any(list(cases.values()), axis=0)
     return {f"{name}_share": float(case.mean()) if len(case) else math.nan for name, case in cases.items()}
-
-
-class Load(NamedTuple):
-    """Load of a motor over a run."""
-
-    peak: float  # largest magnitude
-    rms: float  # root mean square, which heats the winding
-    continuous_share: float  # RMS over what the motor can hold for ever; above 1 it overheats in the end
-
-
-def load(values: np.ndarray, continuous: float) -> Load:
-    """Peak and root mean square of a torque or a current.
-
-    ``values``: torque in [N m] or current in [A], shape ``(n,)``; ``continuous``: what can be held for ever,
-    same unit. Returns the load; NaN for an empty record.
-    """
-    if len(values) == 0:
-        return Load(math.nan, math.nan, math.nan)
-    rms = root_mean_square(values)
-    return Load(float(np.max(np.abs(values))), rms, rms / continuous)
 
 
 def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> dict[str, float]:
@@ -108,29 +87,28 @@ def changes_at_switches(
     return np.array([np.abs(torque[tick:end] - torque[tick - 1]).max() for tick, end in spans])
 
 
-class EnergyBalance(NamedTuple):
-    """Balance of a run."""
+def energy_balance(energy: np.ndarray, works: np.ndarray) -> dict[str, float]:
+    """Compare the change of energy with the work of all sources, by names in a summary.
 
-    largest_residual: float  # of the change of energy less the work of all sources since the start, in [J]
-    throughput: float  # all work in and out: the sum over ticks and sources of its magnitude in [J]
-    relative_residual: float  # largest residual over throughput
-
-
-def energy_balance(energy: np.ndarray, works: np.ndarray) -> EnergyBalance:
-    """Compare the change of energy with the work of all sources.
+    ``energy_residual_J``: largest difference of the two since the start; ``energy_throughput_J``: all work in
+    and out, the sum over ticks and sources of its magnitude; ``energy_residual_share``: the first over the
+    second. NaN where the record is empty or nothing was done.
 
     ``energy``: kinetic and potential energy in [J]; ``works``: work done since some instant by every source
-    in [J], shape ``(n_sources, n)``. Returns the balance; NaN where the record is empty or nothing was done.
+    in [J], shape ``(n_sources, n)``.
     """
-    if len(energy) == 0:
-        return EnergyBalance(math.nan, math.nan, math.nan)
-    work = works.sum(axis=0)
-    residual = (energy - energy[0]) - (work - work[0])
-    largest = float(np.max(np.abs(residual)))
-    steps = np.diff(works, axis=1)
-    throughput = float(np.sum(np.abs(steps, out=steps)))
-    relative = largest / throughput if throughput > 0.0 else math.nan
-    return EnergyBalance(largest, throughput, relative)
+    largest = throughput = math.nan
+    if len(energy):
+        work = works.sum(axis=0)
+        largest = float(np.max(np.abs((energy - energy[0]) - (work - work[0]))))
+        steps = np.diff(works, axis=1)
+        throughput = float(np.sum(np.abs(steps, out=steps)))
+    share = largest / throughput if throughput > 0.0 else math.nan
+    return {
+        "energy_residual_J": largest,
+        "energy_throughput_J": throughput,
+        "energy_residual_share": share,
+    }
 
 
 def interaction_torque(

@@ -8,7 +8,6 @@ foot, a step from a heel strike of the other foot to one of this foot.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -133,25 +132,12 @@ def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
     return root_mean_square((cycles - reference)[:, :-1])  # the sample at 100 % belongs to the next stride
 
 
-class ErrorParts(NamedTuple):
-    r"""Root mean square distance of strides from a reference, and what makes it up.
-
-    .. math::
-
-        total^2 = offset^2 + timing^2 + shape^2
-    """
-
-    total: float  # as root_mean_square_error has it
-    offset: float  # mean difference, positive above the reference
-    timing: float  # what the best shift of the strides around the cycle takes away
-    shape: float  # what is left then, with what differs from stride to stride
-    # how much later than in the reference things happen in the strides, as a share of the cycle from -0.5 to
-    # 0.5, in steps of 1 %
-    shift: float
+# Parts of the distance of strides from a reference, by their names in a summary; see error_parts.
+ERROR_PARTS = ("total_deg", "offset_deg", "timing_deg", "shape_deg", "shift_percent")
 
 
-def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
-    r"""Split the distance from a reference curve into offset, timing and shape.
+def error_parts(cycles: np.ndarray, reference: np.ndarray) -> dict[str, float]:
+    r"""Split the root mean square distance of strides from a reference curve into offset, timing and shape.
 
     With strides :math:`x_i`, reference :math:`r`, their means over strides and samples taken away, and
     :math:`\langle\cdot\rangle` the mean over strides and samples,
@@ -160,13 +146,17 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
 
         offset = \langle x - r\rangle, \qquad
         shape^2 = \min_s \langle (\tilde x(p + s) - \tilde r(p))^2\rangle, \qquad
-        timing^2 = \langle (\tilde x - \tilde r)^2\rangle - shape^2 .
+        timing^2 = \langle (\tilde x - \tilde r)^2\rangle - shape^2, \qquad
+        total^2 = offset^2 + timing^2 + shape^2 .
 
-    ``cycles`` from :func:`normalise_strides`, shape ``(n_strides, 101)``; ``reference``: curve at
-    ``PERCENT``, shape ``(101,)``, same unit. Returned in the unit of the curves; NaN without strides.
+    The offset is positive above the reference; the shift is how much later than in the reference things
+    happen in the strides, as a share of the cycle from -50 to 50 %, in steps of 1 %.
+
+    ``cycles`` from :func:`normalise_strides` in [rad], shape ``(n_strides, 101)``; ``reference``: curve at
+    ``PERCENT`` in [rad], shape ``(101,)``. Returned as ``ERROR_PARTS``; NaN without strides.
     """
     if len(cycles) == 0:
-        return ErrorParts(*(math.nan,) * 5)
+        return dict.fromkeys(ERROR_PARTS, math.nan)
     # The sample at 100 % belongs to the next stride.
     strides, healthy = cycles[:, :-1], reference[:-1]
     offset = float(np.mean(strides - healthy))
@@ -182,7 +172,8 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
     shift = best - count if best > count // 2 else best
     total = math.sqrt(offset * offset + unshifted)
     shape = math.sqrt(max(unshifted - timing, 0.0))
-    return ErrorParts(total, offset, math.sqrt(timing), shape, shift / count)
+    angles = map(math.degrees, (total, offset, math.sqrt(timing), shape))
+    return dict(zip(ERROR_PARTS, (*angles, 100.0 * shift / count), strict=True))
 
 
 def symmetry_index(left: float, right: float) -> float:

@@ -16,9 +16,8 @@ so that a walk whose feet brake on the mean is driven by the belt.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -48,49 +47,6 @@ class Walkway:
     transition_velocity: float  # of the regularised friction in [m] / [s]
 
 
-@dataclass(frozen=True)
-class WalkMeasures:
-    """One leg of a walk in numbers, means over its counted strides unless said otherwise.
-
-    Without strides they are NaN.
-    """
-
-    strides: int  # how many count
-    stride_time: float  # in [s]
-    cadence: float  # steps a minute
-    # way over the ground from a heel strike of the other foot to the next of this one, in [m]
-    step_length: float
-    load_peak: float  # largest vertical force of a stride over carried weight
-    loading_peak: float  # largest vertical force of the mean stride before the trough, over carried weight
-    trough: float  # least vertical force of the mean stride from 18 to 45 % of it, over carried weight
-    push_off_peak: float  # largest vertical force of the mean stride after the trough, over carried weight
-    least_load: float  # least vertical force of the mean stride from 6 to 20 % of it, over carried weight
-    # of the backward force of the ground on the foot over a stride in [N s], zero or negative
-    braking_impulse: float
-    propulsion_impulse: float  # of the forward force likewise, zero or positive
-    # mean force of the ground on the foot over whole strides, forwards positive, in [N]
-    fore_aft_force: float
-    braking_peak: float  # largest backward force of the mean stride over carried weight, zero or negative
-    propulsion_peak: float  # largest forward force of the mean stride over carried weight, zero or positive
-    # share of the stride at which the centre of pressure passes the middle of the sole for good, see
-    # pressure_curve; NaN if it does not
-    pressure_crossing: float
-    ankle_range: float  # in [rad]; NaN without an ankle
-    hip_lowest: float  # least angle in [rad]
-    knee_at_contact: float  # angle of the mean stride at heel strike in [rad]
-    knee_yield: float  # flexion after it, up to 30 % of the cycle, in [rad]
-    clearance: float  # least of its counted swings in their middle half, in [m]; see swing_clearances
-    slip: float  # way that the loaded sole slides on the belt in a stride, in [m]
-    # share of the stride at which swing flexion begins; NaN for a table without such a phase
-    swing_entry: float
-    swing_load: float  # vertical force on the foot at that moment in [N]
-    further_contacts: int  # bounces and scuffs in the whole record
-    belt_power: float  # that the belt gives to the foot, in [W]
-    # mechanical power of each controlled motor at its joint, net, in [W]
-    motor_power: Mapping[JointName, float]
-    wearer_power: float  # of the wearer's own effort (and of pushes) at hip and knee, net, in [W]
-
-
 def walk_measures(
     log: pd.DataFrame,
     leg: LegRecord,
@@ -99,11 +55,13 @@ def walk_measures(
     *,
     swing_phase: int | None,
     skip: int = strides.SKIPPED_STRIDES,
-) -> WalkMeasures:
-    """Measure one leg of a walk on a belt.
+) -> dict[str, float]:
+    """Measure one leg of a walk on a belt: by their names in a summary, whose page says what each is.
 
     ``log``: one row a tick, with the columns whose names end as in ``WALK_COLUMNS``; ``swing_phase``: index
     of swing flexion; None for a table without it; ``skip``: so many strides at the start do not count.
+    Measures are means over the others unless said otherwise, forces over the carried weight where they have
+    no unit; NaN where they are not defined.
     """
     contacts, force = leg.contacts, leg.normal_force
     assert contacts is not None  # there is ground
@@ -115,25 +73,20 @@ def walk_measures(
     load = force / walkway.carried_weight
     counted = strides.in_strides(swings(contacts)[:, 0], bounds)
     clearances = swing_clearances(leg.clearance, contacts)[counted]
-    powers = {joint: _powers(log, leg.side, joint, bounds) for joint in leg.angles}
-    return WalkMeasures(
-        strides=len(bounds),
-        stride_time=_mean(times),
-        cadence=strides.cadence(times),
-        step_length=ground_speed(log, bounds, leg.tick) * _mean(counted_steps(leg, other, bounds)),
-        load_peak=_mean(strides.stride_extremes(load, bounds)[:, 1]),
+    return {
+        "cadence_per_min": strides.cadence(times),
+        "step_length_m": ground_speed(log, bounds, leg.tick) * _mean(counted_steps(leg, other, bounds)),
+        "load_peak": _mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
-        belt_power=-mean_over(fore_aft * log["belt_speed_m_per_s"].to_numpy(), bounds),
-        pressure_crossing=_midfoot(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
+        "pressure_crossing": _midfoot(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
         **_joints(log, leg.side, bounds),
-        clearance=float(min(clearances, default=math.nan)),
-        slip=mean_over(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
+        "clearance_m": float(min(clearances, default=math.nan)),
+        "slip_m": mean_over(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
         **_swing(force, entries[strides.in_strides(entries, bounds)], bounds),
-        further_contacts=len(contacts.further_contacts),
-        motor_power={joint: motor for joint, (motor, _) in powers.items()},
-        wearer_power=sum(wearer for _, wearer in powers.values()),
-    )
+        "belt_power_W": -mean_over(fore_aft * log["belt_speed_m_per_s"].to_numpy(), bounds),
+        **_powers(log, leg, bounds),
+    }
 
 
 def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.ndarray:
@@ -195,8 +148,8 @@ def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
 def load_shape(cycle: np.ndarray) -> dict[str, float]:
     """Peaks, trough and least load of a vertical force.
 
-    ``cycle``: force over carried weight at every percent of the cycle, shape ``(101,)``. Returns those
-    attributes of :class:`WalkMeasures`.
+    ``cycle``: force over carried weight at every percent of the cycle, shape ``(101,)``. Returns them by
+    their names in a summary.
     """
     middle = MIDSTANCE.start + int(np.argmin(cycle[MIDSTANCE]))
     return {
@@ -214,19 +167,17 @@ def fore_aft_peaks(cycle: np.ndarray) -> dict[str, float]:
 
 
 def knee_shape(cycle: np.ndarray) -> dict[str, float]:
-    """Knee at contact and its yield after it in [rad]; as :func:`load_shape`."""
-    return {
-        "knee_at_contact": float(cycle[0]),
-        "knee_yield": float(cycle[: YIELD_UNTIL + 1].max() - cycle[0]),
-    }
+    """Knee at contact and its yield after it, of angles in [rad]; as :func:`load_shape`."""
+    bent = cycle[: YIELD_UNTIL + 1].max() - cycle[0]
+    return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
 
 
 def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkway) -> dict[str, float]:
     time = _mean(strides.stride_times(bounds, tick))
     return {
-        "braking_impulse": time * mean_over(np.minimum(force, 0.0), bounds),
-        "propulsion_impulse": time * mean_over(np.maximum(force, 0.0), bounds),
-        "fore_aft_force": mean_over(force, bounds),
+        "braking_impulse_Ns": time * mean_over(np.minimum(force, 0.0), bounds),
+        "propulsion_impulse_Ns": time * mean_over(np.maximum(force, 0.0), bounds),
+        "fore_aft_force_N": mean_over(force, bounds),
         **fore_aft_peaks(mean_stride(force, bounds) / walkway.carried_weight),
     }
 
@@ -259,8 +210,8 @@ def _joints(log: pd.DataFrame, side: Side, bounds: np.ndarray) -> dict[str, floa
     if ankle in log:
         ankle_range = _mean(np.ptp(strides.stride_extremes(log[ankle].to_numpy(), bounds), axis=1))
     return {
-        "ankle_range": ankle_range,
-        "hip_lowest": _mean(strides.stride_extremes(log[hip].to_numpy(), bounds)[:, 0]),
+        "ankle_range_deg": math.degrees(ankle_range),
+        "hip_lowest_deg": math.degrees(_mean(strides.stride_extremes(log[hip].to_numpy(), bounds)[:, 0])),
         **knee_shape(mean_stride(log[knee].to_numpy(), bounds)),
     }
 
@@ -290,44 +241,41 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.n
 def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
     place = np.searchsorted(bounds[:, 0], entries, side="right") - 1
     shares = (entries - bounds[place, 0]) / (bounds[place, 1] - bounds[place, 0])
-    return {"swing_entry": _mean(shares), "swing_load": _mean(load[entries])}
+    return {"swing_entry": _mean(shares), "swing_load_N": _mean(load[entries])}
 
 
-def _powers(log: pd.DataFrame, side: Side, joint: JointName, bounds: np.ndarray) -> tuple[float, float]:
-    """Mean powers of motor and wearer at a joint in [W]."""
-    motor = log[f"{side}_{joint}_motor_torque_Nm"] * log[f"{side}_{joint}_velocity_rad_per_s"]
-    velocity = log[wearer_column(log.columns, side, joint, "velocity_rad_per_s")]
-    wearer = log[f"{side}_{joint}_patient_torque_Nm"] * velocity
-    return mean_over(motor.to_numpy(), bounds), mean_over(wearer.to_numpy(), bounds)
-
-
-class WalkPower(NamedTuple):
-    """Who drives a walk, means over the counted strides."""
-
-    belt: float  # power that the belt gives to both feet, in [W]
-    motors: float  # net mechanical power of all motors at their joints in [W]
-    wearer: float  # of the wearer's own effort in [W]
-    # power of guide or harness, off the rails of arms and seat too, into the pelvis as it goes forwards, in
-    # [W]; none for a guide that does not move
-    guide: float
-    guide_force: float  # mean forward force of these on the pelvis in [N]
-    carried_by_belt: bool  # whether the belt carries the walk, see belt_carries
+def _powers(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
+    """Mean powers of each motor at its joint, and of the wearer at all of them."""
+    found, wearer = dict[str, float](), 0.0
+    for joint in leg.angles:
+        name = f"{leg.side}_{joint}"
+        motor = log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"]
+        velocity = log[wearer_column(log.columns, leg.side, joint, "velocity_rad_per_s")]
+        found[f"{joint}_motor_power_W"] = mean_over(motor.to_numpy(), bounds)
+        wearer += mean_over((log[f"{name}_patient_torque_Nm"] * velocity).to_numpy(), bounds)
+    return {"wearer_power_W": wearer, **found}
 
 
 def walk_power(
-    log: pd.DataFrame, legs: Iterable[WalkMeasures], bounds: np.ndarray, walkway: Walkway
-) -> WalkPower:
-    """Add up who drives a walk."""
-    legs = tuple(legs)
-    belt, wearer = sum(leg.belt_power for leg in legs), sum(leg.wearer_power for leg in legs)
-    motors = sum(sum(leg.motor_power.values()) for leg in legs)
+    log: pd.DataFrame, legs: Collection[Mapping[str, float]], bounds: np.ndarray, walkway: Walkway
+) -> dict[str, float]:
+    """Add up who drives a walk, from the measures of its legs; by their names in a summary.
+
+    ``guide_W`` is what guide or harness, off the rails arms and seat too, give to the pelvis as it goes
+    forwards, ``guide_force_N`` their mean forward force.
+    """
+    belt, wearer = (sum(leg[name] for leg in legs) for name in ("belt_power_W", "wearer_power_W"))
+    motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
     force, power = log["guide_force_N"].to_numpy(), 0.0
     holding, speed = mean_over(force, bounds), mean_over(log["belt_speed_m_per_s"].to_numpy(), bounds)
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
         if forward in log:  # with braces the harness is the wearer's
             power = mean_over(force * log[forward].to_numpy(), bounds)
-    carried_by_belt = belt_carries(holding, speed, motors + wearer, walkway.carried_weight)
-    return WalkPower(belt, motors, wearer, power, holding, carried_by_belt)
+    carried = belt_carries(holding, speed, motors + wearer, walkway.carried_weight)
+    return {
+        "belt_W": belt, "motors_W": motors, "wearer_W": wearer, "guide_W": power, "guide_force_N": holding,
+        "carried_by_belt": carried,
+    }  # fmt: skip
 
 
 def belt_carries(holding: float, speed: float, legs: float, carried_weight: float) -> bool:

@@ -21,14 +21,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.measures.phases import phase_spells
-from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES
-from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, phase_colour
+from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES, normalise_strides
+from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, REFERENCE_COLOUR, phase_colour
 from twin_gait.report.pages import render
+from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import describe
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
@@ -282,22 +284,28 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
     return list(axes.plot(PERCENT, angles, **style))
 
 
-def draw_mean_cycles(
-    curves: Mapping[str, Mapping[str, np.ndarray]],
-    styles: Mapping[str, Mapping[str, Any]],
-    size: tuple[float, float],
-) -> Figure:
-    """Draw mean cycles beside each other, a panel for each place.
+def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: Mapping[str, str]) -> Figure:
+    """Draw mean strides of several walks beside those of the healthy one, a panel for each joint of a leg.
 
-    ``curves``: of each place by name, in [deg] at ``PERCENT``; ``styles`` of the names; ``size`` in inches.
+    ``runs`` of an experiment by name, and their ``colours``; one without a counted stride has no curve.
     """
-    figure = Figure(figsize=size, layout="constrained")
-    panels = figure.subplots(1, len(curves), squeeze=False)[0]
-    for axes, (place, known) in zip(panels, curves.items(), strict=True):
-        for name, curve in known.items():
-            draw_cycle_curve(axes, curve, **styles[name])
-        style_panel(axes, f"{place} [°]", "")
-    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in styles.items()])
+    styles: dict[str, dict[str, Any]] = {name: {"color": colours[name], "linewidth": 1.5} for name in runs}
+    healthy = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
+    places = list(itertools.product(experiment.joints, experiment.leg.legs))
+    figure = Figure(figsize=(13.0 * len(places) / 6, 3.3), layout="constrained")
+    panels = figure.subplots(1, len(places), squeeze=False)[0]
+    for axes, (joint, side) in zip(panels, places, strict=True):
+        for name, run in runs.items():
+            record = run.leg_record(side)
+            cycles = normalise_strides(record.angles[joint], record.strides())
+            if len(cycles):
+                draw_cycle_curve(axes, np.degrees(cycles.mean(axis=0)), **styles[name])
+        reference = reference_cycle(experiment, joint)
+        if reference is not None:
+            draw_cycle_curve(axes, np.degrees(reference), **healthy)
+        style_panel(axes, f"{side} {joint} [°]", "")
+    shown = {**styles, "healthy, same speed": healthy}
+    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in shown.items()])
     return figure
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -48,7 +49,7 @@ def reference_ground_force(experiment: Experiment) -> reference.GroundForce | No
 
 
 def reference_measures(experiment: Experiment) -> dict[str, float]:
-    """Measures of the reference walk, by the names of :class:`twin_gait.measures.walk.WalkMeasures`.
+    """Measures of the reference walk, as :func:`twin_gait.measures.walk.walk_measures` has them.
 
     Angles and time are of Koopman et al. (2014), forces of Winter (1991); feet that neither brake nor propel
     on the mean, and a belt that gives nothing, are what even walking is. Returns those that are known; none
@@ -60,8 +61,15 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
     time = reference.reference_cycle_time(*walk)
     hip, knee, ankle = (_cycle(joint, *walk) for joint in JointName)
     return {
-        "stride_time": time, "cadence": cadence(np.array([time])), "step_length": 0.5 * walk[0] * time,
-        "load_peak": float(force.vertical.max()), **load_shape(force.vertical),
-        **fore_aft_peaks(force.forward), "fore_aft_force": 0.0, "belt_power": 0.0,
-        "hip_lowest": float(hip.min()), **knee_shape(knee), "ankle_range": float(np.ptp(ankle)),
-    }  # fmt: skip
+        "stride_time_s": time,
+        "cadence_per_min": cadence(np.array([time])),
+        "step_length_m": 0.5 * walk[0] * time,
+        "load_peak": float(force.vertical.max()),
+        **load_shape(force.vertical),
+        **fore_aft_peaks(force.forward),
+        "fore_aft_force_N": 0.0,
+        "belt_power_W": 0.0,
+        "hip_lowest_deg": math.degrees(hip.min()),
+        **knee_shape(knee),
+        "ankle_range_deg": math.degrees(np.ptp(ankle)),
+    }

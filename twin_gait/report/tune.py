@@ -10,17 +10,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
+from twin_gait.experiment import Experiment
+from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
 from twin_gait.report import canvas
 from twin_gait.report.canvas import put_legend, style_panel
 from twin_gait.report.pages import lines, render
 from twin_gait.report.walk_words import amount
-from twin_gait.vocabulary import Side
+from twin_gait.simulation.run import Run
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
-_SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
 _COMPROMISES = "best compromises (Pareto front of the three)"
-Curves = Mapping[str, Mapping[str, np.ndarray]]
 Outcome = Mapping[str, Any]
 
 
@@ -43,33 +42,18 @@ def summary(outcome: Outcome) -> list[str]:
 
 
 def _content(outcome: Outcome) -> dict[str, Any]:
-    known = {name: value for name, value in outcome.items() if name != "version"}
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**known, "errors": errors, "amount": amount}
+    return {**outcome, "errors": errors, "amount": amount}
 
 
-def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
-    """Draw all figures.
-
-    ``outcome``: content of ``tune.json``; ``curves``: mean cycles in [deg] by joint; see :func:`draw_gait`.
-    """
+def draw_figures(outcome: Outcome, experiment: Experiment, runs: Mapping[str, Run]) -> dict[str, Figure]:
+    """Draw all figures: of the content of ``tune.json``, and of walks ``before`` and ``after``."""
+    colours = {"before": BEFORE_COLOUR, "after": AFTER_COLOUR}
     return {
-        "gait": draw_gait(curves),
+        "gait": canvas.draw_mean_cycles(experiment, runs, colours),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
         "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
     }
-
-
-def draw_gait(curves: Curves) -> Figure:
-    """Draw mean cycles before and after.
-
-    ``curves`` by joint: ``reference`` and such as ``before left``, in [deg] at ``PERCENT``.
-    """
-    styles: dict[str, dict[str, Any]] = {"reference": {"color": REFERENCE_COLOUR, "linewidth": 2.2}}
-    for which, colour in (("before", BEFORE_COLOUR), ("after", AFTER_COLOUR)):
-        for side, line in _SIDE_LINES.items():
-            styles[f"{which} {side}"] = {"color": colour, "linewidth": 1.5, "linestyle": line}
-    return canvas.draw_mean_cycles(curves, styles, (canvas.SCREEN_WIDTH, 4.2))
 
 
 def non_dominated(points: np.ndarray) -> np.ndarray:

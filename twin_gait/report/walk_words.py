@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 from typing import Any
 
 from twin_gait.experiment import Experiment
-from twin_gait.measures.strides import ErrorParts, stride_count
-from twin_gait.measures.walk import WalkMeasures
+from twin_gait.measures.strides import stride_count
 from twin_gait.simulation.engine import BusTraffic
 
 
@@ -25,16 +22,6 @@ def describe(experiment: Experiment) -> str:
 
 
 DASH = "–"
-_DEGREE = math.degrees(1.0)
-# Units of the measures in a summary, at the end of their names; all others are shares.
-_UNITS = {
-    "stride_time": "s", "cadence": "per_min", "step_length": "m", "braking_impulse": "Ns",
-    "propulsion_impulse": "Ns", "fore_aft_force": "N", "ankle_range": "deg", "hip_lowest": "deg",
-    "knee_at_contact": "deg", "knee_yield": "deg", "clearance": "m", "slip": "m", "swing_load": "N",
-    "belt_power": "W", "wearer_power": "W",
-}  # fmt: skip
-# What a summary has under names of its own.
-_ELSEWHERE = {"strides", "stride_time", "further_contacts"}
 
 
 def amount(value: float | None, unit: str = "") -> str:
@@ -43,28 +30,6 @@ def amount(value: float | None, unit: str = "") -> str:
         return DASH
     places = sum(abs(value) < bound for bound in (1.0, 10.0, 100.0))
     return f"{round(value, places) + 0.0:.{places}f} {unit}".strip().replace("-", "−")
-
-
-def summary_of_leg(measures: WalkMeasures) -> dict[str, float]:
-    """Measures of a leg for a summary, but for those that it has already."""
-    names = (item.name for item in fields(measures) if item.name != "motor_power")
-    found = with_units({name: getattr(measures, name) for name in names if name not in _ELSEWHERE})
-    return found | {f"{joint}_motor_power_W": power for joint, power in measures.motor_power.items()}
-
-
-def with_units(measures: Mapping[str, float]) -> dict[str, float]:
-    """Names that end in units, and angles in degrees. ``measures`` by the names of :class:`WalkMeasures`."""
-    found = {}
-    for name, value in measures.items():
-        unit = _UNITS.get(name, "")
-        found[f"{name}_{unit}" if unit else name] = value * _DEGREE if unit == "deg" else value
-    return found
-
-
-def summary_of_errors(parts: ErrorParts) -> dict[str, float]:
-    """Parts of the error of an angle for a summary, from [rad]."""
-    lengths = {f"{name}_deg": _DEGREE * getattr(parts, name) for name in ErrorParts._fields[:-1]}
-    return {**lengths, "shift_percent": 100.0 * parts.shift}
 
 
 def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

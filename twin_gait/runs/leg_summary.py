@@ -1,6 +1,7 @@
 """One leg of a run in numbers, for the summary."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,10 +15,8 @@ from twin_gait.measures import effort, phases, strides, switching
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
-from twin_gait.measures.walk import WalkMeasures
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.walk_words import summary_of_errors, summary_of_leg
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
@@ -25,14 +24,14 @@ SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start'
 
 
 def summarise_side(
-    run: Run, record: LegRecord, skip: int, measures: WalkMeasures | None = None
+    run: Run, record: LegRecord, skip: int, measures: Mapping[str, float] | None = None
 ) -> dict[str, Any]:
     """Gait and effort of one leg, with ``measures`` of the walk on a belt; None or NaN if not defined."""
     leg = MeasuredLeg(run, record, skip)
     return {
         **leg.by_contact(),
         **leg.by_phase(),
-        **({} if measures is None else {"walk": summary_of_leg(measures)}),
+        **({} if measures is None else {"walk": dict(measures)}),
         **leg.errors(),
         "joints": {str(joint): leg.joint(joint) for joint in record.angles},
     }
@@ -110,7 +109,7 @@ class MeasuredLeg:
             reference = reference_cycle(self.run.experiment, joint)
             if reference is not None:
                 cycles = strides.normalise_strides(angles, self.strides)
-                found[str(joint)] = summary_of_errors(strides.error_parts(cycles, reference))
+                found[str(joint)] = strides.error_parts(cycles, reference)
         return {"errors": found} if found else {}
 
     def by_contact(self) -> dict[str, Any]:
@@ -197,9 +196,9 @@ class MeasuredLeg:
             ("torque", "Nm", self.column(joint, "motor_torque_Nm"), actuator.continuous_torque),
             ("current", "A", self.column(joint, "measured_current_A"), continuous_current(actuator)),
         ):
-            load = effort.load(values, continuous)
-            found[f"{quantity}_peak_{unit}"], found[f"{quantity}_rms_{unit}"] = load.peak, load.rms
-            found[f"{quantity}_continuous_share"] = load.continuous_share
+            rms = effort.root_mean_square(values)
+            found[f"{quantity}_peak_{unit}"], found[f"{quantity}_rms_{unit}"] = _largest(np.abs(values)), rms
+            found[f"{quantity}_continuous_share"] = rms / continuous
         return found
 
     def motion(self, joint: JointName) -> dict[str, float]:

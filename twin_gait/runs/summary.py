@@ -19,7 +19,7 @@ from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
-from twin_gait.report.walk_words import summary_of_traffic, with_units
+from twin_gait.report.walk_words import summary_of_traffic
 from twin_gait.runs.leg_summary import reference_error, summarise_side
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -29,8 +29,6 @@ from twin_gait.vocabulary import JointName, Side
 # Distributions whose version can change a number of a log, by the name that people know.
 NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
 SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
-# Names of the fields of a WalkPower.
-_POWERS = ("belt_W", "motors_W", "wearer_W", "guide_W", "guide_force_N", "carried_by_belt")
 
 
 @cache
@@ -95,10 +93,7 @@ def _walk(run: Run, skip: int) -> dict[str, Any]:
     power = run.walk_power(skip=skip)
     if power is None:
         return {}
-    return {
-        "walk_reference": with_units(reference_measures(run.experiment)),
-        "power": dict(zip(_POWERS, power, strict=True)),
-    }
+    return {"walk_reference": reference_measures(run.experiment), "power": power}
 
 
 def battery_in_numbers(run: Run) -> dict[str, float]:
@@ -117,12 +112,7 @@ def energy_in_numbers(run: Run) -> dict[str, float]:
     """How well the energy of a run balances with the work of all sources."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
     works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
-    balance = effort.energy_balance(energy, works)
-    return {
-        "energy_residual_J": balance.largest_residual,
-        "energy_throughput_J": balance.throughput,
-        "energy_residual_share": balance.relative_residual,
-    }
+    return effort.energy_balance(energy, works)
 
 
 def _safety(run: Run) -> dict[str, Any]:

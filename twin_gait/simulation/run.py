@@ -22,7 +22,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.leg_record import ALWAYS, LegRecord, Spans, leg_record
 from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, gait_verdict
 from twin_gait.measures.strides import SKIPPED_STRIDES
-from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
+from twin_gait.measures.walk import Walkway, walk_measures, walk_power
 from twin_gait.simulation.answers import Answer, answers_in
 from twin_gait.simulation.log import LogLayout
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
@@ -175,7 +175,7 @@ class Run:
             transition_velocity=contact.transition_velocity,
         )
 
-    def walk_measures(self, *, skip: int = SKIPPED_STRIDES) -> dict[Side, WalkMeasures]:
+    def walk_measures(self, *, skip: int = SKIPPED_STRIDES) -> dict[Side, dict[str, float]]:
         """Ground forces, joints and powers of each leg (:mod:`twin_gait.measures.walk`); by leg."""
         walkway, names = self.walkway, self.table.phase_names
         if walkway is None:
@@ -187,7 +187,7 @@ class Run:
             for side, leg, other in legs
         }
 
-    def walk_power(self, *, skip: int = SKIPPED_STRIDES) -> WalkPower | None:
+    def walk_power(self, *, skip: int = SKIPPED_STRIDES) -> dict[str, float] | None:
         """Who drives the walk; None without a walkway."""
         walkway = self.walkway
         if walkway is None:

@@ -1,10 +1,11 @@
 from .batch import overridden as overridden
 from .batch import run_episodes as run_episodes
 from .campaign import SPREAD as SPREAD
+from .campaign import TWO_WAY_PERIOD as TWO_WAY_PERIOD
+from .campaign import TWO_WAY_SPEEDS as TWO_WAY_SPEEDS
 from .campaign import Campaign as Campaign
 from .campaign import PlannedTest as PlannedTest
 from .campaign import Protocol as Protocol
-from .campaign import TwoWayProtocol as TwoWayProtocol
 from .campaign import planned_tests as planned_tests
 from .campaign import run_campaign as run_campaign
 from .fault_campaign import draw_faults as draw_faults

@@ -6,9 +6,8 @@ columns that the row is made of.
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -24,6 +23,7 @@ from twin_gait.configuration.validation import assign, converting, parse_assignm
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
+from twin_gait.parameters import Patient
 from twin_gait.runs.leg_summary import side_in_brief
 from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
 from twin_gait.simulation import Run, RunStatus
@@ -31,6 +31,7 @@ from twin_gait.simulation.simulator import block_size, compile_ahead, simulate_t
 from twin_gait.studies.jobs import Watch, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds import Walking
 
 
 def run_episodes(
@@ -91,6 +92,17 @@ def _block_ahead(
     return 1
 
 
+def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
+    """How the legs of an experiment walk, and who wears them; without both it is a ParameterError."""
+    walking, patient = experiment.scenario.walking, experiment.patient
+    if walking is None or patient is None:
+        raise ParameterError(
+            f"{experiment.name}: expected a wearer who walks on the ground; name such a preset, and somebody"
+            " with --patient"
+        )
+    return walking, patient
+
+
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
 Override = Mapping[str, Any]
 Flat = dict[str, float | str | bool | None]
@@ -115,35 +127,24 @@ for _side in Side:
 SUMMARY_COLUMNS = tuple(_TYPES)
 
 
-@dataclass(frozen=True)
-class BatchResult:
-    """What a batch gives back."""
-
-    table: pd.DataFrame  # one row per episode in their order
-    # ``COMPLETED``, or ``INTERRUPTED`` if the batch was stopped; then the table holds the first episodes only
-    status: RunStatus
-
-
 def simulate_batch(
     experiment: Experiment,
     overrides: Sequence[Override],
     *,
     workers: int | Workers = 1,
     **watch: Unpack[Watch],
-) -> BatchResult:
+) -> pd.DataFrame:
     """Simulate one experiment once for each set of changes.
 
-    The table has ``episode``, the overridden keys, and the columns of flat_summary. A key that only other
-    episodes override is empty. A key that a column of the summary is also called, such as ``duration_s``, has
-    ``set.`` in front.
+    Returns a table with a row for each episode in their order, of the first ones only if it was stopped: the
+    columns of :func:`table_of`.
 
     All changes are checked before anything runs. The result does not depend on the number of workers or on
     the order in which they finish. With several workers a script must guard its own code, see
     :func:`twin_gait.studies.run_jobs`, which also says what ``watch`` is.
 
-    Raises WorkersLost if a worker process dies. Raises
-    ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an episode
-    cannot be run, or the workers make no sense.
+    Raises WorkersLost if a worker process dies. Raises ParameterFileError if a change is wrong, naming
+    episode and key. Raises ParameterError if an episode cannot be run, or the workers make no sense.
     """
     base = with_document(experiment)
     for index, override in enumerate(overrides):
@@ -152,16 +153,11 @@ def simulate_batch(
     rows = run_episodes(
         experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
     )
-    status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
-    keys = dict.fromkeys(key for override in overrides for key in override)
-    settings = pd.DataFrame(overrides[: len(rows)], columns=list(keys), index=range(len(rows)))
-    settings = settings.rename(columns=setting_columns(keys))
-    settings.insert(0, "episode", range(len(rows)))
-    return BatchResult(pd.concat([settings, summary_table(rows)], axis=1), status)
+    return table_of(overrides, summary_table(rows))
 
 
 def name_of(value: Any) -> str:
-    """Name by which a wearer or a gait table is exchanged; a person with changes is written as JSON."""
+    """A value as a text; one that is none, such as a person with changes, as JSON."""
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
@@ -228,9 +224,25 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
     return assigned
 
 
-def setting_columns(keys: Iterable[Any]) -> dict[str, str]:
-    """Column by overridden key: the key, ``set.`` in front where the summary has such a column."""
-    return {str(key): f"set.{key}" if key in _RUN else str(key) for key in keys}
+def settings_of(overrides: Sequence[Override]) -> pd.DataFrame:
+    """What each episode changes, in columns whose types do not depend on how many of them have been run.
+
+    A column is called as its key is, with ``set.`` in front where the summary has such a column, as of
+    ``duration_s``. What has no type of its own is written as JSON; a key that only others change is empty.
+    """
+    keys = dict.fromkeys(key for override in overrides for key in override)
+    settings = pd.DataFrame(overrides, columns=list(keys), index=range(len(overrides)), dtype=object)
+    settings = settings.infer_objects()
+    mixed = settings.columns[settings.dtypes == np.dtype(object)]
+    settings[mixed] = settings[mixed].map(name_of, na_action="ignore")
+    return settings.rename(columns={key: f"set.{key}" for key in keys if key in _RUN})
+
+
+def table_of(overrides: Sequence[Override], rows: pd.DataFrame) -> pd.DataFrame:
+    """``episode``, its settings and its summary, for the episodes of a table of summaries, by its index."""
+    settings = settings_of(overrides).loc[rows.index]
+    results = rows[[name for name in SUMMARY_COLUMNS if name in rows]]
+    return pd.concat([settings, results], axis=1).rename_axis("episode").reset_index()
 
 
 def summary_table(rows: Sequence[Flat]) -> pd.DataFrame:

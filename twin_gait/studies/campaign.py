@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,13 @@ FREQUENCY = 3.0  # f in [Hz], thesis 2.2.3
 AMPLITUDE_RANGE = (140.0, 195.0)  # A in counts from the heaviest to the lightest weight, thesis 2.2.3
 AMPLITUDE_STEP = 5.0  # [counts]; "by 5 or 10", thesis appendix B
 REST_AT_STOP = 0.3  # [s] that a log goes on after the stop was hit
+LONGEST_DROP = 20.0  # [s]; a joint that sticks is switched off then
+# The path of the motor-driven tests starts level at 90°, so that logs of both protocols are read alike, goes
+# up by at most 92° and comes back; its period is the shortest that leaves 2.5 rad/s within the joint's range.
+TWO_WAY_SPEEDS = (0.15, 2.5)  # peaks of the first and the last test in [rad] / [s]
+TWO_WAY_PERIOD = 2.0  # [s]
+TWO_WAY_STIFFNESS = 600.0  # [N m] / [rad]; an assumption, 13 rad/s on the bare armature
+TWO_WAY_DAMPING_RATIO = 0.7  # on the bare armature
 SETTINGS_FILE = "campaign.json"
 CAMPAIGN = FolderKind("a campaign", SETTINGS_FILE)
 # Standard deviations between tests though nothing was changed, all assumptions: of the friction, relative,
@@ -42,35 +49,6 @@ class Protocol(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwoWayProtocol(quantities.Parameters):
-    """Motor-driven tests in both directions.
-
-    The path starts level at 90°, so that logs of both protocols are read alike, goes up by at most 92° and
-    comes back. Its period is the shortest that leaves 2.5 rad/s within the joint's range.
-
-    Attributes:
-        lowest_speed: Peak speed of the first test in [rad] / [s].
-        highest_speed: Of the last one.
-        period: Of the path in [s].
-        cycles: Number of times there and back.
-        stiffness: Of the controller in [N m] / [rad]; an assumption, 13 rad/s on the bare armature.
-        damping_ratio: Of the controller on the bare armature.
-    """
-
-    lowest_speed: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = 0.15
-    highest_speed: quantities.AngularVelocity = 2.5
-    period: Annotated[quantities.Time, quantities.POSITIVE] = 2.0
-    cycles: Annotated[int, quantities.COUNT] = 4
-    stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE] = 600.0
-    damping_ratio: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.7
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        ordered = self.highest_speed >= self.lowest_speed
-        quantities.require(ordered, "highest_speed", "at least the lowest", self.highest_speed)
-
-
-@dataclass(frozen=True, kw_only=True)
 class Campaign(quantities.Parameters):
     """A campaign on one joint.
 
@@ -79,16 +57,14 @@ class Campaign(quantities.Parameters):
         protocol: How the joint is moved.
         seed: Of everything that chance decides.
         bench: The bench without weight and controller; None for that of the joint.
-        two_way: Motor-driven tests.
-        longest: Of a drop in [s]; a joint that sticks is switched off then.
+        cycles: Number of times there and back in a motor-driven test.
     """
 
     joint: JointName
     protocol: Protocol = Protocol.DROP
     seed: Annotated[int, quantities.WHOLE] = 0
     bench: BenchJoint | None = None
-    two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
-    longest: Annotated[quantities.Time, quantities.Range(1.0, 600.0, words="1 to 600 s")] = 20.0
+    cycles: Annotated[int, quantities.COUNT] = 4
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -117,11 +93,16 @@ class PlannedTest:
 
 def planned_tests(campaign: Campaign) -> list[PlannedTest]:
     """The tests of a campaign, weight by weight, five of nine tests; each has its own seed."""
-    plans = []
+    plans, bench = [], campaign.plain_bench()
     seeds = np.random.SeedSequence(campaign.seed).spawn(len(WEIGHTS) * TESTS_PER_WEIGHT)
     for place, seed in enumerate(seeds):
         mass, number = WEIGHTS[place // TESTS_PER_WEIGHT], place % TESTS_PER_WEIGHT + 1
-        settings, test = (_drop if campaign.protocol is Protocol.DROP else _two_way)(campaign, mass, number)
+        if campaign.protocol is Protocol.DROP:
+            settings, changes = _drop(campaign.joint, mass, number)
+        else:
+            settings, changes = _two_way(campaign, number)
+        link = replace(bench.link, mass=mass)
+        test = replace(bench, link=link, start_angle=HORIZONTAL, **changes)
         rng = np.random.default_rng(seed)
         variation = BenchVariation(
             current_offset=SPREAD["current_offset"] * float(rng.standard_normal()),
@@ -141,39 +122,34 @@ def drop_amplitude(mass: float, step: int) -> float:
     return lowest + lightness * (highest - lowest - 2.0 * AMPLITUDE_STEP) + step * AMPLITUDE_STEP
 
 
-def _drop(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float], BenchJoint]:
+def _drop(joint: JointName, mass: float, number: int) -> tuple[dict[str, float], dict[str, Any]]:
+    """Settings of a test, and what they change of the bench."""
     gain, amplitude = TRANSPARENCY_GAINS[(number - 1) // 3], drop_amplitude(mass, (number - 1) % 3)
     control = DutyControl(
         amplitude=amplitude,
         frequency=FREQUENCY,
         transparency_gain=gain,
-        lowest_velocity=worlds.LOWEST_VELOCITIES[campaign.joint],
+        lowest_velocity=worlds.LOWEST_VELOCITIES[joint],
     )
-    test = _loaded(campaign, mass, control=control, duration=campaign.longest, rest_at_stop=REST_AT_STOP)
-    return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, test
+    changes = {"control": control, "duration": LONGEST_DROP, "rest_at_stop": REST_AT_STOP}
+    return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, changes
 
 
-def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float], BenchJoint]:
-    way = campaign.two_way
-    share = (number - 1) / (TESTS_PER_WEIGHT - 1)
-    speed = way.lowest_speed + share * (way.highest_speed - way.lowest_speed)
-    amplitude, frequency = -speed * way.period / math.pi, 1.0 / way.period
+def _two_way(campaign: Campaign, number: int) -> tuple[dict[str, float], dict[str, Any]]:
+    """As :func:`_drop`; all weights are led alike."""
+    lowest, highest = TWO_WAY_SPEEDS
+    speed = lowest + (number - 1) / (TESTS_PER_WEIGHT - 1) * (highest - lowest)
+    amplitude, frequency = -speed * TWO_WAY_PERIOD / math.pi, 1.0 / TWO_WAY_PERIOD
     armature = campaign.plain_bench().actuator.armature
     control = TorqueControl(
         friction_model=BENCH_FRICTION[campaign.joint],
         friction_compensation_gain=0.0,
-        stiffness=way.stiffness,
-        damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * armature),
+        stiffness=TWO_WAY_STIFFNESS,
+        damping=2.0 * TWO_WAY_DAMPING_RATIO * math.sqrt(TWO_WAY_STIFFNESS * armature),
         path=worlds.CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
     )
-    test = _loaded(campaign, mass, control=control, duration=way.cycles * way.period)
-    return {"peak_speed_rad_per_s": speed, "period_s": way.period, "cycles": float(way.cycles)}, test
-
-
-def _loaded(campaign: Campaign, mass: float, **changes: Any) -> BenchJoint:
-    """The bench with a weight, level at the start, and other changes."""
-    bench = campaign.plain_bench()
-    return replace(bench, link=replace(bench.link, mass=mass), start_angle=HORIZONTAL, **changes)
+    settings = {"peak_speed_rad_per_s": speed, "period_s": TWO_WAY_PERIOD, "cycles": float(campaign.cycles)}
+    return settings, {"control": control, "duration": campaign.cycles * TWO_WAY_PERIOD}
 
 
 def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) -> dict[str, Any]:
@@ -200,16 +176,13 @@ def _perform(
     campaign: Campaign, folder: Path, on_compile: Callable[[], None] | None, plan: PlannedTest
 ) -> dict[str, Any]:
     """Simulate a test and write its log; its line of ``campaign.json``."""
-    noise, variation = plan.noise_seed, plan.variation
-    run = simulate_bench(plan.test, seed=noise, variation=variation, on_compile=on_compile)
+    run = simulate_bench(plan.test, seed=plan.noise_seed, variation=plan.variation, on_compile=on_compile)
     header = {
         "joint": str(campaign.joint), "protocol": str(campaign.protocol), "mass_kg": f"{plan.mass:g}",
         "test": plan.number, **{name: f"{value:g}" for name, value in plan.settings.items()},
         "campaign_seed": campaign.seed,
     }  # fmt: skip
     write_atomically(folder / plan.name, log_text(run, header))
-    velocity, stopped = run.column("motor_velocity_rad_per_s"), run.column("link_angle_rad")
-    stopped = stopped >= run.test.link.upper_stop
     return {
         "file": plan.name,
         "mass_kg": plan.mass,
@@ -217,9 +190,6 @@ def _perform(
         **plan.settings,
         "status": str(run.status),
         "duration_s": round(len(run.rows) * 1e-3, 3),
-        "highest_velocity_rad_per_s": round(float(velocity.max()), 6),
-        "lowest_velocity_rad_per_s": round(float(velocity.min()), 6),
-        "stop_s": round(float(np.argmax(stopped)) * 1e-3, 3) if stopped.any() else None,
         "variation": asdict(plan.variation),
         "noise_seed": plan.noise_seed,
     }

@@ -13,8 +13,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import require
 from twin_gait.parameters.quantities import DEGREE
-from twin_gait.simulation import Run, RunStatus
-from twin_gait.studies.batch import BatchResult, run_episodes
+from twin_gait.simulation import Run
+from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.jobs import Watch
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
@@ -79,31 +79,6 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
     return Fault(kind=kind, time=time, place=kind.place(side, joint), magnitude=magnitude)
 
 
-def simulate_faults(
-    experiment: Experiment,
-    faults: Sequence[Fault],
-    *,
-    row: Callable[[Run], dict[str, Any]] | None = None,
-    workers: int | Workers = 1,
-    **watch: Unpack[Watch],
-) -> BatchResult:
-    """Simulate an experiment once for each fault, in place of faults of its own; a row for each.
-
-    What is told of each run is :func:`fault_row` by default. Other arguments and errors are those of
-    :func:`twin_gait.studies.run_episodes`; a run that cannot be made is a ParameterError.
-    """
-    experiment_of, told = partial(_with_fault, experiment), row or fault_row
-    rows = run_episodes(
-        experiment_of, told, faults, workers=workers, named=lambda place: f"fault {faults[place]}", **watch
-    )
-    status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED
-    return BatchResult(pd.DataFrame(rows), status)
-
-
-def _with_fault(experiment: Experiment, fault: Fault) -> Experiment:
-    return replace(experiment, faults=(fault,))
-
-
 def fault_row(run: Run) -> dict[str, Any]:
     """Sum up a run with one fault.
 
@@ -141,6 +116,31 @@ def fault_row(run: Run) -> dict[str, Any]:
     }
 
 
+def simulate_faults(
+    experiment: Experiment,
+    faults: Sequence[Fault],
+    *,
+    row: Callable[[Run], dict[str, Any]] = fault_row,
+    workers: int | Workers = 1,
+    **watch: Unpack[Watch],
+) -> pd.DataFrame:
+    """Simulate an experiment once for each fault, in place of faults of its own; a row for each.
+
+    ``row``: what is told of each run. Other arguments and errors are those of
+    :func:`twin_gait.studies.run_episodes`; a run that cannot be made is a ParameterError. Returns the rows of
+    the first faults only if it was stopped.
+    """
+    experiment_of = partial(_with_fault, experiment)
+    rows = run_episodes(
+        experiment_of, row, faults, workers=workers, named=lambda place: f"fault {faults[place]}", **watch
+    )
+    return pd.DataFrame(rows)
+
+
+def _with_fault(experiment: Experiment, fault: Fault) -> Experiment:
+    return replace(experiment, faults=(fault,))
+
+
 def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
     """Outcomes and times of detection by kind of fault, and for all: texts and counts.
 
@@ -161,15 +161,3 @@ def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
     rows = counts.astype(object).assign(**{"detected by": causes, **texts}).astype(object).fillna("–")
     order = [str(kind) for kind in FaultKind if kind in rows.index]
     return rows.loc[[*order, "all"]].rename_axis("fault").reset_index()
-
-
-def limit_lines(table: pd.DataFrame) -> list[str]:
-    """What must hold in every run, and in how many it did."""
-    count, tripped = len(table), table[table["cause"] != ""]
-    early = int(tripped["detection_s"].isna().sum())
-    return [
-        *[f"tripped before their fault: {early} of {count}, which say nothing of it"] * (early > 0),
-        f"torque and current inside limits in every tick: {int(table['within_limits'].sum())} of {count}",
-        f"no empty command or plant value: {int((table['null_values'] == 0).sum())} of {count}",
-        f"every trip ends in the hold and stays there: {int(tripped['hold_kept'].sum())} of {len(tripped)}",
-    ]

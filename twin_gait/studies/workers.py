@@ -1,7 +1,7 @@
 """Jobs on processes of this machine or on a Dask cluster: results as they come.
 
 A Dask scheduler and its workers run whatever anybody sends them who can reach their ports: keep them on the
-loopback or on a private network. From this package they get plain numbers and texts, and give such back.
+loopback or on a private network. From this package they get experiments, and give back numbers and texts.
 """
 
 from __future__ import annotations

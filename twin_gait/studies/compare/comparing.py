@@ -1,24 +1,21 @@
 """Run every controller on every day of a wearer, and put the measures side by side."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 import pandas as pd
 import yaml
-from scipy.stats import sem
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
-from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, require
 from twin_gait.simulation import Run
-from twin_gait.studies.batch import run_episodes
+from twin_gait.studies.batch import run_episodes, walking_wearer
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.studies.jobs import Watch
 from twin_gait.worlds.world import BELT_SPEED
@@ -93,7 +90,7 @@ class Comparison:
     def interval(self, controller: str, number: str) -> Interval:
         """Mean of a measure over the runs of a controller that have it."""
         runs = self.table[self.table["controller"] == controller]
-        return interval_of(runs.reindex(columns=[number]).to_numpy(dtype=float)[:, 0])
+        return interval_of(runs.get(number, pd.Series(dtype=float)))
 
     def walked(self, controller: str) -> int:
         """Runs of a controller without a fall or a trip."""
@@ -107,14 +104,11 @@ class Comparison:
         return {name: found.mean for name, found in means.items()} | widths
 
 
-def interval_of(values: np.ndarray) -> Interval:
+def interval_of(values: pd.Series) -> Interval:
     """Mean with the confidence interval of Student's t distribution; NaN does not count."""
-    known = values[~np.isnan(values)]
-    mean = float(known.mean()) if len(known) else math.nan
-    if len(known) < 2:
-        return Interval(mean, math.nan)
-    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(known) - 1))
-    return Interval(mean, quantile * float(sem(known)))
+    deviation: Any = values.sem()
+    quantile = student.ppf(0.5 + 0.5 * CONFIDENCE, values.count() - 1)
+    return Interval(float(values.mean()), float(quantile * deviation))
 
 
 def compare(
@@ -124,15 +118,10 @@ def compare(
 
     Returns the comparison, or None if it was stopped; what cannot be compared is a ParameterError.
     """
-    if experiment.scenario.walking is None:
-        raise ParameterError(
-            f"{experiment.name}: controllers are compared where legs walk on the ground; name such a preset"
-        )
-    if experiment.patient is None:
-        raise ParameterError("patient: nobody wears the device; name somebody with --patient")
+    walking_wearer(experiment)
     require(seeds >= 1, "seeds", "1 or more", seeds)
     asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
-    day_of, measure = partial(_changed, experiment), partial(_measured, experiment.seed)
+    day_of, measure = partial(_on_day, experiment), partial(_measured, experiment.seed)
     found = run_episodes(day_of, measure, asked, named=lambda place: asked[place][0].name, **watch)
     if len(found) < len(asked):
         return None
@@ -142,7 +131,7 @@ def compare(
     return Comparison(experiment, tuple(controllers), seeds, table, nominal)
 
 
-def _changed(experiment: Experiment, asked: tuple[Controller, int]) -> Experiment:
+def _on_day(experiment: Experiment, asked: tuple[Controller, int]) -> Experiment:
     controller, seed = asked
     return controller.change(varied(experiment, seed))
 
@@ -158,8 +147,7 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     """The experiment on another day."""
     if seed == 0:
         return experiment
-    scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
-    assert scenario.walking is not None and patient is not None  # the caller has checked
+    scenario, plant, (walking, patient) = experiment.scenario, experiment.plant, walking_wearer(experiment)
     drawn = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4)
     weight, rough, fast, form = (1.0 + np.array(SPREADS) * drawn).tolist()
     conditions = {
@@ -170,6 +158,6 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     friction = {joint: rough * plant.friction_ratio.get(joint, 1.0) for joint in plant.friction}
     plant = replace(plant, friction_ratio=friction)
     if scenario.adjusts(BELT_SPEED):
-        scenario = scenario.adjusted(BELT_SPEED, fast * scenario.walking.speed)
+        scenario = scenario.adjusted(BELT_SPEED, fast * walking.speed)
     seed += experiment.seed
     return replace(experiment, seed=seed, patient=patient, plant=plant, scenario=scenario)

@@ -67,15 +67,6 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
     }
 
 
-def _mean_speed(run: Run) -> float:
-    """Over the ground in [m] / [s], of the whole run."""
-    belt = float(run.log["belt_speed_m_per_s"].mean())
-    if belt != 0.0:
-        return belt
-    way = run.log["pelvis_forward_m"]
-    return float(way.iloc[-1] - way.iloc[0]) / run.duration
-
-
 def _shape(leg: MeasuredLeg, joint: JointName) -> Measures:
     """Range of motion, deviation from healthy gait, smoothness."""
     cycles = np.degrees(strides.normalise_strides(leg.record.angles[joint], leg.strides))
@@ -93,18 +84,17 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     """Torques, work and current of a joint over the strides that count."""
     run, side = leg.run, leg.record.side
     actuator = run.experiment.plant.actuators[joint]
-    walks = [run.log.iloc[start:end] for start, end in strides.walks(leg.strides)]
-    device = np.concatenate([_device_torque(walk, f"{side}_{joint}", actuator.armature) for walk in walks])
     # What acts on the wearer works on their own motion, which with braces is not that of the device.
-    velocity, own, flowing = (
+    device, velocity, own, flowing = (
         strides.over_strides(values, leg.strides)
         for values in (
+            _device_torque(run.log, f"{side}_{joint}", actuator.armature),
             leg.wearer_velocity(joint),
             voluntary_torque(run, side, joint),
             leg.column(joint, "measured_current_A"),
         )
     )
-    current = effort.load(flowing, continuous_current(actuator))
+    current = effort.root_mean_square(flowing)
     half_way = int(leg.strides[0, 0] + leg.strides[-1, 1]) // 2
     return {
         "interaction_rms_Nm": effort.root_mean_square(device),
@@ -113,36 +103,28 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
         "device_work_J": effort.positive_work(device, velocity, TICK),
         "wearer_work_J": effort.positive_work(own, velocity, TICK),
         "assistance_level": assistance_level(run, side, joint, half_way),
-        "current_rms_A": current.rms,
-        "current_rms_share": current.continuous_share,
+        "current_rms_A": current,
+        "current_rms_share": current / continuous_current(actuator),
     }
 
 
 def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
     """Torque of the wearer's effort at a joint, in [N m] at every tick: less tissue and spastic muscles."""
     log, patient = run.log, run.experiment.patient or Patient()
-    condition = patient.conditions.get((side, joint), JointCondition())
-    whole = log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
+    conditions = {item: patient.conditions.get((side, item), JointCondition()) for item in JointName}
+    condition, whole = conditions[joint], log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
     speeds = log[wearer_column(log, side, joint, "velocity_rad_per_s")]
     reflex = condition.stretch_reflex_threshold, condition.stretch_reflex_gain
     catch = [spastic_torque(speed, *reflex) for speed in speeds]
-    return np.asarray(whole - condition.passive * _passive(run, side, joint) - np.array(catch))
-
-
-def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
-    """Passive torque of the tissue; a contracture acts as if the joint were further extended."""
-    patient, log = run.experiment.patient or Patient(), run.log
-    conditions = {item: patient.conditions.get((side, item), JointCondition()) for item in JointName}
-    if conditions[joint].passive == 0.0:
-        return np.zeros(len(log))
-    columns = {item: wearer_column(log, side, item, "angle_rad") for item in JointName}
+    # A contracture acts as if the joint were further extended.
     hip, knee = (
-        log[columns[item]] - conditions[item].contracture for item in (JointName.HIP, JointName.KNEE)
+        log[wearer_column(log, side, item, "angle_rad")] - conditions[item].contracture
+        for item in (JointName.HIP, JointName.KNEE)
     )
-    if joint is JointName.HIP:
-        return np.array([*map(passive_hip_torque, hip, knee)])
-    ankle = log.get(columns[JointName.ANKLE], np.zeros(len(log)))
-    return np.array([*map(passive_knee_torque, hip, knee, ankle)])
+    ankle = log.get(wearer_column(log, side, JointName.ANKLE, "angle_rad"), np.zeros(len(log)))
+    at_hip = joint is JointName.HIP
+    tissue = map(passive_hip_torque, hip, knee) if at_hip else map(passive_knee_torque, hip, knee, ankle)
+    return np.asarray(whole - condition.passive * np.array([*tissue]) - np.array(catch))
 
 
 def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
@@ -197,5 +179,5 @@ def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measure
         "current_rms_share": by_joint["current_rms_share"].max(),
         "battery_power_W": power,
         "battery_life_h": effort.battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
-        "energy_per_metre_J": power / _mean_speed(run),
+        "energy_per_metre_J": power / ground_speed(run.log, np.array([[0, len(run.log)]]), TICK),
     }

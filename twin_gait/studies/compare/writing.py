@@ -2,25 +2,20 @@
 
 import math
 from functools import cache
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
-from twin_gait.measures.strides import normalise_strides
-from twin_gait.palette import REFERENCE_COLOUR
 from twin_gait.report.canvas import draw_mean_cycles, picture_bytes
 from twin_gait.report.pages import render
-from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import describe, lines_of
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.studies.compare.comparing import Comparison, Interval
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, Outcome
 
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
@@ -71,12 +66,9 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
 
 
 def subtitle_of(comparison: Comparison, who: str) -> str:
-    """The wearer, the walk, and how long and how often, in one line."""
+    """The wearer, the walk, and how long and on how many days, in one line."""
     experiment = comparison.experiment
-    days = f"{comparison.seeds} days" if comparison.seeds > 1 else "one run"
-    walk = describe(experiment)
-    often = " each, mean ± 95 % interval" if comparison.seeds > 1 else " each"
-    return f"{who}, {walk}, {experiment.duration:g} s, {days}{often}"
+    return f"{who}, {describe(experiment)}, {experiment.duration:g} s, days: {comparison.seeds}"
 
 
 Rows = list[tuple[Shown, list[str]]]
@@ -114,24 +106,11 @@ def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
 
 
 def figure_of(comparison: Comparison) -> Figure:
-    """The figure of the nominal day: mean cycles of those that walked beside the reference."""
-    nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
-    strode = nominal.reindex(columns=["stride_time_s"]).dropna().index
-    walked = [item for item in comparison.controllers if item.name in strode]
-    healthy = "healthy, same speed"
-    styles = {item.title: {"color": item.colour, "linewidth": 1.5} for item in walked}
-    styles[healthy] = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
-    curves = dict[str, dict[str, np.ndarray]]()
-    for joint, side in product(comparison.experiment.joints, Side):
-        place = curves[f"{side} {joint}"] = {}
-        for item in walked:
-            record = comparison.runs[item.name].leg_record(side)
-            cycles = normalise_strides(record.angles[joint], record.strides())
-            place[item.title] = np.degrees(cycles.mean(axis=0))
-        reference = reference_cycle(comparison.experiment, joint)
-        if reference is not None:
-            place[healthy] = np.degrees(reference)
-    return draw_mean_cycles(curves, styles, (13.0 * len(curves) / 6, 3.3))
+    """Mean strides of those that walked on the nominal day."""
+    runs = {item.title: comparison.runs[item.name] for item in comparison.controllers}
+    walked = {name: run for name, run in runs.items() if run.verdict.outcome is Outcome.WALKED}
+    colours = {item.title: item.colour for item in comparison.controllers}
+    return draw_mean_cycles(comparison.experiment, walked, colours)
 
 
 def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import pandas as pd
 from pydantic import ConfigDict, Field, model_validator
 
 from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
@@ -22,7 +21,7 @@ from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import versions
 from twin_gait.simulation.problem import build_problem
-from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, changed, name_of, with_document
+from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, Override, changed, name_of, with_document
 from twin_gait.studies.jobs import sources_hash
 
 MOST_EPISODES = 10_000_000
@@ -45,11 +44,6 @@ class Range(Strict):
         if self.scale == "log" and self.start <= 0.0:
             raise ValueError(f"expected from above 0 on a log scale, got {self.start:g}")
         return self
-
-    def of_grid(self, count: int) -> np.ndarray:
-        """So many values; both ends are exact."""
-        space = np.geomspace if self.scale == "log" else np.linspace
-        return np.asarray(space(self.start, self.stop, count))
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """Values at shares of the way."""
@@ -79,23 +73,24 @@ class SweepFile(Strict):
     provenance: dict[str, Any] | None = None
 
 
+Episode = tuple[int, Override]  # its number, and what it changes
+
+
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """A sweep with everything resolved."""
 
     source: str  # file that it was read from, for messages
     experiment: Experiment  # what all episodes have in common
-    design: pd.DataFrame  # what each changes, see design_of
+    overrides: Sequence[Override]  # what each changes
     # The specification with the whole experiment in it and the hashes and versions of what made it; reading
     # it gives the same sweep.
     document: Mapping[str, Any]
 
-    def override(self, number: int) -> dict[str, Any]:
-        """What an episode changes."""
-        changes = self.design.iloc[number].items()
-        return {
-            str(key): value for key, value in changes if not (isinstance(value, float) and math.isnan(value))
-        }
+    def maker(self) -> Callable[[Episode], Experiment]:
+        """What makes the experiment of an episode, in any process; errors name episode and key."""
+        base = with_document(self.experiment)
+        return partial(_experiment_of, base, self.document["seed"], self.document["named"])
 
 
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
@@ -123,58 +118,57 @@ def sweep_from_mapping(
             problem = f"no measure {measure!r}; see the columns of the table of any sweep"
             raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
-    experiment, typed = _experiment(entry.experiment, assignments, source, folder)
+    loaded = _experiment(entry.experiment, assignments, source, folder)
+    overrides = overrides_of(entry, source)
     document = {
         "schema_version": entry.schema_version,
         "name": entry.name or name,
-        "experiment": _experiment_document(experiment, typed),
+        "experiment": _experiment_document(loaded),
         **{key: data[key] for key in ("method", "parameters", "episodes", "samples") if key in data},
         "seed": entry.seed,
         "measures": entry.measures,
-        "named": _named(entry, folder / Path(source).name),
+        "named": _named(entry.named, overrides, folder / Path(source).name),
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
-    return Sweep(source, experiment, design_of(entry, source), document)
+    return Sweep(source, loaded.experiment, overrides, document)
 
 
-def _named(entry: SweepFile, path: Path) -> Named:
+def _named(known: Named, overrides: Sequence[Override], path: Path) -> Named:
     """What the wearers and gait tables stand for that the values name; once read they are kept."""
-    for key in WHOLE:
-        found, levels = entry.named.setdefault(key, {}), entry.parameters.get(key)
-        values = [row[key] for row in entry.episodes if key in row]
-        for value in [*(levels if isinstance(levels, list) else ()), *values]:
-            document = None if name_of(value) in found else named_document(key, value, path)
+    named = {key: dict(known.get(key, {})) for key in WHOLE}
+    for key, value in (item for override in overrides for item in override.items()):
+        if key in WHOLE and name_of(value) not in named[key]:
+            document = named_document(key, value, path)
             if document is not None:
-                found[name_of(value)] = document
-    return entry.named
+                named[key][name_of(value)] = document
+    return named
 
 
 def _experiment(
     given: str | Mapping[str, Any], assignments: Sequence[str], source: str, folder: Path
-) -> tuple[Experiment, dict[str, Any]]:
+) -> LoadedExperiment:
     if isinstance(given, str):
         beside = folder / given
-        loaded = load_experiment(beside if beside.is_file() else given, assignments)
-        return loaded.experiment, loaded.document
+        return load_experiment(beside if beside.is_file() else given, assignments)
     document = dict(given)
     for keys, value in validation.parse_assignments(assignments):
         document = validation.assign(document, keys, value)
-    return experiment_from_mapping(document, f"{source}: experiment", folder), document
+    return LoadedExperiment(experiment_from_mapping(document, f"{source}: experiment", folder), document)
 
 
-def _experiment_document(experiment: Experiment, typed: dict[str, Any]) -> dict[str, Any]:
+def _experiment_document(loaded: LoadedExperiment) -> dict[str, Any]:
     """The experiment with the hashes of URDF and table; the versions stand once, beside it.
 
     An integrator that was left to the engine stays so: an episode may change the engine.
     """
-    document = resolved_document(experiment, typed, {})
-    if experiment.integration is None:
+    document = resolved_document(loaded.experiment, loaded.document, {})
+    if loaded.experiment.integration is None:
         del document["integration"]
     return document
 
 
-def design_of(entry: SweepFile, source: str) -> pd.DataFrame:
-    """What each episode changes: a column of objects by key, NaN where a row of a list leaves it as it is.
+def overrides_of(entry: SweepFile, source: str) -> list[Override]:
+    """What each episode changes.
 
     Of a grid the first key changes slowest. A Latin hypercube cuts each range into as many slices as there
     are samples, and uses each once.
@@ -189,12 +183,11 @@ def design_of(entry: SweepFile, source: str) -> pd.DataFrame:
     if count > MOST_EPISODES:
         problem = f"expected at most {MOST_EPISODES} episodes, got {count}"
         raise ParameterFileError(source, "", problem)
-    points: Any = entry.episodes
-    if entry.method == "grid":
-        points = list(itertools.product(*levels.values()))
-    elif entry.method == "latin_hypercube":
-        points = _drawn(levels, count, entry.seed)
-    return pd.DataFrame(points, columns=list(levels) or None, dtype=object)
+    if entry.method == "list":
+        return list(entry.episodes)
+    grid = entry.method == "grid"
+    points = itertools.product(*levels.values()) if grid else _drawn(levels.values(), count, entry.seed)
+    return [dict(zip(levels, point, strict=True)) for point in points]
 
 
 def _levels(key: str, value: Any, method: str, source: str) -> Any:
@@ -210,43 +203,35 @@ def _levels(key: str, value: Any, method: str, source: str) -> Any:
         return found
     if found.count is None:
         raise ParameterFileError(source, place, "expected a count of 2 or more values of the grid")
-    return found.of_grid(found.count).tolist()
+    space = np.geomspace if found.scale == "log" else np.linspace  # both ends are exact
+    return space(found.start, found.stop, found.count).tolist()
 
 
-def _drawn(levels: Mapping[str, Any], samples: int, seed: int) -> dict[str, list[Any]]:
+def _drawn(levels: Collection[Any], samples: int, seed: int) -> Iterator[tuple[Any, ...]]:
     from scipy.stats import qmc  # takes longer to import than a hundred walks to check
 
     drawn = qmc.LatinHypercube(len(levels), rng=np.random.default_rng(seed)).random(samples)
-    return {
-        key: item.at(shares).tolist()
+    columns = (
+        item.at(shares).tolist()
         if isinstance(item, Range)
         else [item[int(share * len(item))] for share in shares.tolist()]
-        for (key, item), shares in zip(levels.items(), drawn.T, strict=True)
-    }
+        for item, shares in zip(levels, drawn.T, strict=True)
+    )
+    return zip(*columns, strict=True)
 
 
-def experiment_of_episode(spec: str, number: int) -> Experiment:
-    """What an episode is to run, with draws of its own; an error names episode and key.
-
-    ``spec``: the document of the sweep as JSON; each process lays the sweep out for itself, once.
-    """
-    sweep, base = _laid_out(spec)
-    draws = np.random.SeedSequence(sweep.document["seed"], spawn_key=(number,))
-    seed = {"seed": int(draws.generate_state(1, np.uint64)[0])}
-    seeded = replace(base, document=base.document | seed)
-    return changed(seeded, sweep.override(number), f"episode {number}", sweep.document["named"])
+def _experiment_of(base: LoadedExperiment, seed: int, named: Named, episode: Episode) -> Experiment:
+    """What an episode is to run, with draws of its own."""
+    number, override = episode
+    draws = np.random.SeedSequence(seed, spawn_key=(number,))
+    own = {"seed": int(draws.generate_state(1, np.uint64)[0])}
+    return changed(replace(base, document=base.document | own), override, f"episode {number}", named)
 
 
-@lru_cache(maxsize=1)
-def _laid_out(spec: str) -> tuple[Sweep, LoadedExperiment]:
-    sweep = sweep_from_mapping(json.loads(spec), "the sweep", Path())
-    return sweep, with_document(sweep.experiment)
-
-
-def check_episode(spec: str, number: int) -> None:
-    """Check the overrides of an episode."""
-    experiment, (sweep, _) = experiment_of_episode(spec, number), _laid_out(spec)
+def check_episode(made: Callable[[Episode], Experiment], episode: Episode) -> None:
+    """Check the overrides of an episode; ``made`` is :meth:`Sweep.maker`."""
+    experiment, (number, override) = made(episode), episode
     # A text may name a joint or phase that is not there; numbers are checked by their ranges.
-    plain = all(isinstance(value, int | float) for value in sweep.override(number).values())
+    plain = all(isinstance(value, int | float) for value in override.values())
     if number == 0 or not plain:
         converting(f"episode {number}", "", partial(build_problem, experiment))

@@ -10,7 +10,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from twin_gait.runs.folders import FolderKind, check_target, hold, staged_direct
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.jobs import Stop, Watch, run_jobs
-from twin_gait.studies.sweep.spec import Sweep, check_episode, experiment_of_episode
+from twin_gait.studies.sweep.spec import Sweep, check_episode
 from twin_gait.studies.workers import Workers
 
 TABLE_SCHEMA_VERSION = 1
@@ -41,50 +41,36 @@ SWEEP = FolderKind("a sweep", SPEC_FILE)
 CHECKED_HERE = 2000
 
 
-class SweepStore:
-    """An open folder of a sweep; ``done`` says which episodes are kept, shape ``(n,)``."""
+def _kept(directory: Path) -> pd.DataFrame:
+    """Rows of all episodes that are done, by their numbers: of the table, and of parts beside it."""
+    files = [*directory.glob(TABLE_FILE), *sorted((directory / PARTS_FOLDER).glob("[!.]*"))]
+    rows = pd.concat([pd.DataFrame({"episode": []}, dtype=int), *map(read_table, files)])
+    return rows.drop_duplicates("episode").set_index("episode").sort_index()
 
-    def __init__(self, directory: Path, sweep: Sweep) -> None:
-        """Look at what is there; see :func:`open_store`, which also locks it."""
-        self.done = np.zeros(len(sweep.design), dtype=bool)
-        self._directory, self._parts, self._sweep = directory, directory / PARTS_FOLDER, sweep
-        for path in self._files():
-            self.done[read_table(path, ["episode"])["episode"]] = True
 
-    def append(self, rows: Mapping[int, batch.Flat]) -> None:
-        """Keep the summaries of some episodes in a part of their own."""
-        if not rows:
-            return
-        episodes = sorted(rows)
+def _keep(directory: Path, rows: Mapping[int, batch.Flat]) -> None:
+    """Keep the summaries of some episodes in a part of their own."""
+    if rows:
+        episodes, parts = sorted(rows), directory / PARTS_FOLDER
         table = batch.summary_table([rows[index] for index in episodes])
         table.insert(0, "episode", episodes)
-        self._parts.mkdir(exist_ok=True)
-        write_parquet(self._parts / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet", table)
-        self.done[episodes] = True
+        parts.mkdir(exist_ok=True)
+        write_parquet(parts / f"{episodes[0]:08d}-{episodes[-1]:08d}.parquet", table)
 
-    def merge(self) -> None:
-        """Bring everything that is kept into the table: sorted by episode, settings first."""
-        parts = [pd.DataFrame({"episode": []}, dtype=int), *map(read_table, self._files())]
-        rows = pd.concat(parts).drop_duplicates("episode").sort_values("episode", ignore_index=True)
-        settings = self._sweep.design.apply(_typed).rename(columns=batch.setting_columns(self._sweep.design))
-        settings = settings.iloc[rows["episode"]].reset_index(drop=True)
-        # Columns in the order of a summary, whatever part came first; settings are those of the design.
-        results = rows[[name for name in batch.SUMMARY_COLUMNS if name in rows.columns]]
-        table = pd.concat([rows[["episode"]], settings, results], axis=1)
-        write_parquet(
-            self._directory / TABLE_FILE,
-            table,
-            schema_version=str(TABLE_SCHEMA_VERSION),
-            sweep=json.dumps(self._sweep.document),
-        )
-        shutil.rmtree(self._parts, ignore_errors=True)
 
-    def _files(self) -> list[Path]:
-        return [*self._directory.glob(TABLE_FILE), *sorted(self._parts.glob("[!.]*"))]
+def _merge(directory: Path, sweep: Sweep) -> None:
+    """Bring everything that is kept into the table; what its settings are called and are, the sweep says."""
+    write_parquet(
+        directory / TABLE_FILE,
+        batch.table_of(sweep.overrides, _kept(directory)),
+        schema_version=str(TABLE_SCHEMA_VERSION),
+        sweep=json.dumps(sweep.document),
+    )
+    shutil.rmtree(directory / PARTS_FOLDER, ignore_errors=True)
 
 
 @contextlib.contextmanager
-def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
+def _opened(directory: Path, sweep: Sweep) -> Iterator[None]:
     """Open the folder of a sweep, or make it; no other process can open it meanwhile.
 
     Raises RunDirectoryError if the folder is in use or cannot be written.
@@ -96,7 +82,7 @@ def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
     if held is None:
         raise RunDirectoryError(f"{directory}: another process is at work on this sweep")
     try:
-        yield SweepStore(directory, sweep)
+        yield
     finally:
         os.close(held)
 
@@ -112,10 +98,10 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
         )
 
 
-def read_table(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
+def read_table(path: Path) -> pd.DataFrame:
     """Read the table of a sweep, or a part of it."""
     try:
-        return pd.read_parquet(path, columns=columns)
+        return pd.read_parquet(path)
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RunDirectoryError(
@@ -123,26 +109,13 @@ def read_table(path: Path, columns: list[str] | None = None) -> pd.DataFrame:
         ) from error
 
 
-def _typed(values: pd.Series) -> pd.Series:
-    """A setting over the whole design, in a type that does not depend on how far the sweep has come.
-
-    What has no type of its own is written as JSON.
-    """
-    typed = values.infer_objects()
-    if typed.dtype != object:
-        return typed
-    return values.map(
-        lambda value: value if isinstance(value, str) else json.dumps(value), na_action="ignore"
-    )
-
-
 @dataclass(frozen=True)
 class SweepResult:
     """What a sweep gives back."""
 
     table: pd.DataFrame  # one row per finished episode, sorted by episode
-    status: RunStatus  # COMPLETED, or INTERRUPTED if it was stopped; the same call goes on with it
-    summary: dict[str, Any]  # content of ``summary.json``
+    # content of ``summary.json``, whose ``status`` is INTERRUPTED if it was stopped; the same call goes on
+    summary: dict[str, Any]
 
 
 def run_sweep(
@@ -168,38 +141,38 @@ def run_sweep(
     check_directory(directory, sweep)
     if not (directory / SPEC_FILE).is_file():
         check_sweep(sweep, workers, watch.get("should_stop"))
-    with open_store(directory, sweep) as store:
-        resumed = int(store.done.sum())
+    with _opened(directory, sweep):
+        done = set(_kept(directory).index)
         try:
-            _run(sweep, store, workers, **watch)
+            _run(sweep, directory, done, workers, **watch)
         finally:
-            store.merge()
+            _merge(directory, sweep)
         table = read_table(directory / TABLE_FILE)
-        status = RunStatus.COMPLETED if store.done.all() else RunStatus.INTERRUPTED
+        status = RunStatus.COMPLETED if len(table) == len(sweep.overrides) else RunStatus.INTERRUPTED
         measured = {name: np.isfinite(values_of(table, name)).any() for name in sweep.document["measures"]}
         summary = {
             "name": sweep.document["name"],
-            "status": str(status),
-            "episodes": len(sweep.design),
+            "status": status,
+            "episodes": len(sweep.overrides),
             "finished": len(table),
             "outcomes": {str(name): int(count) for name, count in sorted(_outcomes(table).items())},
             # measures that were asked for and that no completed episode has
             "not_drawn": [name for name, found in measured.items() if not found],
             "last_call": {
-                "resumed_with": resumed,
-                "episodes": len(table) - resumed,
+                "resumed_with": len(done),
+                "episodes": len(table) - len(done),
                 "wall_s": time.perf_counter() - began,
             },
         }
         write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
             write_report(sweep, table, directory)
-    return SweepResult(table, status, summary)
+    return SweepResult(table, summary)
 
 
 def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None) -> None:
     """Check the overrides of every episode without running any; a wrong one is named with its key."""
-    check, episodes = partial(check_episode, json.dumps(sweep.document)), range(len(sweep.design))
+    check, episodes = partial(check_episode, sweep.maker()), list(enumerate(sweep.overrides))
     hands = workers if len(episodes) > CHECKED_HERE else 1
     try:
         checked = run_jobs(check, episodes, workers=hands, should_stop=should_stop)
@@ -209,21 +182,22 @@ def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None)
         raise KeyboardInterrupt
 
 
-def _run(sweep: Sweep, store: SweepStore, workers: Workers, **watch: Unpack[Watch]) -> None:
+def _run(
+    sweep: Sweep, directory: Path, done: Collection[int], workers: Workers, **watch: Unpack[Watch]
+) -> None:
     """Run what is not done yet."""
-    pending = np.flatnonzero(~store.done).tolist()
-    total, there = len(store.done), len(store.done) - len(pending)
-    tell = watch.get("progress") or (lambda done, total: None)
-    tell(there, total)
+    pending = [episode for episode in enumerate(sweep.overrides) if episode[0] not in done]
+    tell = watch.get("progress") or (lambda number, total: None)
+    tell(len(done), len(sweep.overrides))
     batch.run_episodes(
-        partial(experiment_of_episode, json.dumps(sweep.document)),
+        sweep.maker(),
         batch.flat_summary,
         pending,
         columns=batch.READ_IN_BRIEF,
         workers=workers,
-        keep=lambda rows: store.append({pending[place]: flat for place, flat in rows.items()}),
-        named=lambda place: f"{sweep.source}: episode {pending[place]}",
-        **watch | {"progress": lambda done, _: tell(there + done, total)},
+        keep=lambda rows: _keep(directory, {pending[place][0]: flat for place, flat in rows.items()}),
+        named=lambda place: f"{sweep.source}: episode {pending[place][0]}",
+        **watch | {"progress": lambda number, _: tell(len(done) + number, len(sweep.overrides))},
     )
 
 
@@ -236,7 +210,7 @@ def _outcomes(table: pd.DataFrame) -> pd.Series:
 
 def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
-    parameters = list(batch.setting_columns(sweep.design).values())
+    parameters = [str(name) for name in batch.settings_of(sweep.overrides)]
     title = sweep.document["name"].replace("_", " ")
     measures = (WALKED, *(sweep.document["measures"] or DEFAULT_MEASURES))
     counts = _outcomes(table).items()

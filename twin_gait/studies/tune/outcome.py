@@ -1,14 +1,10 @@
 """What comes of a tuning: the table that is chosen, and its folder with numbers, report and figures."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from twin_gait import __version__
 from twin_gait.checking.check import build_case, check, counts
 from twin_gait.checking.finding import Severity
 from twin_gait.configuration.documents import dump_yaml
@@ -16,16 +12,16 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import GaitTable
-from twin_gait.measures import KILOMETRES_PER_HOUR, normalise_strides
+from twin_gait.measures import KILOMETRES_PER_HOUR
 from twin_gait.report.canvas import write_pictures
-from twin_gait.report.reference import reference_cycle
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
+from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.tune.parts import AIM, EXCESS, HELD_TO, WORST, Rating, nominal_cost, part_costs
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
-from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, check_walker, standing, table_of, walker
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, standing, table_of, walker
 from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -82,10 +78,13 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
         origin = f"The table {start} as it was: the search found nothing better for {wearer}."
     table = {**finalist.table, "name": f"{start}_tuned", "description": origin}
     result = outcome(tuning, finalist, wearer) | {"check": found}
-    tables = {"before": tuning.before.table, "after": table}
-    curves = gait_curves(tuning.experiment, tables, tuning.settings.robust_duration)
+    walked = walker(tuning.experiment, duration=tuning.settings.robust_duration)
+    runs = {
+        name: simulate(replace(walked, table=table_of(document)))
+        for name, document in (("before", tuning.before.table), ("after", table))
+    }
     with staged_directory(directory, TUNING, force=force) as staging:
-        pictures = write_pictures(draw_figures(result, curves), staging / FIGURES_FOLDER)
+        pictures = write_pictures(draw_figures(result, tuning.experiment, runs), staging / FIGURES_FOLDER)
         write_atomically(staging / REPORT_FILE, page(result, pictures))
         write_atomically(staging / TABLE_FILE, dump_yaml(table))
         write_json(staging / OUTCOME_FILE, result)
@@ -95,11 +94,10 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
 def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
     """Content of ``tune.json`` but for what the check finds."""
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
-    speed, generations = check_walker(experiment)[0].speed, tuning.generations
+    speed, generations = walking_wearer(experiment)[0].speed, tuning.generations
     names = list(tuning.search_cases)
     return {
         "schema_version": OUTCOME_VERSION,
-        "version": __version__,
         "experiment": experiment.name,
         "wearer": wearer,
         "belt_speed_m_per_s": speed,
@@ -124,10 +122,7 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
             "after": standing([after.walks[name] for name in names]),
         },
         "parameters": _parameters(tuning, after),
-        "convergence": {
-            "best": [item.cost for item in generations],
-            "median": [item.median for item in generations],
-        },
+        "convergence": [item.cost for item in generations],
         "effort": {
             "seed": settings.seed,
             "generations": len(generations) - 1,  # the first is the start
@@ -136,30 +131,6 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
             "versions": versions(),
         },
     }
-
-
-def gait_curves(
-    experiment: Experiment, tables: Mapping[str, Mapping[str, Any]], duration: float
-) -> dict[str, dict[str, np.ndarray]]:
-    """By joint the reference and the mean cycles of each side, as ``before left``, in [deg] at ``PERCENT``.
-
-    ``tables``: their documents as ``before`` and ``after``. ``duration`` of each walk in [s]; one without a
-    counted stride has no curve.
-    """
-    curves: dict[str, dict[str, np.ndarray]] = {str(joint): {} for joint in experiment.joints}
-    for joint in experiment.joints:
-        reference = reference_cycle(experiment, joint)
-        if reference is not None:
-            curves[str(joint)]["reference"] = np.degrees(reference)
-    walked = walker(experiment, duration=duration)
-    for name, table in tables.items():
-        run = simulate(replace(walked, table=table_of(table)))
-        for record in run.leg_records():
-            for joint, angles in record.angles.items():
-                cycles = normalise_strides(angles, record.strides())
-                if len(cycles):
-                    curves[str(joint)][f"{name} {record.side}"] = np.degrees(cycles.mean(axis=0))
-    return curves
 
 
 def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:

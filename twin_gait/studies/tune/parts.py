@@ -23,9 +23,8 @@ import yaml
 from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square
 from twin_gait.measures.strides import normalise_strides, symmetry_index
-from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle, reference_measures
-from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
+from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
 
@@ -79,12 +78,12 @@ def part_values(run: Run) -> dict[str, float | None]:
     # Of the legs the larger value counts; what is not defined in one is not in both.
     values = {name: float(np.max([0.0, *(leg[name] for leg in found)])) for name in found[0]}
     assert run.walkway is not None  # a walk to be tuned carries weight
-    dragged = sum(walk.fore_aft_force for walk in walks.values()) / run.walkway.carried_weight
+    dragged = sum(walk["fore_aft_force_N"] for walk in walks.values()) / run.walkway.carried_weight
     values |= {"fore_aft_pct": 100.0 * abs(dragged), "asymmetry_pct": _asymmetry(legs, contacts)}
     return {name: finite_or_none(value) for name, value in (values | _free_trunk_values(run)).items()}
 
 
-def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: WalkMeasures) -> dict[str, float]:
+def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str, float]) -> dict[str, float]:
     """Parts of one leg: its errors, the ground's forces, the knee under them, contacts and motors.
 
     ``contact`` is what :meth:`MeasuredLeg.by_contact` tells of it. NaN where a number is not defined.
@@ -93,23 +92,19 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: WalkMeasures
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
     limits = [leg.saturation(joint)["saturated_share"] for joint in joints]
     switches = [leg.torque_at_switches(joint) for joint in joints]
-    errors = {
-        f"{joint}_error_deg": reference_error(leg.run, angles, joint, leg.strides)
-        for joint, angles in leg.compared_angles().items()
-    }
     apart = leg.errors().get("errors", {})
+    errors = {f"{joint}_error_deg": parts["total_deg"] for joint, parts in apart.items()}
     offsets = [abs(parts["offset_deg"]) for joint, parts in apart.items() if joint in joints]
     return {
-        "ankle_error_deg": math.nan,
-        **errors,
+        **{part.name: errors.get(part.name, math.nan) for part in ERRORS.values()},
         "offset_deg": max(offsets, default=math.nan),
-        "knee_at_contact_deg": math.degrees(walk.knee_at_contact),
-        "yield_lack_deg": math.degrees(healthy["knee_yield"] - walk.knee_yield),
-        "stride_time_error_pct": 100.0 * abs(walk.stride_time / healthy["stride_time"] - 1.0),
-        "load_peak_pct": 100.0 * (walk.load_peak - 1.0),
-        "trough_pct": 100.0 * (1.0 - walk.trough),
-        "slow_loading_pct": 100.0 * (1.0 - walk.least_load),
-        "propulsion_lack_pct": 100.0 * (1.0 - walk.propulsion_peak / healthy["propulsion_peak"]),
+        "knee_at_contact_deg": walk["knee_at_contact_deg"],
+        "yield_lack_deg": healthy["knee_yield_deg"] - walk["knee_yield_deg"],
+        "stride_time_error_pct": 100.0 * abs(contact["stride_time_mean_s"] / healthy["stride_time_s"] - 1.0),
+        "load_peak_pct": 100.0 * (walk["load_peak"] - 1.0),
+        "trough_pct": 100.0 * (1.0 - walk["trough"]),
+        "slow_loading_pct": 100.0 * (1.0 - walk["least_load"]),
+        "propulsion_lack_pct": 100.0 * (1.0 - walk["propulsion_peak"] / healthy["propulsion_peak"]),
         "stride_variation_pct": 100.0 * contact["stride_time_variation"],
         # Contacts of a foot that has just landed; further contacts in swing are scuffs.
         "second_contacts_per_stride": (contact["further_contacts"] - contact["scuffs"]) / strides,

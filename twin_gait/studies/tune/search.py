@@ -39,7 +39,6 @@ class Generation(NamedTuple):
 
     point: list[float]  # where the search stands after it, coordinates from 0 to 1
     cost: float  # there
-    median: float  # of its candidates' nominal walks
     tried: list[list[float | None]]  # standing of each candidate that walked, see standing
 
 

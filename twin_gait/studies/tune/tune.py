@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import quantities
 from twin_gait.simulation.simulator import compile_ahead
+from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
@@ -64,7 +65,7 @@ class Finalist:
     table: dict[str, Any]  # its document
     # coordinates of what was searched for; None for the table that it began with
     points: Sequence[float] | None
-    walks: Mapping[str, Rating] = field(default_factory=dict)  # results by name of the case, nominal first
+    walks: Mapping[str, Rating]  # results by name of the case, nominal first
 
     @property
     def falls(self) -> int:
@@ -154,7 +155,7 @@ class Tuning:
         (ratings,) = self._walk([self.experiment.table], self.search_cases.values())
         point = [item.start_coordinate for item in self.parameters]
         descent = Descent(point, weighted_cost(ratings), residuals(ratings[0]))
-        yield Generation(point, descent.cost, nominal_cost(ratings[0]), [standing(ratings)])
+        yield Generation(point, descent.cost, [standing(ratings)])
         while not descent.has_ended:
             yield self._generation(descent)
 
@@ -181,24 +182,23 @@ class Tuning:
                 break
         else:
             descent.stay()
-        tried = [standing(item) for item in ratings]
-        return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
+        return Generation(descent.point, descent.cost, [standing(item) for item in ratings])
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
         return table_of(space.table_with(self._table, self.parameters, point))
 
     def _finalists(self) -> list[Finalist]:
         """What was to be bettered, and where the search stood, over the robust set."""
-        chosen = [Finalist(self._table, None)]
+        chosen: list[tuple[dict[str, Any], list[float] | None]] = [(self._table, None)]
         for item in leaders(self.generations, FINALISTS):
             table = space.table_with(self._table, self.parameters, item.point)
-            if all(table != other.table for other in chosen):
-                chosen.append(Finalist(table, item.point))
-        tables = [table_of(item.table) for item in chosen]
+            if all(table != other for other, _ in chosen):
+                chosen.append((table, item.point))
+        tables = [table_of(table) for table, _ in chosen]
         results = self._walk(tables, self._robust_cases.values(), last=True)
         return [
-            replace(item, walks=dict(zip(self._robust_cases, ratings, strict=True)))
-            for item, ratings in zip(chosen, results, strict=True)
+            Finalist(table, point, dict(zip(self._robust_cases, ratings, strict=True)))
+            for (table, point), ratings in zip(chosen, results, strict=True)
         ]
 
 
@@ -236,7 +236,7 @@ def tune(
     Raises:
         ParameterError: If there is nothing to tune, the settings make no sense or a walk cannot be run.
     """
-    walks.check_walker(experiment)
+    walking_wearer(experiment)
     if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
         raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:

@@ -12,19 +12,17 @@ from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
-from twin_gait.parameters import HEAVIEST_WEARER, Patient
+from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.simulation.lane_engine import WIDTH
-from twin_gait.studies.batch import overridden, run_episodes
+from twin_gait.studies.batch import overridden, run_episodes, walking_wearer
 from twin_gait.studies.jobs import Watch
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
-from twin_gait.worlds import Walking
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
@@ -106,16 +104,6 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
     return NOMINAL_WEIGHT * nominal_cost(nominal) + (1.0 - NOMINAL_WEIGHT) * mean
 
 
-def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
-    """How an experiment walks, and its wearer; without both it is a ParameterError."""
-    walking, patient = experiment.scenario.walking, experiment.patient
-    if walking is None or patient is None:
-        raise ParameterError(
-            f"{experiment.name}: expected a wearer who walks on the ground; there is nothing to tune"
-        )
-    return walking, patient
-
-
 def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
     """The cases of a kind by names, as ``cases.yaml`` has them: ``search``, ``robust`` or ``everyone``.
 
@@ -129,7 +117,7 @@ def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
 
 def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
     """An experiment with one of the changes that ``cases.yaml`` lists."""
-    (what, value), (walking, _) = change, check_walker(walked)
+    (what, value), (walking, _) = change, walking_wearer(walked)
     plant, scenario = walked.plant, walked.scenario
     match what:
         case "mass_ratio":
@@ -151,7 +139,7 @@ def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
 
 def _weighing(walked: Experiment, ratio: float) -> Experiment:
     """The true mass changes and nobody tells the device: neither its model nor the table's scaling law."""
-    _, patient = check_walker(walked)
+    _, patient = walking_wearer(walked)
     table, control = walked.table, replace(walked.control, patient=walked.control.patient or patient)
     mass = min(HEAVIEST_WEARER, ratio * patient.mass)
     reference = table.scaling.carried_mass
