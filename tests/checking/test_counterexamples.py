@@ -21,7 +21,7 @@ from twin_gait.checking.signals import Point, SignalSpace, swapped
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
-from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, Transition
+from twin_gait.gait import TICK, GaitStateMachine, GaitTable, Transition
 from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Bound, Requirement, Way, bound_of, ways
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
 from twin_gait.gait.signals import ANGLE, all_signal_names
@@ -159,7 +159,7 @@ def random_guard(generator: np.random.Generator, depth: int = 0) -> Guard:
     return guard(str(generator.choice(texts, p=[0.4, 0.2, 0.1, 0.1, 0.2])), PHASES)
 
 
-def random_table(seed: int) -> DraftTable:
+def random_table(seed: int) -> GaitTable:
     generator = np.random.default_rng(seed)
     transitions = []
     for index in range(10):
@@ -177,7 +177,7 @@ def random_table(seed: int) -> DraftTable:
             )
         )
     phases = {name: phase(minimum_ticks=int(generator.choice([0, 0, 20]))) for name in PHASES}
-    return DraftTable(name=f"random {seed}", joints=JOINTS, phases=phases, transitions=tuple(transitions))
+    return GaitTable(name=f"random {seed}", joints=JOINTS, phases=phases, transitions=tuple(transitions))
 
 
 SEEDS = range(12)
@@ -291,9 +291,7 @@ def test_noise_does_undo_a_reported_switch() -> None:
     """The way back opens in the next tick with every signal moved by the noise or less."""
     there = Transition(source="a", target="b", cause="there", guard=guard("hip.angle_deg > 10", PHASES))
     back = Transition(source="b", target="a", cause="back", guard=guard("hip.angle_deg < 9.8", PHASES))
-    table = DraftTable(
-        name="t", joints=JOINTS, phases={n: phase() for n in PHASES}, transitions=(there, back)
-    )
+    table = GaitTable(name="t", joints=JOINTS, phases={n: phase() for n in PHASES}, transitions=(there, back))
     (finding,) = (item for item in hysteresis(build_case(table)) if item.transition == label(back))
     angle = finding.counterexample["hip.angle_deg"]
     assert isinstance(angle, float)
@@ -447,7 +445,7 @@ def test_guard_with_too_many_alternatives_is_refused_in_one_line() -> None:
 
 def space_of(*transitions: Transition, change: Callable[[Any], Any] = lambda phases: phases) -> SignalSpace:
     phases = change({name: phase() for name in PHASES})
-    table = DraftTable(name="t", joints=JOINTS, phases=phases, transitions=transitions)
+    table = GaitTable(name="t", joints=JOINTS, phases=phases, transitions=transitions)
     return SignalSpace(build_case(table))
 
 

@@ -257,7 +257,7 @@ def asking(source: str, target: str, debounce: int = 1) -> Transition:
         ({"requests": ("walk",)}, "no request 'stand'; there are walk"),
         ({"transitions": (*TWIN.transitions, asking("hold", "standing"))}, "nothing leads out of hold"),
         (
-            {"transitions": (asking("sitting", "sit_up", 5),)},
+            {"transitions": (*TWIN.transitions, asking("sitting", "sit_up", 5))},
             "held for 5 ms; leave debounce_ms out",
         ),
         ({"transitions": (asking("sitting", "sit_up"),)}, "sit_up: no transition leaves it"),

@@ -47,14 +47,14 @@ def load_case(
         settings: Laid over the experiment, as in :func:`~twin_gait.configuration.load_experiment`.
 
     Returns:
-        The case; its table may be a draft.
+        The case.
 
     Raises:
         TwinGaitError: If a file has a mistake, or the experiment cannot drive the joints of the table.
     """
     if experiment is None and source in presets() and source not in packaged_gait_tables():
         source, experiment = None, source
-    table = None if source is None else load_state_table(source, draft=True)
+    table = None if source is None else load_state_table(source)
     if isinstance(table, ModeTable):
         return build_case(table)
     preset = table.name if table is not None and table.name in presets() else DEFAULT_PRESET

@@ -74,20 +74,20 @@ def _shared(
     return {"name": entry.name or name, "transitions": tuple(transitions.values()), "waivers": entry.waive}
 
 
-def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
+def load_gait_table(source: str | Path) -> table.GaitTable:
     """Read a gait table from a YAML file, or by the name of one that ships, such as ``treadmill``.
 
-    ``draft``: whether phases may lack exits or be out of reach, which a check reports itself. Raises
-    ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key, value).
+    Raises ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key,
+    value).
     """
     path = source if isinstance(source, Path) else gait_table_path(source)
-    return checked_table(read_gait_table(path), str(path), path.stem, draft=draft)
+    return checked_table(read_gait_table(path), str(path), path.stem)
 
 
-def checked_table(found: TableMapping, source: str, name: str, *, draft: bool = False) -> table.GaitTable:
+def checked_table(found: TableMapping, source: str, name: str) -> table.GaitTable:
     """As :func:`gait_table_from_mapping`; mistakes in an entry of a list name file and entry as written."""
     try:
-        return gait_table_from_mapping(found.data, source, name, draft=draft)
+        return gait_table_from_mapping(found.data, source, name)
     except ParameterFileError as error:
         text = f"{error.key}: {error.problem}".removeprefix(": ")
         entry = re.match(r"\w+\[\d+\]", text)
@@ -97,13 +97,8 @@ def checked_table(found: TableMapping, source: str, name: str, *, draft: bool = 
         raise ParameterFileError(place.source, "", place.key + text[entry.end() :]) from error
 
 
-def gait_table_from_mapping(
-    data: dict[str, Any], source: str, name: str, *, draft: bool = False
-) -> table.GaitTable:
-    """Turn parsed YAML into a gait table, or a draft of one, which need not be closed.
-
-    ``source``: file name for messages. ``name``: of the table if the file gives none.
-    """
+def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> table.GaitTable:
+    """Turn parsed YAML of the file ``source`` into a gait table, ``name`` if it gives none."""
     entry: Any = validate(GaitTableFile, data, source)
     phases = {
         name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
@@ -122,9 +117,8 @@ def gait_table_from_mapping(
             merged = merge(entry.phases[phase], values)  # over the common values
             side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
     shared = _shared(entry, name, tuple(phases), LEG_WORDS, source)
-    kind = table.DraftTable if draft else table.GaitTable
     more = {**shared, "phases": phases, "side_phases": side_phases}
-    return converting(source, "", lambda: taken_from(kind, entry, **more))
+    return converting(source, "", lambda: taken_from(table.GaitTable, entry, **more))
 
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
@@ -183,9 +177,9 @@ def load_mode_table(source: str | Path) -> ModeTable:
     return mode_table_from_mapping(read_yaml(path), str(path), path.stem)
 
 
-def load_state_table(source: str | Path, *, draft: bool = False) -> GaitTable | ModeTable:
+def load_state_table(source: str | Path) -> GaitTable | ModeTable:
     """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
     if source in packaged_mode_tables():
         source = mode_table_path(source)
     path = source if isinstance(source, Path) else gait_table_path(source)
-    return load_mode_table(path) if "modes" in read_yaml(path) else load_gait_table(path, draft=draft)
+    return load_mode_table(path) if "modes" in read_yaml(path) else load_gait_table(path)

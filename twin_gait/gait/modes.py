@@ -52,6 +52,10 @@ class ModeTable(StateTable):
             refuse(self.requests.count(name) > 1, f"requests: {name} is named twice")
         self._check_known("hold", self.hold)
         refuse(self.hold == self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
+        left = {item.source for item in self.transitions}
+        for mode in self.phases:
+            stuck = mode not in (*left, self.hold)
+            refuse(stuck, f"modes.{mode}: no transition leaves it; add one to transitions")
 
     def _check_transition(self, place: str, item: Transition) -> None:
         super()._check_transition(place, item)
