@@ -25,7 +25,6 @@ from twin_gait.gait.signals import (
     TRUNK_PITCH,
     VELOCITY,
     WALK,
-    Scope,
     all_signal_names,
     part_of,
     signal_of,
@@ -109,6 +108,5 @@ def test_it_is_compared_with_an_angle_and_not_with_another_unit():
 
 @pytest.mark.parametrize("signal", DEVICE_SIGNALS, ids=lambda signal: signal.name)
 def test_a_signal_of_the_device_has_to_be_finite(signal):
-    assert signal.scope is Scope.DEVICE
     with pytest.raises(MeasurementError, match=f"left leg: the {signal.name} is nan"):
         GaitStateMachine(two_phase_table(), Side.LEFT).step(1, {**STILL, signal.name: math.nan})

@@ -13,12 +13,13 @@ from twin_gait.gait.guards import Comparison, compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
+    DEVICE_NAMES,
+    HIGHEST_VELOCITY,
     LONGEST_STAY,
     OTHER,
     OTHER_TIME,
     TIME,
-    Known,
-    is_device,
+    VELOCITY,
     part_of,
     signal_of,
     signal_scale,
@@ -72,7 +73,6 @@ class SignalSpace:
         self.others = (None, *members) if modes else members if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
         self._scales = {name: signal_scale(name) for name in self.table.signals}
-        self._known = Known(case.limits, case.velocity_limits)
         self.opening, self.can_fire = cache(self._opening), cache(self._can_fire)
 
     def exits(self, phase: str) -> list[int]:
@@ -101,8 +101,13 @@ class SignalSpace:
     def range(self, name: str) -> tuple[float, float]:
         """Range of a measured signal in the units of the table; either leg's."""
         # The unknowns of a search may have further words in front: other, entry, noisy, end.
-        low, high = signal_of(name).range(self._known, part_of(name))
-        return low / signal_scale(name), high / signal_scale(name)
+        signal, part = signal_of(name), part_of(name)
+        if signal is VELOCITY:
+            highest = self.case.velocity_limits.get(part, HIGHEST_VELOCITY)
+            low, high = -highest, highest
+        else:
+            low, high = signal.range or self.case.limits[part]
+        return low / signal.unit.factor, high / signal.unit.factor
 
     def find(
         self,
@@ -234,7 +239,7 @@ def entered(point: Point) -> Point:
 
 def swapped(name: str) -> str:
     """Name that the other leg has for a signal; both are told the same."""
-    if is_device(name):
+    if name in DEVICE_NAMES:
         return name
     return name.removeprefix(OTHER) if name.startswith(OTHER) else OTHER + name
 
