@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
 from twin_gait.checking.signals import OTHER_PHASE, Point, SignalSpace, signal_space, swapped
 from twin_gait.gait.feasibility import Requirement, translated
-from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
@@ -246,18 +245,5 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
             yield Finding(Severity.ERROR, reason, suggestion, phase=first)
 
 
-@rule
-def unanswered_request(case: CheckCase) -> Iterator[Finding]:
-    """No mode ever answers a request."""
-    table = case.table
-    assert isinstance(table, ModeTable)  # a rule of theirs
-    for request in table.requests:
-        answers = [item for mode in table.phase_names for item in table.answers(mode, request)]
-        if not any(item in firing(case) for item in answers):
-            reason = f"no transition that can fire answers the request {request}"
-            suggestion = "add a transition that does, or take the request out"
-            yield Finding(Severity.WARNING, reason, suggestion)
-
-
 RULES = (unreachable_phase, trap, missing_time_out, undeclared_cycle, both_in_swing, deadlock)
-MODE_RULES = (unreachable_phase, trap, unanswered_request)
+MODE_RULES = (unreachable_phase, trap)

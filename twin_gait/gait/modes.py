@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait import guards
-from twin_gait.gait.program import guard_is_open
-from twin_gait.gait.signals import TIME, signal_scale
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import MOST_PHASES, TICK, State, StateTable, Transition, refuse
 
 
@@ -72,10 +73,6 @@ class ModeTable(StateTable):
     def entered(self) -> tuple[str, ...]:
         """The hold, which the monitor enters."""
         return (self.hold,)
-
-    def answers(self, mode: str, request: str) -> list[Transition]:
-        """Transitions out of a mode that a request can open, in order of priority."""
-        return [item for item in self.transitions if item.source == mode and request in _asked(item)]
 
     def waits_for_step(self, mode: str) -> bool:
         """Whether legs that walk in a mode wait until somebody asks for a step."""
@@ -135,27 +132,21 @@ def why_refused(
 
     ``signals``: in the units of their names; missing ones are 0. ``ticks``: since the mode was entered.
     """
-    answers = table.answers(mode, request)
+    leaving = [(item, _asked(item)) for item in table.transitions if item.source == mode]
+    answers = [item for item, asked in leaving if request in asked]
     if not answers:
-        known = [name for name in table.requests if table.answers(mode, name)]
+        known = [name for name in table.requests if any(name in asked for _, asked in leaving)]
         return f"{mode} does not answer {request}; it answers {', '.join(known) or 'nothing'}"
     measured = {**dict.fromkeys(table.signals, 0.0), **signals, TIME: ticks * TICK}
-    values, member = table.in_si(measured), table.member_index(request)
+    values, member, program = table.in_si(measured), table.member_index(request), compile_guards(table)
     missing = []
     for item in answers:
+        rule, lacks = program.transitions[table.transitions.index(item)], []
         least = max(table.phases[mode].minimum_ticks, item.time_out_ticks or 0)
-        waits = [f"{mode} for {ticks * TICK:g} s, less than {least * TICK:g} s"] if ticks < least else []
-        missing.append(waits + _closed(table, item.guard, values, member))
+        if ticks < least:
+            lacks.append(f"{mode} for {ticks * TICK:g} s, less than {least * TICK:g} s")
+        if not guard_holds(program, rule.first_node, rule.end_node, values, member):
+            lacks.append(f"{item.guard} is not true")
+            lacks += [f"{name} is {measured[name]:.4g}" for name in guards.compared(item.guard)]
+        missing.append(lacks)
     return None if [] in missing else "; or ".join(", ".join(lacks) for lacks in missing)
-
-
-def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request: int) -> list[str]:
-    """The conditions that keep a guard closed, with what is measured."""
-    if guard_is_open(guard, table, values, request):
-        return []
-    if isinstance(guard, (guards.AllOf, guards.AnyOf)):
-        parts = [_closed(table, inner, values, request) for inner in guard.guards]
-        return [text for part in parts for text in part]
-    named = dict(zip(table.signals, values, strict=True))
-    read = [f"{name} is {named[name] / signal_scale(name):.4g}" for name in guards.compared(guard)]
-    return [f"{guard} is not true{': ' if read else ''}{' and '.join(read)}"]
