@@ -15,14 +15,11 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
 
     Raises GaitTableError if the table or a guard is too large for so many bits.
     """
-    refuse(len(table.members) > bits, f"{len(table.members)} {table.words.member}s; at most {bits} fit")
+    _refuse_large(table, bits)
     nodes: list[guards.GuardNode] = []
     comparisons: list[guards.Comparison] = []
     rules = []
     for transition in table.transitions:
-        waiting, way = _waiting(transition.guard), f"{transition.source} → {transition.target}"
-        too_many = f"{waiting} conditions wait to be joined; at most {bits} fit, so nest some of them"
-        refuse(waiting > bits, f"transition {way} ({transition.cause}): {too_many}")
         first = len(nodes)
         _emit(transition.guard, table, nodes, comparisons)
         rules.append(
@@ -37,6 +34,14 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
         )
     minimum_ticks = [item.minimum_ticks for item in table.phases.values()]
     return guards.GuardProgram(len(rules), minimum_ticks, rules, nodes, comparisons)
+
+
+def _refuse_large(table: StateTable, bits: int) -> None:
+    refuse(len(table.members) > bits, f"{len(table.members)} {table.words.member}s; at most {bits} fit")
+    for item in table.transitions:
+        name, waiting = f"{item.source} → {item.target} ({item.cause})", _waiting(item.guard)
+        too_many = f"{waiting} conditions wait to be joined; at most {bits} fit, so nest some of them"
+        refuse(waiting > bits, f"transition {name}: {too_many}")
 
 
 def _waiting(guard: Guard) -> int:
