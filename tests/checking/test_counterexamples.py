@@ -156,7 +156,7 @@ def random_guard(generator: np.random.Generator, depth: int = 0) -> Guard:
         f"{prefix}time_in_phase_s {operator} {generator.uniform(0.0, 0.8):.3f}",
         f"other.{joint}.angle_deg - {joint}.angle_deg {operator} {generator.uniform(-30, 30):.1f}",
     ]
-    return guard(str(generator.choice(texts, p=[0.4, 0.2, 0.1, 0.1, 0.2])), PHASES)
+    return guard(str(generator.choice(texts, p=[0.4, 0.2, 0.1, 0.1, 0.2])))
 
 
 def random_table(seed: int) -> GaitTable:
@@ -289,8 +289,8 @@ def test_counterexamples_lie_inside_the_limits(seed: int) -> None:
 
 def test_noise_does_undo_a_reported_switch() -> None:
     """The way back opens in the next tick with every signal moved by the noise or less."""
-    there = Transition(source="a", target="b", cause="there", guard=guard("hip.angle_deg > 10", PHASES))
-    back = Transition(source="b", target="a", cause="back", guard=guard("hip.angle_deg < 9.8", PHASES))
+    there = Transition(source="a", target="b", cause="there", guard=guard("hip.angle_deg > 10"))
+    back = Transition(source="b", target="a", cause="back", guard=guard("hip.angle_deg < 9.8"))
     table = GaitTable(name="t", joints=JOINTS, phases={n: phase() for n in PHASES}, transitions=(there, back))
     (finding,) = (item for item in hysteresis(build_case(table)) if item.transition == label(back))
     angle = finding.counterexample["hip.angle_deg"]
@@ -429,8 +429,8 @@ def test_absent_leg_opens_no_condition_on_it() -> None:
         "other.phase in [a]",
         "hip.angle_deg - other.hip.angle_deg < 999",
     ):
-        assert ways_of(guard(text, PHASES), (None,), True) == []
-        assert len(ways_of(guard(text, PHASES), (None,), False)) == 1
+        assert ways_of(guard(text), (None,), True) == []
+        assert len(ways_of(guard(text), (None,), False)) == 1
 
 
 def test_guard_with_too_many_alternatives_is_refused_in_one_line() -> None:
@@ -450,7 +450,7 @@ def space_of(*transitions: Transition, change: Callable[[Any], Any] = lambda pha
 
 
 def leaving(text: str, **changes: Any) -> Transition:
-    return Transition(source="a", target="b", cause="go", guard=guard(text, PHASES), **changes)
+    return Transition(source="a", target="b", cause="go", guard=guard(text), **changes)
 
 
 TIME_OUT = Transition(source="a", target="b", cause="time_out", time_out_ticks=500)
@@ -480,8 +480,8 @@ def test_time_out_and_debounce_bound_what_an_exit_can_do(
 
 
 def test_exit_that_needs_time_is_not_open_at_entry() -> None:
-    into = Transition(source="b", target="a", cause="in", guard=guard("hip.angle_deg > 5", PHASES))
+    into = Transition(source="b", target="a", cause="in", guard=guard("hip.angle_deg > 5"))
     for text, found in (("time_in_phase_s > 0.05", 0), ("time_in_phase_s > 0.0005", 1)):
-        out = AllOf(guards=(guard("hip.angle_deg > 8", PHASES), guard(text, PHASES)))
+        out = AllOf(guards=(guard("hip.angle_deg > 8"), guard(text)))
         table = space_of(into, Transition(source="a", target="b", cause="out", guard=out)).table
         assert len([item for item in cascade(build_case(table)) if item.phase == "a"]) == found

@@ -133,10 +133,9 @@ def test_transitions_keep_their_order_and_their_conditions(tmp_path: Path) -> No
     assert [item.cause for item in table.transitions] == [
         "loaded", "hip_extension", "trailing_limb", "clearance", "time_out", "limb_extended",
     ]  # fmt: skip
-    joints, phases = table.joints, table.phase_names
 
     def guard(text: str) -> Any:
-        return parse_guard(text, joints, phases)
+        return parse_guard(text)
 
     assert table.transitions[1].guard == AnyOf(
         guards=(

@@ -331,7 +331,7 @@ def test_phases_of_the_open_source_leg_begin_at_thresholds_or_after_the_minimum_
 def reading(cause: str, join: type[AllOf] | type[AnyOf], *guards: str) -> dict[str, float]:
     """Instants of the Open-Source Leg's machine with another condition, without minimum durations."""
     table = load_gait_table("osl_walking")
-    parts = tuple(parse_guard(text, table.joints, table.phase_names) for text in guards)
+    parts = tuple(parse_guard(text) for text in guards)
     changed = tuple(
         dataclasses.replace(item, guard=join(guards=parts)) if item.cause == cause else item
         for item in table.transitions

@@ -99,7 +99,7 @@ class Reader:
     def __init__(self, table: GaitTable) -> None:
         self.table = table
         self.printed = read_truth_table(truth_table(table))
-        self._atom = cache(lambda text: parse_guard(text.strip("`"), table.joints, table.phase_names))
+        self._atom = cache(lambda text: parse_guard(text.strip("`")))
         self.open_for: dict[str, int] = {}
         self.visited: set[tuple[str, int]] = set()
 
@@ -546,7 +546,7 @@ def test_every_signal_has_words_and_a_unit() -> None:
         "time_in_phase_s > 3",
     ]
     texts += ["trunk.pitch_deg > 3", "walk > 0.5"]
-    assert [guard_words(parse_guard(text, ("hip", "knee"), ())) for text in texts] == [
+    assert [guard_words(parse_guard(text)) for text in texts] == [
         "hip > 3°",
         "other knee velocity < 3°/s",
         "foot load > 3 BW",

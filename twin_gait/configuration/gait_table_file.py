@@ -59,15 +59,12 @@ class ModeTableFile(_TableFile):
     modes: dict[str, type_of(Mode)] = Field(min_length=2)  # type: ignore[valid-type]
 
 
-def _shared(
-    entry: Any, name: str, members: tuple[str, ...], words: GuardWords, source: str
-) -> dict[str, Any]:
-    """What both kinds of tables have, in SI; ``members`` are what guards may ask for by name."""
-    read = partial(_transition, joints=entry.joints, members=members, words=words)
+def _shared(entry: Any, name: str, words: GuardWords, source: str) -> dict[str, Any]:
+    """What both kinds of tables have, in SI; ``words`` are what guards may read."""
     transitions: dict[tuple[str, ...], table.Transition] = {}
     for index, written in enumerate(entry.transitions):
         place = f"transitions[{index}]"
-        item = converting(source, place, partial(read, written))
+        item = converting(source, place, partial(_transition, written, words))
         if transitions.setdefault((item.source, item.target, item.cause), item) is not item:
             problem = "the same from, to and cause as another one; leave one out, or give it another cause"
             raise ParameterFileError(source, place, problem)
@@ -116,7 +113,7 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> tab
                 raise ParameterFileError(source, key, f"no such phase; there are {', '.join(phases)}")
             merged = merge(entry.phases[phase], values)  # over the common values
             side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
-    shared = _shared(entry, name, tuple(phases), LEG_WORDS, source)
+    shared = _shared(entry, name, LEG_WORDS, source)
     more = {**shared, "phases": phases, "side_phases": side_phases}
     return converting(source, "", lambda: taken_from(table.GaitTable, entry, **more))
 
@@ -128,21 +125,19 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     return phase
 
 
-def _transition(
-    entry: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords
-) -> table.Transition:
+def _transition(entry: Any, words: GuardWords) -> table.Transition:
     given = [{kind: guards} for kind in ("all", "any") if (guards := getattr(entry, kind))]
-    guard = _guard(given[0], joints, members, words) if given else AllOf(guards=())
+    guard = _guard(given[0], words) if given else AllOf(guards=())
     return table.Transition(**entry.values(), guard=guard)
 
 
-def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords) -> Guard:
+def _guard(item: Any, words: GuardWords) -> Guard:
     if isinstance(item, str):
-        return parse_guard(item, joints, members, words)
+        return parse_guard(item, words)
     if isinstance(item, dict) and len(item) == 1:
         ((kind, inner),) = item.items()
         if kind in ("all", "any") and isinstance(inner, list) and inner:
-            guards = tuple(_guard(part, joints, members, words) for part in inner)
+            guards = tuple(_guard(part, words) for part in inner)
             return AllOf(guards=guards) if kind == "all" else AnyOf(guards=guards)
     expected = "expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
     raise GaitTableError(f"guard {short(item)}: {expected}")
@@ -154,7 +149,7 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
     entry: Any = validate(ModeTableFile, data, source)
-    shared = _shared(entry, name, entry.requests, MODE_WORDS, source)
+    shared = _shared(entry, name, MODE_WORDS, source)
     return converting(source, "", lambda: taken_from(ModeTable, entry, **shared, phases=entry.modes))
 
 

@@ -237,7 +237,7 @@ class StateTable:
         refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
         for atom in atoms(item.guard):
             problem = self.words.problem(atom, self.joints, self.members)
-            refuse(problem, f"{place}: {problem}")
+            refuse(problem, f"{place}: guard '{atom}': {problem}")
         after, least = item.time_out_ticks or LONGEST, self.phases[item.source].minimum_ticks
         early = f"after_s {after * TICK:g} is below the minimum_duration_ms {least} of {item.source}"
         refuse(after < least, f"{place}: {early}")
