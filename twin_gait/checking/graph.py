@@ -161,13 +161,9 @@ def _together(space: SignalSpace, first: int, second: int) -> Point | None:
     if not space.can_fire(second) or space.opening(second, own) is None:
         return None
 
-    def holds(point: Point) -> bool:
-        mirrored = Point({swapped(name): value for name, value in point.signals.items()}, own)
-        return space.is_open(first, point) and space.is_open(second, mirrored)
-
     theirs = translated(space.transition(second).guard, swapped, lambda item: own in item.phases)
     times = {TIME: space.window(first), OTHER_TIME: space.window(second)}
-    return next(space.find([space.requirement(first), Requirement(theirs)], times, holds, other=other), None)
+    return space.first([space.requirement(first), Requirement(theirs)], times, other)
 
 
 def _sorted(pair: Pair) -> Pair:

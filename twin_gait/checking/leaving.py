@@ -28,7 +28,7 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     space = signal_space(case)
     for leg in hanging_legs(case):
         for phase in leg.phases if leg.problem.controller.by_phases else ():
-            guarded = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
+            guarded = space.guarded(phase)
             exits, contact = [space.transition(index) for index in guarded], in_contact(leg, phase)
             declared = contact and any(item.driven_by is DrivenBy.CONTACT for item in exits)
             if exits and not declared:

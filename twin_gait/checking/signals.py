@@ -1,7 +1,7 @@
 """Ranges of the signals that a table reads, and points in them where guards are open or closed."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -9,7 +9,7 @@ from twin_gait.checking.finding import CheckCase, once
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
-from twin_gait.gait.guards import Comparison, compared
+from twin_gait.gait.guards import compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
@@ -79,6 +79,10 @@ class SignalSpace:
         """Indices of the transitions that leave a phase."""
         return [index for index, item in enumerate(self.table.transitions) if item.source == phase]
 
+    def guarded(self, phase: str) -> list[int]:
+        """Those of them that are no pure time-outs."""
+        return [index for index in self.exits(phase) if not self.transition(index).is_time_out]
+
     def transition(self, index: int) -> Transition:
         """A transition of the table."""
         return self.table.transitions[index]
@@ -113,7 +117,6 @@ class SignalSpace:
         self,
         requirements: Sequence[Requirement],
         ranges: Ranges,
-        holds: Callable[[Point], bool] = lambda point: True,
         *,
         other: str | None = None,
         beside: Sequence[Bound] = (),
@@ -124,12 +127,11 @@ class SignalSpace:
             requirements: What has to be open or closed.
             ranges: Range of each time in a phase in [s] (the other leg's follows from its phase, any further
                 one is free), and of signals that have a narrower one than the limits.
-            holds: What has to be true of a point by the evaluator of guards; also after rounding.
             other: Phase of the other leg; None for any.
             beside: Bounds that have to be kept in addition, times in [s].
 
         Yields:
-            A point for each way to do it, rounded as far as it stays true.
+            A point for each way to do it, rounded if it stays true.
 
         Raises:
             GaitTableError: If the guards leave too many choices to try.
@@ -143,9 +145,13 @@ class SignalSpace:
             own = {OTHER_TIME: (0.0, self.time_out(phases[0])), **ranges}
             for found in self._solutions(Way(phases, tuple(beside)), requirements, own):
                 decides = found.phase_decides or (OTHER_TIME in read and found.other is not None)
-                point = _rounded(replace(found, phase_decides=decides), holds)
-                if point is not None:
-                    yield point
+                yield replace(found, phase_decides=decides)
+
+    def first(
+        self, requirements: Sequence[Requirement], ranges: Ranges, other: str | None = None
+    ) -> Point | None:
+        """First point of :meth:`find`, or None."""
+        return next(self.find(requirements, ranges, other=other), None)
 
     def possible(
         self, requirements: Sequence[Requirement], ranges: Ranges, beside: Sequence[Bound] = ()
@@ -157,21 +163,23 @@ class SignalSpace:
             return True
 
     def _solutions(self, start: Way, requirements: Sequence[Requirement], ranges: Ranges) -> Iterator[Point]:
-        def limits(names: Iterable[str]) -> list[Bound]:
-            found = []
-            for name in names:
+        def within(bound: Bound) -> list[Bound]:
+            """A bound and the limits of what it reads."""
+            found = [bound]
+            for name in bound.names:
                 low, high = ranges.get(name) or self.range(name)
                 found += [Bound(ZERO, name, -low), Bound(name, ZERO, high)]
             return [_in_ticks(item) for item in found]
 
-        def bounds_of(atom: Comparison, true: bool) -> list[Bound]:
-            bound = bound_of(atom, true)
-            return [_in_ticks(bound), *limits(bound.names)]
-
-        names = dict.fromkeys(name for item in start.bounds for name in item.names)
-        given = (*(_in_ticks(item) for item in start.bounds), *limits(names))
-        for way, values in solutions(start._replace(bounds=given), requirements, bounds_of):
-            signals = {name: value * TICK if name.endswith(TIME) else value for name, value in values.items()}
+        given = tuple(item for bound in start.bounds for item in within(bound))
+        ways = solutions(start._replace(bounds=given), requirements, lambda *atom: within(bound_of(*atom)))
+        for way, values in ways:
+            rounded = {name: round(value, 3) + 0.0 for name, value in values.items()}  # no -0
+            shown = rounded if all(bound.holds(rounded) for bound in way.bounds) else values
+            signals = {
+                name: round(TICK * value, 3) if name.endswith(TIME) else value
+                for name, value in shown.items()
+            }
             yield Point(signals, way.phases[0], way.phases != start.phases)
 
     def openings(self, index: int, other: str | None = None) -> Iterator[Point]:
@@ -179,10 +187,7 @@ class SignalSpace:
 
         ``other``: phase of the other leg; None for any.
         """
-        window = {TIME: self.window(index)}
-        return self.find(
-            [self.requirement(index)], window, lambda point: self.is_open(index, point), other=other
-        )
+        return self.find([self.requirement(index)], {TIME: self.window(index)}, other=other)
 
     def _opening(self, index: int, other: str | None = None) -> Point | None:
         return next(self.openings(index, other), None)
@@ -232,20 +237,8 @@ def _in_ticks(bound: Bound) -> Bound:
     return replace(bound, limit=bound.limit / TICK, room=bound.room / TICK, whole=True)
 
 
-def entered(point: Point) -> Point:
-    """A point as the exits of a phase read it in the tick after the switch to it."""
-    return replace(point, signals={**point.signals, TIME: TICK})
-
-
 def swapped(name: str) -> str:
     """Name that the other leg has for a signal; both are told the same."""
     if name in DEVICE_NAMES:
         return name
     return name.removeprefix(OTHER) if name.startswith(OTHER) else OTHER + name
-
-
-def _rounded(point: Point, holds: Callable[[Point], bool]) -> Point | None:
-    """The point with three decimals if that keeps it true."""
-    # Adding 0 turns -0 into 0.
-    rounded = replace(point, signals={name: round(value, 3) + 0.0 for name, value in point.signals.items()})
-    return next(filter(holds, (rounded, point)), None)
