@@ -351,8 +351,7 @@ def plain_space() -> SignalSpace:
 
 
 def first_point(*texts: str) -> Point | None:
-    requirements = [Requirement(guard(text)) for text in texts]
-    point = plain_space().first(requirements, {TIME: (TICK, 1.0)})
+    point = plain_space().first([guard(text) for text in texts], {TIME: (TICK, 1.0)})
     assert point is None or opens(texts, point)
     return point
 

@@ -11,7 +11,7 @@ from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared, mapped
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import ANGLE, LOAD, TIME, VELOCITY, signal_of
-from twin_gait.gait.table import TICK, Transition
+from twin_gait.gait.table import TICK
 
 _ENTRY = (TICK, TICK)
 
@@ -25,8 +25,8 @@ def ambiguity(case: CheckCase) -> Iterator[Finding]:
         one, other = space.transition(first), space.transition(second)
         windows = space.window(first), space.window(second)
         times = {TIME: (max(earliest for earliest, _ in windows), windows[0][1])}
-        point = space.first([space.requirement(first), space.requirement(second)], times)
-        if point is not None and one.target != other.target:
+        point = None if one.target == other.target else space.first([one.guard, other.guard], times)
+        if point is not None:
             reason = (
                 f"{label(one)} and {label(other)} can be open at once; when both are due {label(one)} wins"
             )
@@ -83,28 +83,21 @@ def cascade(case: CheckCase) -> Iterator[Finding]:
     a while, or if it is entered by a time-out, at which the signals may be anything.
     """
     space = signal_space(case)
+    suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
     for into, entry in enumerate(space.table.transitions):
         earliest, latest = space.window(into)
         times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
         for out in space.guarded(entry.target):
             leave = space.transition(out)
-            if (leave.time_out_ticks or 0) > 1:
-                continue
-            through = [space.requirement(into), Requirement(_at_entry(space, leave.guard))]
-            point = space.first(through, times)
+            at_once = (leave.time_out_ticks or 0) <= 1
+            point = space.first([entry.guard, _at_entry(space, leave.guard)], times) if at_once else None
             if point is not None:
-                yield _straight_through(space, entry, leave, space.counterexample(point))
-
-
-def _straight_through(
-    space: SignalSpace, entry: Transition, leave: Transition, shown: dict[str, float | str]
-) -> Finding:
-    stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
-    held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
-    reason = f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: {held}"
-    suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
-    severity = Severity.NOTE if stay > 1 or entry.is_time_out else Severity.WARNING
-    return about(leave, severity, reason, suggestion, counterexample=shown)
+                stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
+                held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
+                way = f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open"
+                severity = Severity.NOTE if stay > 1 or entry.is_time_out else Severity.WARNING
+                shown = space.counterexample(point)
+                yield about(leave, severity, f"{way}: {held}", suggestion, counterexample=shown)
 
 
 def _at_entry(space: SignalSpace, guard: Guard) -> Guard:
@@ -124,9 +117,8 @@ def hysteresis(case: CheckCase) -> Iterator[Finding]:
             stay = max(space.table.phases[second.source].minimum_ticks, second.time_out_ticks or 0)
             if second.target != first.source or max(stay, second.debounce_ticks) > 1:
                 continue
-            undoing = Requirement(_at_entry(space, mapped(second.guard, _within_noise)))
-            times = {TIME: space.window(there), ENTRY_TIME: _ENTRY}
-            point = space.first([space.requirement(there), undoing], times)
+            undoing = _at_entry(space, mapped(second.guard, _within_noise))
+            point = space.first([first.guard, undoing], {TIME: space.window(there), ENTRY_TIME: _ENTRY})
             if point is not None:
                 reason = (
                     f"{label(second)} can undo {label(first)} in the next tick: noise of {ANGLE.noise:g}°, "

@@ -4,8 +4,8 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
-from twin_gait.checking.signals import OTHER_PHASE, Point, SignalSpace, signal_space, swapped
-from twin_gait.gait.feasibility import Requirement, translated
+from twin_gait.checking.signals import OTHER_PHASE, SignalSpace, signal_space, swapped
+from twin_gait.gait.feasibility import translated
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
@@ -149,21 +149,15 @@ def signals_for(
     Both legs read one snapshot, ``other.phase`` is that before the tick, and each takes at most one
     transition in a tick.
     """
-    point = space.opening(first, other) if space.can_fire(first) else None
-    if point is not None and second is not None:
-        point = _together(space, first, second)
-    return None if point is None else {**space.counterexample(point), OTHER_PHASE: other}
-
-
-def _together(space: SignalSpace, first: int, second: int) -> Point | None:
-    """Signals that open the transitions of both legs in one tick."""
-    own, other = space.transition(first).source, space.transition(second).source
-    if not space.can_fire(second) or space.opening(second, own) is None:
+    if not all(space.can_fire(index) for index in (first, second) if index is not None):
         return None
-
-    theirs = translated(space.transition(second).guard, swapped, lambda item: own in item.phases)
-    times = {TIME: space.window(first), OTHER_TIME: space.window(second)}
-    return space.first([space.requirement(first), Requirement(theirs)], times, other)
+    point = space.opening(first, other)
+    if point is not None and second is not None:
+        item = space.transition(first)
+        theirs = translated(space.transition(second).guard, swapped, lambda atom: item.source in atom.phases)
+        times = {TIME: space.window(first), OTHER_TIME: space.window(second)}
+        point = space.first([item.guard, theirs], times, other)
+    return None if point is None else {**space.counterexample(point), OTHER_PHASE: other}
 
 
 def _sorted(pair: Pair) -> Pair:

@@ -8,6 +8,7 @@ from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
+from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.signals import ANGLE, LOAD, LONGEST_STAY, OTHER_TIME, TIME, VELOCITY
 from twin_gait.gait.table import TICK, DrivenBy
 
@@ -97,7 +98,7 @@ def _some_exit_opens(
     for index in exits:
         landing = grounded and space.transition(index).driven_by is DrivenBy.CONTACT
         load = space.range(LOAD.name) if landing or in_contact(leg, phase) else (0.0, 0.0)
-        if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
+        if space.possible([Requirement(space.transition(index).guard)], {**ranges, LOAD.name: load}):
             return True
     return False
 

@@ -9,7 +9,7 @@ from twin_gait.checking.finding import CheckCase, once
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
-from twin_gait.gait.guards import compared
+from twin_gait.gait.guards import Guard, compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
@@ -87,10 +87,6 @@ class SignalSpace:
         """A transition of the table."""
         return self.table.transitions[index]
 
-    def requirement(self, index: int) -> Requirement:
-        """The guard of a transition as something to be open."""
-        return Requirement(self.transition(index).guard)
-
     def time_out(self, phase: str | None) -> float:
         """Time in [s] at which the first pure time-out ends a phase, an hour without one."""
         exits = [item for item in self.table.transitions if item.source == phase and item.is_time_out]
@@ -147,11 +143,9 @@ class SignalSpace:
                 decides = found.phase_decides or (OTHER_TIME in read and found.other is not None)
                 yield replace(found, phase_decides=decides)
 
-    def first(
-        self, requirements: Sequence[Requirement], ranges: Ranges, other: str | None = None
-    ) -> Point | None:
-        """First point of :meth:`find`, or None."""
-        return next(self.find(requirements, ranges, other=other), None)
+    def first(self, guards: Sequence[Guard], ranges: Ranges, other: str | None = None) -> Point | None:
+        """First point of :meth:`find` that opens some guards, or None."""
+        return next(self.find([Requirement(guard) for guard in guards], ranges, other=other), None)
 
     def possible(
         self, requirements: Sequence[Requirement], ranges: Ranges, beside: Sequence[Bound] = ()
@@ -176,18 +170,16 @@ class SignalSpace:
         for way, values in ways:
             rounded = {name: round(value, 3) + 0.0 for name, value in values.items()}  # no -0
             shown = rounded if all(bound.holds(rounded) for bound in way.bounds) else values
-            signals = {
-                name: round(TICK * value, 3) if name.endswith(TIME) else value
-                for name, value in shown.items()
-            }
-            yield Point(signals, way.phases[0], way.phases != start.phases)
+            times = {name: round(TICK * value, 3) for name, value in shown.items() if name.endswith(TIME)}
+            yield Point({**shown, **times}, way.phases[0], way.phases != start.phases)
 
     def openings(self, index: int, other: str | None = None) -> Iterator[Point]:
         """Signals that open an exit, not held back by time, for each way to do it.
 
         ``other``: phase of the other leg; None for any.
         """
-        return self.find([self.requirement(index)], {TIME: self.window(index)}, other=other)
+        guard = self.transition(index).guard
+        return self.find([Requirement(guard)], {TIME: self.window(index)}, other=other)
 
     def _opening(self, index: int, other: str | None = None) -> Point | None:
         return next(self.openings(index, other), None)
@@ -200,9 +192,10 @@ class SignalSpace:
         stay = (item.debounce_ticks - 1) * TICK
         # Both ends of the debounce in the guard: what lies between is too, as a choice of bounds is convex.
         # The other leg may have gone on meanwhile.
-        last = Requirement(translated(item.guard, lambda name: _END + name, lambda membership: True))
+        last = translated(item.guard, lambda name: _END + name, lambda membership: True)
+        both = [Requirement(item.guard), Requirement(last)]
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
-        return self.possible([self.requirement(index), last], times, equal(_END + TIME, TIME, stay))
+        return self.possible(both, times, equal(_END + TIME, TIME, stay))
 
     def is_open(self, index: int, point: Point) -> bool:
         """Whether the guard of a transition is open at a point; signals that it leaves open are 0."""
