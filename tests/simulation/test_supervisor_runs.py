@@ -198,7 +198,7 @@ def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
     ("settings", "message"),
     [
         (["table=treadmill_start_stop"], r"posture of sitting in modes 'twin': .*\(none\), got 'sit'"),
-        (["modes=null"], "nothing answers them; give modes, such as twin"),
+        (["modes=null"], "there are none; give modes, such as twin"),
         (["requests=[run@1s]"], "request run@1s: there are stand, sit"),
         (["requests=[walk at 1]"], "expected REQUEST@TIMEs"),
         (["requests=[walk@1s, stop@1s]"], "another one comes in the same tick"),

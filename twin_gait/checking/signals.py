@@ -61,7 +61,7 @@ class SignalSpace:
         table: Its table.
         others: Phases that the other leg can be in; only None without another leg. Of modes the requests,
             None among them.
-        opening: First of :meth:`openings`; None without one.
+        opening: Signals that open an exit, not held back by time, in a phase of the other leg or in any.
         can_fire: Whether an exit can be open for as long as its debounce asks, all signals free meanwhile.
     """
 
@@ -173,16 +173,8 @@ class SignalSpace:
             times = {name: round(TICK * value, 3) for name, value in shown.items() if name.endswith(TIME)}
             yield Point({**shown, **times}, way.phases[0], way.phases != start.phases)
 
-    def openings(self, index: int, other: str | None = None) -> Iterator[Point]:
-        """Signals that open an exit, not held back by time, for each way to do it.
-
-        ``other``: phase of the other leg; None for any.
-        """
-        guard = self.transition(index).guard
-        return self.find([Requirement(guard)], {TIME: self.window(index)}, other=other)
-
     def _opening(self, index: int, other: str | None = None) -> Point | None:
-        return next(self.openings(index, other), None)
+        return self.first([self.transition(index).guard], {TIME: self.window(index)}, other)
 
     def _can_fire(self, index: int) -> bool:
         item = self.transition(index)
@@ -217,10 +209,7 @@ class SignalSpace:
         return found
 
 
-@once
-def signal_space(case: CheckCase) -> SignalSpace:
-    """The signals of a case, laid out once for all rules."""
-    return SignalSpace(case)
+signal_space = once(SignalSpace)  # of a case, laid out once for all rules
 
 
 def _in_ticks(bound: Bound) -> Bound:

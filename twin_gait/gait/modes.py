@@ -115,13 +115,13 @@ def parse_request(text: str) -> TimedRequest:
 
 def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) -> None:
     """Check that requests are known and come one at a time; raises ParameterError."""
-    if requests and modes is None:
-        raise ParameterError("requests: nothing answers them; give modes, such as twin")
-    for number, item in enumerate(requests):
-        known = () if modes is None else modes.requests
+    known = () if modes is None else modes.requests
+    ticks = [item.ticks for item in requests]
+    for item in requests:
         if item.name not in known:
-            raise ParameterError(f"request {item}: there are {', '.join(known)}")
-        if item.ticks in (other.ticks for other in requests[:number]):
+            there = ", ".join(known) or "none; give modes, such as twin"
+            raise ParameterError(f"request {item}: there are {there}")
+        if ticks.count(item.ticks) > 1:
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
 
 
