@@ -28,8 +28,8 @@ def phase(**changes: Any) -> PhaseParameters:
     return PhaseParameters(**{**values, **changes})
 
 
-def guard(text: str, phases: tuple[str, ...] = ("stance", "swing")) -> Guard:
-    return parse_guard(text, JOINTS, phases)
+def guard(text: str) -> Guard:
+    return parse_guard(text)
 
 
 def transition(source: str, target: str, condition: str | Guard | None = None, **changes: Any) -> Transition:

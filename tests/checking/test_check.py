@@ -26,7 +26,7 @@ from twin_gait.configuration.gait_table_file import (
 )
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
-from twin_gait.gait import DraftTable, GaitTable
+from twin_gait.gait import GaitTable
 
 Mapping = dict[str, Any]
 
@@ -44,7 +44,7 @@ def sound() -> Mapping:
 
 
 def case_of(data: Mapping) -> CheckCase:
-    return build_case(gait_table_from_mapping(data, "table.yaml", "planted", draft=True), experiment())
+    return build_case(gait_table_from_mapping(data, "table.yaml", "planted"), experiment())
 
 
 OF_GUARDS = ("graph", "exits")
@@ -409,7 +409,7 @@ def test_machine_without_a_phase_of_swing_says_that_it_cannot_look_for_it(tmp_pa
 def test_table_of_one_phase_is_no_trap() -> None:
     data = copy.deepcopy(yaml.safe_load(KNEE_AND_ANKLE))
     data |= {"phases": {"hold": data["phases"]["early_stance"]}, "transitions": [], "cycles": []}
-    table = gait_table_from_mapping(data, "table.yaml", "hold", draft=True)
+    table = gait_table_from_mapping(data, "table.yaml", "hold")
     assert counts(check(build_case(table), GUARD_RULES))["errors"] == 0
 
 
@@ -423,7 +423,7 @@ def test_experiment_that_cannot_drive_the_joints_is_refused(tmp_path: Path) -> N
 def test_one_leg_cannot_swing_with_another() -> None:
     """On the bench there is no other leg: exits that read it never open."""
     data = copy.deepcopy(sound())
-    table = gait_table_from_mapping(data, "table.yaml", "alone", draft=True)
+    table = gait_table_from_mapping(data, "table.yaml", "alone")
     bench = build_case(table, load_experiment("bench_leg").experiment)
     found = check(
         bench, [rule for rule in RULES if rule.__name__ in ("both_in_swing", "deadlock", "never_opens")]
@@ -435,7 +435,7 @@ def test_one_leg_is_told_to_walk_too() -> None:
     """Without another leg its signals are missing, the command to walk is not."""
     data = copy.deepcopy(sound())
     add(data, FLEXION, EXTENSION, "walk > 0.5")
-    table = gait_table_from_mapping(data, "table.yaml", "alone", draft=True)
+    table = gait_table_from_mapping(data, "table.yaml", "alone")
     bench = build_case(table, load_experiment("bench_leg").experiment)
     (told,) = (index for index, item in enumerate(table.transitions) if item.cause == "planted")
     assert SignalSpace(bench).opening(told) is not None
@@ -497,16 +497,6 @@ def test_table_is_scaled_to_the_experiment() -> None:
 # ---------------------------------------------------------------------------------- reading and reporting
 
 
-def test_draft_is_read_for_checks_only(tmp_path: Path) -> None:
-    data = copy.deepcopy(sound())
-    dead_end(data)
-    path = tmp_path / "open.yaml"
-    path.write_text(yaml.safe_dump(data), encoding="utf-8")
-    assert isinstance(load_gait_table(path, draft=True), DraftTable)
-    with pytest.raises(TwinGaitError, match="no transition leaves it"):
-        load_gait_table(path)
-
-
 def test_table_that_is_not_there_is_one_line() -> None:
     with pytest.raises(TwinGaitError, match=r"nowhere.*neither a file nor one of bench_leg") as caught:
         load_case("nowhere")
@@ -549,10 +539,7 @@ def test_findings_come_worst_first_and_then_in_the_order_of_the_phases() -> None
 
 def test_every_rule_is_listed_with_one_line() -> None:
     listed = rules()
-    assert set(listed) == {rule.__name__ for rule in RULES} | {
-        "invalid_waiver",
-        "unanswered_request",
-    }
+    assert set(listed) == {rule.__name__ for rule in RULES} | {"invalid_waiver"}
     for name, meaning in listed.items():
         assert re.fullmatch(r"[a-z_]+", name)
         assert meaning.endswith((".", ":")) and len(meaning) < 110

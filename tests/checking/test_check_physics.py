@@ -172,7 +172,7 @@ def test_on_the_bench_there_is_no_contact_to_declare():
 def test_a_swing_that_ends_by_landing_has_to_say_so():
     def landing(driven: DrivenBy):
         def change(table: GaitTable) -> GaitTable:
-            guard = parse_guard("foot.load_bw > 0.05", table.joints, table.phase_names)
+            guard = parse_guard("foot.load_bw > 0.05")
             kept = [
                 item for item in table.transitions if item.cause not in ("limb_extended", "limb_retracting")
             ]

@@ -93,7 +93,7 @@ def test_either_kind_of_table_is_found_by_its_name():
         (("modes", "rest", "postur"), "stand", "modes.rest.postur"),
         (("modes", "walk", "minimum_duration_ms"), -1, "modes.walk.minimum_duration_ms"),
         (("modes", "walk", "walk"), "yes please", "modes.walk.walk"),
-        (("requests",), ["walk", "walk"], "no request 'stop'; there are walk, walk"),
+        (("requests",), ["walk", "walk"], "requests: walk is named twice"),
         (("transitions", 0, "all"), ["request in [run]"], r"transitions\[0\].*no request 'run'"),
         (("transitions", 0, "all"), ["hip.angle_deg > 5"], r"transitions\[0\].*no signal 'hip.angle_deg'"),
         (("transitions", 0, "to"), "flying", "no mode 'flying'"),

@@ -19,7 +19,6 @@ from test_printer import bits
 
 from twin_gait import load_experiment
 from twin_gait.cli.program import main
-from twin_gait.core.guards import OP_ALL
 from twin_gait.core.safety import BUS_TRIP, COMMAND_TRIP, JUMP_TRIP, MISSING_TRIP, NO_TRIP
 from twin_gait.exceptions import GaitTableError
 from twin_gait.firmware import Unit, build_object, sizes, units
@@ -32,7 +31,8 @@ from twin_gait.firmware.project import (
     Project,
     print_project,
 )
-from twin_gait.gait.program import require_bits
+from twin_gait.gait.guards import AllOf, Comparison
+from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import NetworkParameters
 from twin_gait.simulation.record import copied
@@ -433,11 +433,8 @@ def test_what_c_has_not_is_refused_in_one_line(setting, said, capsys, tmp_path):
 
 
 def test_a_guard_that_needs_more_than_32_bits_is_refused(treadmill):
-    problem = treadmill.problem
-    program = copied(problem.program)
-    compare = program.nodes[0]
-    program.nodes[:] = [copied(compare) for _ in range(31)] + [type(compare)(OP_ALL, 31)]
-    for rule in program.transitions:
-        rule.first_node, rule.end_node = 0, 32
+    table = treadmill.problem.table
+    guard = AllOf(guards=(Comparison(signal="hip.angle_deg", minus=None, operator="<", threshold=1.0),) * 31)
+    transitions = tuple(replace(item, guard=guard) for item in table.transitions)
     with pytest.raises(GaitTableError, match="31 conditions wait to be joined; at most 30"):
-        require_bits(problem.table, program)
+        compile_guards(replace(table, transitions=transitions), DEVICE_BITS)

@@ -12,7 +12,6 @@ from twin_gait.control.gait_controller import Device
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError, MeasurementError
 from twin_gait.gait import GaitStateMachine, compile_guards, signals
-from twin_gait.gait.guards import parse_guard
 from twin_gait.gait.signals import (
     ANGLE,
     DEVICE_SIGNALS,
@@ -25,7 +24,6 @@ from twin_gait.gait.signals import (
     TRUNK_PITCH,
     VELOCITY,
     WALK,
-    Scope,
     all_signal_names,
     part_of,
     signal_of,
@@ -85,7 +83,7 @@ def test_what_a_machine_is_given_is_in_the_order_of_the_list_and_the_rest_as_at_
 @pytest.mark.parametrize("name", ["other.trunk.pitch_deg", "other.walk", "trunk.angle_deg", "pitch_deg"])
 def test_what_is_not_declared_is_no_signal(name):
     with pytest.raises(GaitTableError, match=r"there are .*, trunk\.pitch_deg, walk"):
-        parse_guard(f"{name} > 1", JOINTS, ("stance",))
+        two_phase_table(transition("stance", "swing", f"{name} > 1"))
 
 
 def test_the_pitch_of_the_trunk_opens_a_guard():
@@ -99,16 +97,12 @@ def test_the_pitch_of_the_trunk_opens_a_guard():
 
 
 def test_it_is_compared_with_an_angle_and_not_with_another_unit():
-    assert (
-        str(parse_guard("trunk.pitch_deg - hip.angle_deg > 5", JOINTS, ()))
-        == "trunk.pitch_deg - hip.angle_deg > 5"
-    )
+    two_phase_table(transition("stance", "swing", "trunk.pitch_deg - hip.angle_deg > 5"))
     with pytest.raises(GaitTableError, match="different units: deg and no unit"):
-        parse_guard("trunk.pitch_deg - walk > 5", JOINTS, ())
+        two_phase_table(transition("stance", "swing", "trunk.pitch_deg - walk > 5"))
 
 
 @pytest.mark.parametrize("signal", DEVICE_SIGNALS, ids=lambda signal: signal.name)
 def test_a_signal_of_the_device_has_to_be_finite(signal):
-    assert signal.scope is Scope.DEVICE
     with pytest.raises(MeasurementError, match=f"left leg: the {signal.name} is nan"):
         GaitStateMachine(two_phase_table(), Side.LEFT).step(1, {**STILL, signal.name: math.nan})

@@ -212,15 +212,6 @@ def test_leg_said_to_be_there_must_be_measured() -> None:
         machine().step(1, leg(), "stance")
 
 
-RIGHT_LENGTH = len(all_signal_names(JOINTS))
-
-
-@pytest.mark.parametrize("length", [0, 6, 12, RIGHT_LENGTH - 1, RIGHT_LENGTH + 1, 24])
-def test_list_of_signals_of_a_wrong_length_is_refused(length: int) -> None:
-    with pytest.raises(MeasurementError):
-        machine().advance(1, [0.0] * length, -1)
-
-
 def test_signals_are_laid_out_as_guards_read_them() -> None:
     given = {
         "hip.angle_deg": 1.0,

@@ -74,7 +74,7 @@ def test_signals_stand_where_they_are_declared(engine):
 
 def guarded(table: GaitTable, text: str) -> GaitTable:
     """A table whose guards all hold a further condition."""
-    further = parse_guard(text, table.joints, table.phase_names)
+    further = parse_guard(text)
     transitions = (
         item if item.is_time_out else replace(item, guard=AllOf(guards=(item.guard, further)))
         for item in table.transitions

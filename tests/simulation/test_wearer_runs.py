@@ -336,7 +336,7 @@ def with_pre_swing(table: GaitTable) -> GaitTable:
     """A table with the end of late stance as a sixth phase, entered when the other foot has landed."""
     names = list(table.phase_names)
     names.insert(3, "pre_swing")
-    leaving = guard("other.phase in [early_stance, middle_stance]", tuple(names))
+    leaving = guard("other.phase in [early_stance, middle_stance]")
     return dataclasses.replace(
         table,
         phases={name: table.phases.get(name, table.phases["late_stance"]) for name in names},

@@ -32,7 +32,6 @@ EQUIVALENT = {
     "self.phase: str = table.phase_names[0]": "the kit always names the phase",
     "self.owner = ": "a word in messages",
     "auto_transitions=False": "triggers that nobody calls",
-    "signals, got {len(signals)}": "a list made of names is as long as it has to be",
 }
 
 

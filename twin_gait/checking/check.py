@@ -13,7 +13,7 @@ from twin_gait.configuration import load_experiment, load_state_table, packaged_
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
-from twin_gait.gait.signals import HIGHEST_VELOCITY, device_parts
+from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, part_of
 from twin_gait.gait.table import GaitTable, StateTable
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.vocabulary import JointName
@@ -24,6 +24,7 @@ RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.R
 MODE_RULES: tuple[Rule, ...] = (*graph.MODE_RULES, *exits.RULES)  # of tables of modes
 NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules that find notes only
 REPORT_VERSION = 2
+TRUNK = part_of(TRUNK_PITCH.name)
 
 
 def rules() -> dict[str, str]:
@@ -47,14 +48,14 @@ def load_case(
         settings: Laid over the experiment, as in :func:`~twin_gait.configuration.load_experiment`.
 
     Returns:
-        The case; its table may be a draft.
+        The case.
 
     Raises:
         TwinGaitError: If a file has a mistake, or the experiment cannot drive the joints of the table.
     """
     if experiment is None and source in presets() and source not in packaged_gait_tables():
         source, experiment = None, source
-    table = None if source is None else load_state_table(source, draft=True)
+    table = None if source is None else load_state_table(source)
     if isinstance(table, ModeTable):
         return build_case(table)
     preset = table.name if table is not None and table.name in presets() else DEFAULT_PRESET
@@ -73,15 +74,14 @@ def build_case(table: StateTable, experiment: Experiment | None = None) -> Check
     experiment the normal ranges of human joints.
     """
     if experiment is None or not isinstance(table, GaitTable):
-        limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, *device_parts())}
+        limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, TRUNK)}
         return CheckCase(table=table, experiment=None, limits=limits)
     driving = replace(experiment, table=table)
     world = driving.build_world()
     return CheckCase(
         table=scaled_table(driving, world),
         experiment=driving,
-        limits=dict.fromkeys(device_parts(), _pitches(world))
-        | {joint: _angles(world, JointName(joint)) for joint in table.joints},
+        limits={TRUNK: _pitches(world)} | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
-from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
+from twin_gait.checking.signals import ENTRY_TIME, SignalSpace, signal_space
 from twin_gait.gait.feasibility import Requirement, translated
 from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared, mapped
 from twin_gait.gait.modes import ModeTable
@@ -20,10 +20,12 @@ _ENTRY = (TICK, TICK)
 def ambiguity(case: CheckCase) -> Iterator[Finding]:
     """Two exits of a phase with different targets can be open at once; time-outs are exempt."""
     space = signal_space(case)
-    for first, second in itertools.combinations(range(len(space.table.transitions)), 2):
+    pairs = [pair for phase in space.table.phases for pair in itertools.combinations(space.guarded(phase), 2)]
+    for first, second in pairs:
         one, other = space.transition(first), space.transition(second)
-        contend = one.source == other.source and one.target != other.target
-        point = None if one.is_time_out or other.is_time_out or not contend else _both(space, first, second)
+        windows = space.window(first), space.window(second)
+        times = {TIME: (max(earliest for earliest, _ in windows), windows[0][1])}
+        point = None if one.target == other.target else space.first([one.guard, other.guard], times)
         if point is not None:
             reason = (
                 f"{label(one)} and {label(other)} can be open at once; when both are due {label(one)} wins"
@@ -31,17 +33,6 @@ def ambiguity(case: CheckCase) -> Iterator[Finding]:
             suggestion = "let a condition of one exclude the other, or waive it if the order is meant"
             shown = space.counterexample(point)
             yield about(other, Severity.WARNING, reason, suggestion, counterexample=shown)
-
-
-def _both(space: SignalSpace, first: int, second: int) -> Point | None:
-    """Signals that open two exits of a phase at once."""
-
-    def holds(point: Point) -> bool:
-        return space.is_open(first, point) and space.is_open(second, point)
-
-    windows = space.window(first), space.window(second)
-    times = {TIME: (max(earliest for earliest, _ in windows), windows[0][1])}
-    return next(space.find([space.requirement(first), space.requirement(second)], times, holds), None)
 
 
 @rule
@@ -92,31 +83,21 @@ def cascade(case: CheckCase) -> Iterator[Finding]:
     a while, or if it is entered by a time-out, at which the signals may be anything.
     """
     space = signal_space(case)
-    for into, item in enumerate(space.table.transitions):
-        for out in space.exits(item.target):
-            after = space.transition(out)
-            if not after.is_time_out and (after.time_out_ticks or 0) <= 1:
-                yield from _straight_through(space, into, out)
-
-
-def _straight_through(space: SignalSpace, into: int, out: int) -> Iterator[Finding]:
-    entry, leave = space.transition(into), space.transition(out)
-    earliest, latest = space.window(into)
-    times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
-
-    def holds(point: Point) -> bool:
-        return space.is_open(into, point) and space.is_open(out, entered(point))
-
-    point = next(
-        space.find([space.requirement(into), Requirement(_at_entry(space, leave.guard))], times, holds), None
-    )
-    if point is not None:
-        stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
-        held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
-        reason = f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open: {held}"
-        suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
-        severity = Severity.NOTE if stay > 1 or entry.is_time_out else Severity.WARNING
-        yield about(leave, severity, reason, suggestion, counterexample=space.counterexample(point))
+    suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
+    for into, entry in enumerate(space.table.transitions):
+        earliest, latest = space.window(into)
+        times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
+        for out in space.guarded(entry.target):
+            leave = space.transition(out)
+            at_once = (leave.time_out_ticks or 0) <= 1
+            point = space.first([entry.guard, _at_entry(space, leave.guard)], times) if at_once else None
+            if point is not None:
+                stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
+                held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
+                way = f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open"
+                severity = Severity.NOTE if stay > 1 or entry.is_time_out else Severity.WARNING
+                shown = space.counterexample(point)
+                yield about(leave, severity, f"{way}: {held}", suggestion, counterexample=shown)
 
 
 def _at_entry(space: SignalSpace, guard: Guard) -> Guard:
@@ -129,29 +110,22 @@ def _at_entry(space: SignalSpace, guard: Guard) -> Guard:
 def hysteresis(case: CheckCase) -> Iterator[Finding]:
     """Noise can undo a switch: the way back opens within it, without a debounce or a minimum duration."""
     space = signal_space(case)
-    for there, back in itertools.product(range(len(space.table.transitions)), repeat=2):
-        first, second = space.transition(there), space.transition(back)
-        there_and_back = (first.source, first.target) == (second.target, second.source)
-        stay = max(space.table.phases[second.source].minimum_ticks, second.time_out_ticks or 0)
-        held = first.is_time_out or second.debounce_ticks > 1 or stay > 1
-        if there_and_back and not held:
-            yield from _undone(space, there, back)
-
-
-def _undone(space: SignalSpace, there: int, back: int) -> Iterator[Finding]:
-    first, second = space.transition(there), space.transition(back)
-    undoing = Requirement(_at_entry(space, mapped(second.guard, _within_noise)))
-    times = {TIME: space.window(there), ENTRY_TIME: _ENTRY}
-    opened = space.find([space.requirement(there), undoing], times, lambda point: space.is_open(there, point))
-    point = next(opened, None)
-    if point is None:
-        return
-    reason = (
-        f"{label(second)} can undo {label(first)} in the next tick: noise of {ANGLE.noise:g}°, "
-        f"{VELOCITY.noise:g} deg/s or {LOAD.noise:g} of body weight is enough"
-    )
     suggestion = "part the thresholds by more than the noise, or give the way back a debounce_ms"
-    yield about(second, Severity.WARNING, reason, suggestion, counterexample=space.counterexample(point))
+    for there, first in enumerate(space.table.transitions):
+        for back in space.exits(first.target) if not first.is_time_out else ():
+            second = space.transition(back)
+            stay = max(space.table.phases[second.source].minimum_ticks, second.time_out_ticks or 0)
+            if second.target != first.source or max(stay, second.debounce_ticks) > 1:
+                continue
+            undoing = _at_entry(space, mapped(second.guard, _within_noise))
+            point = space.first([first.guard, undoing], {TIME: space.window(there), ENTRY_TIME: _ENTRY})
+            if point is not None:
+                reason = (
+                    f"{label(second)} can undo {label(first)} in the next tick: noise of {ANGLE.noise:g}°, "
+                    f"{VELOCITY.noise:g} deg/s or {LOAD.noise:g} of body weight is enough"
+                )
+                shown = space.counterexample(point)
+                yield about(second, Severity.WARNING, reason, suggestion, counterexample=shown)
 
 
 def _within_noise(atom: Comparison | PhaseMembership) -> Guard:

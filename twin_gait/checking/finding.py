@@ -12,7 +12,7 @@ from functools import lru_cache, wraps
 from typing import Any
 
 from twin_gait.experiment import Experiment
-from twin_gait.gait.table import GaitTable, StateTable, Transition, Waiver
+from twin_gait.gait.table import GaitTable, StateTable, Transition
 from twin_gait.vocabulary import Side
 
 
@@ -100,15 +100,9 @@ def invalid_waiver(case: CheckCase, rules: Collection[str]) -> Iterator[Finding]
 
 def waive(table: StateTable, finding: Finding) -> Finding:
     """Mark a warning that the table waives with its reason; errors and notes stay as they are."""
-    reasons = [waiver.reason for waiver in table.waivers if _matches(table, waiver, finding)]
-    waives = reasons and finding.severity is Severity.WARNING
-    return replace(finding, waived=reasons[0]) if waives else finding
-
-
-def _matches(table: StateTable, waiver: Waiver, finding: Finding) -> bool:
-    names = {label(item) for item in table.transitions if item.cause == waiver.transition}
-    return (
-        waiver.rule == finding.rule
-        and waiver.phase in (None, finding.phase)
-        and (waiver.transition is None or finding.transition in names)
-    )
+    cause = {label(item): item.cause for item in table.transitions}.get(finding.transition or "")
+    about = finding.rule, finding.phase, cause
+    for item in table.waivers if finding.severity is Severity.WARNING else ():
+        if (item.rule, item.phase or finding.phase, item.transition or cause) == about:
+            return replace(finding, waived=item.reason)
+    return finding

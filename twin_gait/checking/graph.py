@@ -4,9 +4,8 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
-from twin_gait.checking.signals import OTHER_PHASE, Point, SignalSpace, signal_space, swapped
-from twin_gait.gait.feasibility import Requirement, translated
-from twin_gait.gait.modes import ModeTable
+from twin_gait.checking.signals import OTHER_PHASE, SignalSpace, signal_space, swapped
+from twin_gait.gait.feasibility import translated
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
@@ -130,61 +129,49 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
     return [*((first, phase) for phase in stances), *sent]
 
 
-# Phase of the other leg, transition that a leg takes, and the other leg's in the same tick, if any.
-Step = tuple[str, int, int | None]
+# Phase of the other leg, and the transition that a leg takes, with the other leg's in the same tick, if any.
+Step = tuple[str, tuple[int, ...]]
 
 
 def _steps(space: SignalSpace, pair: Pair) -> Iterator[Step]:
     """All steps out of a pair, whether signals allow them or not; those of one leg first."""
     for own, other in (pair, pair[::-1]):
-        yield from ((other, index, None) for index in space.exits(own))
-    for first, second in itertools.product(*map(space.exits, pair)):
-        yield pair[1], first, second
+        yield from ((other, (index,)) for index in space.exits(own))
+    yield from ((pair[1], taken) for taken in itertools.product(*map(space.exits, pair)))
 
 
-def signals_for(
-    space: SignalSpace, other: str, first: int, second: int | None = None
-) -> dict[str, float | str] | None:
+def signals_for(space: SignalSpace, other: str, taken: tuple[int, ...]) -> dict[str, float | str] | None:
     """Signals of the first leg and the other that open a step; None if there are none.
 
     Both legs read one snapshot, ``other.phase`` is that before the tick, and each takes at most one
     transition in a tick.
     """
-    point = space.opening(first, other) if space.can_fire(first) else None
-    if point is not None and second is not None:
-        point = _together(space, first, second)
+    first, *second = taken
+    point = space.opening(first, other) if all(map(space.can_fire, taken)) else None
+    if point is not None and second:
+        item = space.transition(first)
+        theirs = translated(
+            space.transition(second[0]).guard, swapped, lambda atom: item.source in atom.phases
+        )
+        times = {TIME: space.window(first), OTHER_TIME: space.window(second[0])}
+        point = space.first([item.guard, theirs], times, other)
     return None if point is None else {**space.counterexample(point), OTHER_PHASE: other}
 
 
-def _together(space: SignalSpace, first: int, second: int) -> Point | None:
-    """Signals that open the transitions of both legs in one tick."""
-    own, other = space.transition(first).source, space.transition(second).source
-    if not space.can_fire(second) or space.opening(second, own) is None:
-        return None
-
-    def holds(point: Point) -> bool:
-        mirrored = Point({swapped(name): value for name, value in point.signals.items()}, own)
-        return space.is_open(first, point) and space.is_open(second, mirrored)
-
-    theirs = translated(space.transition(second).guard, swapped, lambda item: own in item.phases)
-    times = {TIME: space.window(first), OTHER_TIME: space.window(second)}
-    return next(space.find([space.requirement(first), Requirement(theirs)], times, holds, other=other), None)
-
-
-def _sorted(pair: Pair) -> Pair:
-    return min(pair), max(pair)
+def _sorted(own: str, other: str) -> Pair:
+    return min(own, other), max(own, other)
 
 
 @once
 def pairs_of(case: CheckCase) -> list[Pair]:
     """Pairs of phases that two legs reach with free signals; the order of the legs does not matter."""
     space = signal_space(case)
-    pairs = list(dict.fromkeys(map(_sorted, starting_pairs(case))))
+    pairs = list(dict.fromkeys(_sorted(*pair) for pair in starting_pairs(case)))
     for pair in pairs:  # breadth first: what is found is looked at in its turn
-        for other, first, second in _steps(space, pair):
-            stays = other if second is None else space.transition(second).target
-            target = _sorted((space.transition(first).target, stays))
-            if target not in pairs and signals_for(space, other, first, second) is not None:
+        for other, taken in _steps(space, pair):
+            own, *others = [space.transition(index).target for index in taken]
+            target = _sorted(own, *(others or [other]))
+            if target not in pairs and signals_for(space, other, taken) is not None:
                 pairs.append(target)
     return pairs
 
@@ -212,15 +199,15 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
     for index in lifting:
         own = items[index].source
         # The other leg swings already, or begins to in the same tick.
-        steps: list[tuple[str, int | None]] = [(other, None) for other in swings]
-        for other, second in [*steps, *((items[place].source, place) for place in lifting)]:
-            found = signals_for(space, other, index, second) if _sorted((own, other)) in pairs else None
+        steps: list[Step] = [(other, (index,)) for other in swings]
+        for other, taken in [*steps, *((items[place].source, (index, place)) for place in lifting)]:
+            found = signals_for(space, other, taken) if _sorted(own, other) in pairs else None
             if found is not None:
-                taken = {label(items[number]): None for number in (index, second) if number is not None}
-                together = "" if second is None else " in the same tick"
+                exits = " and ".join(dict.fromkeys(label(items[number]) for number in taken))
+                together = " in the same tick" if len(taken) > 1 else ""
                 reason = (
-                    f"with one leg in {own} and the other in {other}, {' and '.join(taken)} can bring both "
-                    f"into swing{together}"
+                    f"with one leg in {own} and the other in {other}, {exits} can bring both into "
+                    f"swing{together}"
                 )
                 suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
                 severity = Severity.ERROR if sure else Severity.WARNING
@@ -238,7 +225,7 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
         return
     space = signal_space(case)
     for first, second in pairs_of(case):
-        alone = [step for step in _steps(space, (first, second)) if step[2] is None]
+        alone = (step for step in _steps(space, (first, second)) if len(step[1]) == 1)
         goes_on = any(signals_for(space, *step) is not None for step in alone)
         if not goes_on and not {first, second} <= set(case.gait.postures):
             reason = f"with one leg in {first} and the other in {second} no signals ever let either go on"
@@ -246,18 +233,5 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
             yield Finding(Severity.ERROR, reason, suggestion, phase=first)
 
 
-@rule
-def unanswered_request(case: CheckCase) -> Iterator[Finding]:
-    """No mode ever answers a request."""
-    table = case.table
-    assert isinstance(table, ModeTable)  # a rule of theirs
-    for request in table.requests:
-        answers = [item for mode in table.phase_names for item in table.answers(mode, request)]
-        if not any(item in firing(case) for item in answers):
-            reason = f"no transition that can fire answers the request {request}"
-            suggestion = "add a transition that does, or take the request out"
-            yield Finding(Severity.WARNING, reason, suggestion)
-
-
 RULES = (unreachable_phase, trap, missing_time_out, undeclared_cycle, both_in_swing, deadlock)
-MODE_RULES = (unreachable_phase, trap, unanswered_request)
+MODE_RULES = (unreachable_phase, trap)

@@ -49,11 +49,6 @@ def friction_slope(law: FrictionLaw, velocity: float) -> float:
     )
 
 
-def friction_stiffness(law: FrictionLaw, velocity: float) -> float:
-    """What holds a joint at rest that sticks, in [N m] / [rad]; sliding bristles hold nothing."""
-    return law.in_plant().bristle_stiffness if velocity == 0.0 else 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class HangingLeg:
     """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero."""
@@ -143,15 +138,19 @@ class HangingLeg:
     @property
     def sticks(self) -> bool:
         """Whether bristles hold a joint at rest."""
+        return bool(self._bristles().any())
+
+    def _bristles(self) -> np.ndarray:
+        """What holds joints at rest that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
         laws = self.problem.experiment.plant.true_friction()
-        return any(friction_stiffness(laws[joint], 0.0) > 0.0 for joint in self.joints)
+        return np.diag([laws[joint].in_plant().bristle_stiffness for joint in self.joints])
 
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
         """Loop of a phase at its equilibrium angles, friction linearised at a velocity in [rad] / [s]."""
         experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
-        held = np.diag([friction_stiffness(true[joint], velocity) for joint in self.joints])
+        held = self._bristles() if velocity == 0.0 else 0.0  # sliding bristles hold nothing
         return LinearLoop(
             motion=leg_motion(self.mass(angles), _slope(self.gravity, angles) + held, friction),
             stiffness=self.column(STIFFNESS)[phase],

@@ -8,6 +8,7 @@ from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
+from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.signals import ANGLE, LOAD, LONGEST_STAY, OTHER_TIME, TIME, VELOCITY
 from twin_gait.gait.table import TICK, DrivenBy
 
@@ -28,7 +29,7 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     space = signal_space(case)
     for leg in hanging_legs(case):
         for phase in leg.phases if leg.problem.controller.by_phases else ():
-            guarded = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
+            guarded = space.guarded(phase)
             exits, contact = [space.transition(index) for index in guarded], in_contact(leg, phase)
             declared = contact and any(item.driven_by is DrivenBy.CONTACT for item in exits)
             if exits and not declared:
@@ -97,7 +98,7 @@ def _some_exit_opens(
     for index in exits:
         landing = grounded and space.transition(index).driven_by is DrivenBy.CONTACT
         load = space.range(LOAD.name) if landing or in_contact(leg, phase) else (0.0, 0.0)
-        if space.possible([space.requirement(index)], {**ranges, LOAD.name: load}):
+        if space.possible([Requirement(space.transition(index).guard)], {**ranges, LOAD.name: load}):
             return True
     return False
 

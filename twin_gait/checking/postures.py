@@ -12,6 +12,7 @@ from twin_gait.checking.hanging_leg import HangingLeg, friction_torque
 from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
+from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.guards import Comparison, atoms
 from twin_gait.gait.signals import ANGLE, OTHER, TIME, VELOCITY
 from twin_gait.parameters import FrictionLaw
@@ -186,7 +187,8 @@ def _candidates(
 def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
     """Signals that open a guard, with the other leg's in the middle and at both ends of their ranges."""
     found = []
-    for point in space.openings(index):
+    guard = Requirement(space.transition(index).guard)
+    for point in space.find([guard], {TIME: space.window(index)}):
         found.append(point)
         read = [name for name in point.signals if name.startswith(OTHER) and not name.endswith(TIME)]
         for end in (0, 1) if read else ():

@@ -1,7 +1,7 @@
 """Ranges of the signals that a table reads, and points in them where guards are open or closed."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -9,16 +9,17 @@ from twin_gait.checking.finding import CheckCase, once
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
-from twin_gait.gait.guards import Comparison, compared
+from twin_gait.gait.guards import Guard, compared
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
+    DEVICE_NAMES,
+    HIGHEST_VELOCITY,
     LONGEST_STAY,
     OTHER,
     OTHER_TIME,
     TIME,
-    Known,
-    is_device,
+    VELOCITY,
     part_of,
     signal_of,
     signal_scale,
@@ -60,7 +61,7 @@ class SignalSpace:
         table: Its table.
         others: Phases that the other leg can be in; only None without another leg. Of modes the requests,
             None among them.
-        opening: First of :meth:`openings`; None without one.
+        opening: Signals that open an exit, not held back by time, in a phase of the other leg or in any.
         can_fire: Whether an exit can be open for as long as its debounce asks, all signals free meanwhile.
     """
 
@@ -72,20 +73,19 @@ class SignalSpace:
         self.others = (None, *members) if modes else members if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
         self._scales = {name: signal_scale(name) for name in self.table.signals}
-        self._known = Known(case.limits, case.velocity_limits)
         self.opening, self.can_fire = cache(self._opening), cache(self._can_fire)
 
     def exits(self, phase: str) -> list[int]:
         """Indices of the transitions that leave a phase."""
         return [index for index, item in enumerate(self.table.transitions) if item.source == phase]
 
+    def guarded(self, phase: str) -> list[int]:
+        """Those of them that are no pure time-outs."""
+        return [index for index in self.exits(phase) if not self.transition(index).is_time_out]
+
     def transition(self, index: int) -> Transition:
         """A transition of the table."""
         return self.table.transitions[index]
-
-    def requirement(self, index: int) -> Requirement:
-        """The guard of a transition as something to be open."""
-        return Requirement(self.transition(index).guard)
 
     def time_out(self, phase: str | None) -> float:
         """Time in [s] at which the first pure time-out ends a phase, an hour without one."""
@@ -101,14 +101,18 @@ class SignalSpace:
     def range(self, name: str) -> tuple[float, float]:
         """Range of a measured signal in the units of the table; either leg's."""
         # The unknowns of a search may have further words in front: other, entry, noisy, end.
-        low, high = signal_of(name).range(self._known, part_of(name))
-        return low / signal_scale(name), high / signal_scale(name)
+        signal, part = signal_of(name), part_of(name)
+        if signal is VELOCITY:
+            highest = self.case.velocity_limits.get(part, HIGHEST_VELOCITY)
+            low, high = -highest, highest
+        else:
+            low, high = signal.range or self.case.limits[part]
+        return low / signal.unit.factor, high / signal.unit.factor
 
     def find(
         self,
         requirements: Sequence[Requirement],
         ranges: Ranges,
-        holds: Callable[[Point], bool] = lambda point: True,
         *,
         other: str | None = None,
         beside: Sequence[Bound] = (),
@@ -119,12 +123,11 @@ class SignalSpace:
             requirements: What has to be open or closed.
             ranges: Range of each time in a phase in [s] (the other leg's follows from its phase, any further
                 one is free), and of signals that have a narrower one than the limits.
-            holds: What has to be true of a point by the evaluator of guards; also after rounding.
             other: Phase of the other leg; None for any.
             beside: Bounds that have to be kept in addition, times in [s].
 
         Yields:
-            A point for each way to do it, rounded as far as it stays true.
+            A point for each way to do it, rounded if it stays true.
 
         Raises:
             GaitTableError: If the guards leave too many choices to try.
@@ -138,9 +141,11 @@ class SignalSpace:
             own = {OTHER_TIME: (0.0, self.time_out(phases[0])), **ranges}
             for found in self._solutions(Way(phases, tuple(beside)), requirements, own):
                 decides = found.phase_decides or (OTHER_TIME in read and found.other is not None)
-                point = _rounded(replace(found, phase_decides=decides), holds)
-                if point is not None:
-                    yield point
+                yield replace(found, phase_decides=decides)
+
+    def first(self, guards: Sequence[Guard], ranges: Ranges, other: str | None = None) -> Point | None:
+        """First point of :meth:`find` that opens some guards, or None."""
+        return next(self.find([Requirement(guard) for guard in guards], ranges, other=other), None)
 
     def possible(
         self, requirements: Sequence[Requirement], ranges: Ranges, beside: Sequence[Bound] = ()
@@ -152,35 +157,24 @@ class SignalSpace:
             return True
 
     def _solutions(self, start: Way, requirements: Sequence[Requirement], ranges: Ranges) -> Iterator[Point]:
-        def limits(names: Iterable[str]) -> list[Bound]:
-            found = []
-            for name in names:
+        def within(bound: Bound) -> list[Bound]:
+            """A bound and the limits of what it reads."""
+            found = [bound]
+            for name in bound.names:
                 low, high = ranges.get(name) or self.range(name)
                 found += [Bound(ZERO, name, -low), Bound(name, ZERO, high)]
             return [_in_ticks(item) for item in found]
 
-        def bounds_of(atom: Comparison, true: bool) -> list[Bound]:
-            bound = bound_of(atom, true)
-            return [_in_ticks(bound), *limits(bound.names)]
-
-        names = dict.fromkeys(name for item in start.bounds for name in item.names)
-        given = (*(_in_ticks(item) for item in start.bounds), *limits(names))
-        for way, values in solutions(start._replace(bounds=given), requirements, bounds_of):
-            signals = {name: value * TICK if name.endswith(TIME) else value for name, value in values.items()}
-            yield Point(signals, way.phases[0], way.phases != start.phases)
-
-    def openings(self, index: int, other: str | None = None) -> Iterator[Point]:
-        """Signals that open an exit, not held back by time, for each way to do it.
-
-        ``other``: phase of the other leg; None for any.
-        """
-        window = {TIME: self.window(index)}
-        return self.find(
-            [self.requirement(index)], window, lambda point: self.is_open(index, point), other=other
-        )
+        given = tuple(item for bound in start.bounds for item in within(bound))
+        ways = solutions(start._replace(bounds=given), requirements, lambda *atom: within(bound_of(*atom)))
+        for way, values in ways:
+            rounded = {name: round(value, 3) + 0.0 for name, value in values.items()}  # no -0
+            shown = rounded if all(bound.holds(rounded) for bound in way.bounds) else values
+            times = {name: round(TICK * value, 3) for name, value in shown.items() if name.endswith(TIME)}
+            yield Point({**shown, **times}, way.phases[0], way.phases != start.phases)
 
     def _opening(self, index: int, other: str | None = None) -> Point | None:
-        return next(self.openings(index, other), None)
+        return self.first([self.transition(index).guard], {TIME: self.window(index)}, other)
 
     def _can_fire(self, index: int) -> bool:
         item = self.transition(index)
@@ -190,9 +184,10 @@ class SignalSpace:
         stay = (item.debounce_ticks - 1) * TICK
         # Both ends of the debounce in the guard: what lies between is too, as a choice of bounds is convex.
         # The other leg may have gone on meanwhile.
-        last = Requirement(translated(item.guard, lambda name: _END + name, lambda membership: True))
+        last = translated(item.guard, lambda name: _END + name, lambda membership: True)
+        both = [Requirement(item.guard), Requirement(last)]
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
-        return self.possible([self.requirement(index), last], times, equal(_END + TIME, TIME, stay))
+        return self.possible(both, times, equal(_END + TIME, TIME, stay))
 
     def is_open(self, index: int, point: Point) -> bool:
         """Whether the guard of a transition is open at a point; signals that it leaves open are 0."""
@@ -214,10 +209,7 @@ class SignalSpace:
         return found
 
 
-@once
-def signal_space(case: CheckCase) -> SignalSpace:
-    """The signals of a case, laid out once for all rules."""
-    return SignalSpace(case)
+signal_space = once(SignalSpace)  # of a case, laid out once for all rules
 
 
 def _in_ticks(bound: Bound) -> Bound:
@@ -227,20 +219,8 @@ def _in_ticks(bound: Bound) -> Bound:
     return replace(bound, limit=bound.limit / TICK, room=bound.room / TICK, whole=True)
 
 
-def entered(point: Point) -> Point:
-    """A point as the exits of a phase read it in the tick after the switch to it."""
-    return replace(point, signals={**point.signals, TIME: TICK})
-
-
 def swapped(name: str) -> str:
     """Name that the other leg has for a signal; both are told the same."""
-    if is_device(name):
+    if name in DEVICE_NAMES:
         return name
     return name.removeprefix(OTHER) if name.startswith(OTHER) else OTHER + name
-
-
-def _rounded(point: Point, holds: Callable[[Point], bool]) -> Point | None:
-    """The point with three decimals if that keeps it true."""
-    # Adding 0 turns -0 into 0.
-    rounded = replace(point, signals={name: round(value, 3) + 0.0 for name, value in point.signals.items()})
-    return next(filter(holds, (rounded, point)), None)

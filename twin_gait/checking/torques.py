@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -55,23 +54,24 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
     table, laws = leg.problem.table, leg.problem.experiment.control.friction_model
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     ticks, shares = _blend(leg, new)
-    gravity = np.array([leg.modelled_gravity(angles) for angles, _ in samples])
-    jumps = []
-    for joint, (name, limit) in enumerate(zip(leg.joints, leg.torque_limits().tolist(), strict=True)):
-        angles, velocities = samples[:, :, joint].T
-        friction = np.array([friction_torque(laws[name], velocity) for velocity in velocities.tolist()])
-        columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
-        columns.append(leg.gravity_shares)
-        commands = []
-        for share in shares:
-            k, b, zero, gain, carried = (blend(column[old], column[new], share) for column in columns)
-            impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))
-            commands.append(impedance + gain * friction + carried * gravity[:, joint])
-        whole = np.abs(commands[-1] - commands[0])
-        tick = np.abs(np.diff(commands, axis=0) / np.diff(ticks)[:, None]).max(axis=0)
-        worst = int(np.argmax(np.maximum(whole, tick / KNOCK)))
-        jumps.append(Jump(name, limit, float(whole.max()), float(tick.max()), leg.signals(*samples[worst])))
-    return jumps
+    angles, velocities = samples[:, 0], samples[:, 1]
+    gravity = np.array([leg.modelled_gravity(posture) for posture in angles])
+    speeds = zip(leg.joints, velocities.T.tolist(), strict=True)
+    friction = np.array([[friction_torque(laws[name], speed) for speed in row] for name, row in speeds]).T
+    columns = [leg.column(which) for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
+    columns.append(leg.gravity_shares[:, None])
+    commands = []
+    for share in shares:
+        k, b, zero, gain, carried = (blend(column[old], column[new], share) for column in columns)
+        # The law is linear: arrays of joints pass as numbers do.
+        impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
+        commands.append(impedance + gain * friction + carried * gravity)
+    whole = np.abs(commands[-1] - commands[0])
+    tick = np.abs(np.diff(commands, axis=0) / np.diff(ticks)[:, None, None]).max(axis=0)
+    worst = np.argmax(np.maximum(whole, tick / KNOCK), axis=0)
+    at = [leg.signals(*samples[place]) for place in worst]
+    jumps = zip(leg.joints, leg.torque_limits(), whole.max(axis=0), tick.max(axis=0), at, strict=True)
+    return [Jump(*jump) for jump in jumps]
 
 
 @rule
@@ -161,9 +161,9 @@ def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterat
                 f"{'torque' if limit == torque_limit else 'current'} limit gives {limit:.0f} Nm"
             )
         k, b, zero = (float(leg.column(which)[phase, joint]) for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
-        inertias = [leg.mass(start)[joint, joint] for start in starts]
-        speeds = map(release_speed, [start[joint] - zero for start in starts], repeat(k), repeat(b), inertias)
-        speed, fastest = max(speeds), leg.no_load_speed(name)
+        released = ((start[joint] - zero, leg.mass(start)[joint, joint]) for start in starts)
+        speed = max(release_speed(deflection, k, b, inertia) for deflection, inertia in released)
+        fastest = leg.no_load_speed(name)
         if speed > fastest:
             yield (
                 f"the {name} would reach {math.degrees(speed):.0f} deg/s; the voltage allows "

@@ -13,7 +13,7 @@ import yaml
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.sections import written
 from twin_gait.experiment import Experiment
-from twin_gait.gait import GaitTable, ModeTable
+from twin_gait.gait import StateTable
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:
@@ -33,7 +33,7 @@ _FIELDS = (
 )  # fmt: skip
 
 
-def table_document(table: GaitTable | ModeTable) -> dict[str, Any]:
+def table_document(table: StateTable) -> dict[str, Any]:
     """A table of gait or of modes as its file's mapping; reading it gives an equal table."""
     keys = {"phases": f"{table.kind}s", "waivers": "waive", "side_phases": "sides"}
     given = {keys.get(name, name): getattr(table, name, ()) for name in _FIELDS}

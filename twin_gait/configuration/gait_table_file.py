@@ -63,15 +63,12 @@ class ModeTableFile(_TableFile):
     modes: dict[str, type_of(Mode)] = Field(min_length=2)  # type: ignore[valid-type]
 
 
-def _shared(
-    entry: Any, name: str, members: tuple[str, ...], words: GuardWords, source: str
-) -> dict[str, Any]:
-    """What both kinds of tables have, in SI; ``members`` are what guards may ask for by name."""
-    read = partial(_transition, joints=entry.joints, members=members, words=words)
+def _shared(entry: Any, name: str, words: GuardWords, source: str) -> dict[str, Any]:
+    """What both kinds of tables have, in SI; ``words`` are what guards may read."""
     transitions: dict[tuple[str, ...], table.Transition] = {}
     for index, written in enumerate(entry.transitions):
         place = f"transitions[{index}]"
-        item = converting(source, place, partial(read, written))
+        item = converting(source, place, partial(_transition, written, words))
         if transitions.setdefault((item.source, item.target, item.cause), item) is not item:
             problem = "the same from, to and cause as another one; leave one out, or give it another cause"
             raise ParameterFileError(source, place, problem)
@@ -168,20 +165,20 @@ def _laid_over(below: list[Any], own: list[Any], key: str, source: str, base: st
     return [item for item in merged + added if item not in removed]
 
 
-def load_gait_table(source: str | Path, *, draft: bool = False) -> table.GaitTable:
+def load_gait_table(source: str | Path) -> table.GaitTable:
     """Read a gait table from a YAML file, or by the name of one that ships, such as ``treadmill``.
 
-    ``draft``: whether phases may lack exits or be out of reach, which a check reports itself. Raises
-    ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key, value).
+    Raises ParameterError if there is no such table, ParameterFileError if the file has a mistake (file, key,
+    value).
     """
     path = source if isinstance(source, Path) else named_file(source)
-    return checked_table(read_gait_table(path), str(path), path.stem, draft=draft)
+    return checked_table(read_gait_table(path), str(path), path.stem)
 
 
-def checked_table(found: WrittenTable, source: str, name: str, *, draft: bool = False) -> table.GaitTable:
+def checked_table(found: WrittenTable, source: str, name: str) -> table.GaitTable:
     """As :func:`gait_table_from_mapping`; mistakes in an entry of a list name file and entry as written."""
     try:
-        return gait_table_from_mapping(found.data, source, name, draft=draft)
+        return gait_table_from_mapping(found.data, source, name)
     except ParameterFileError as error:
         text = f"{error.key}: {error.problem}".removeprefix(": ")
         merged = re.match(rf"({'|'.join(_LISTS)})\[(\d+)\]", text)
@@ -197,13 +194,8 @@ def checked_table(found: WrittenTable, source: str, name: str, *, draft: bool = 
         raise ParameterFileError(file, "", f"{key}[{place}]{text[merged.end() :]}") from error
 
 
-def gait_table_from_mapping(
-    data: dict[str, Any], source: str, name: str, *, draft: bool = False
-) -> table.GaitTable:
-    """Turn parsed YAML into a gait table, or a draft of one, which need not be closed.
-
-    ``source``: file name for messages. ``name``: of the table if the file gives none.
-    """
+def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> table.GaitTable:
+    """Turn parsed YAML of the file ``source`` into a gait table, ``name`` if it gives none."""
     entry: Any = validate(GaitTableFile, data, source)
     phases = {
         name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
@@ -221,10 +213,9 @@ def gait_table_from_mapping(
                 raise ParameterFileError(source, key, f"no such phase; there are {', '.join(phases)}")
             merged = merge(entry.phases[phase], values)  # over the common values
             side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
-    shared = _shared(entry, name, tuple(phases), LEG_WORDS, source)
-    kind = table.DraftTable if draft else table.GaitTable
+    shared = _shared(entry, name, LEG_WORDS, source)
     more = {**shared, "phases": phases, "side_phases": side_phases}
-    return converting(source, "", lambda: taken_from(kind, entry, **more))
+    return converting(source, "", lambda: taken_from(table.GaitTable, entry, **more))
 
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
@@ -234,21 +225,19 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     return phase
 
 
-def _transition(
-    entry: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords
-) -> table.Transition:
+def _transition(entry: Any, words: GuardWords) -> table.Transition:
     given = [{kind: guards} for kind in ("all", "any") if (guards := getattr(entry, kind))]
-    guard = _guard(given[0], joints, members, words) if given else AllOf(guards=())
+    guard = _guard(given[0], words) if given else AllOf(guards=())
     return table.Transition(**entry.values(), guard=guard)
 
 
-def _guard(item: Any, joints: tuple[str, ...], members: tuple[str, ...], words: GuardWords) -> Guard:
+def _guard(item: Any, words: GuardWords) -> Guard:
     if isinstance(item, str):
-        return parse_guard(item, joints, members, words)
+        return parse_guard(item, words)
     if isinstance(item, dict) and len(item) == 1:
         ((kind, inner),) = item.items()
         if kind in ("all", "any") and isinstance(inner, list) and inner:
-            guards = tuple(_guard(part, joints, members, words) for part in inner)
+            guards = tuple(_guard(part, words) for part in inner)
             return AllOf(guards=guards) if kind == "all" else AnyOf(guards=guards)
     expected = "expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
     raise GaitTableError(f"guard {short(item)}: {expected}")
@@ -260,7 +249,7 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
     entry: Any = validate(ModeTableFile, data, source)
-    shared = _shared(entry, name, entry.requests, MODE_WORDS, source)
+    shared = _shared(entry, name, MODE_WORDS, source)
     return converting(source, "", lambda: taken_from(ModeTable, entry, **shared, phases=entry.modes))
 
 
@@ -278,9 +267,9 @@ def load_mode_table(source: str | Path) -> ModeTable:
     return mode_table_from_mapping(read_yaml(path), str(path), path.stem)
 
 
-def load_state_table(source: str | Path, *, draft: bool = False) -> GaitTable | ModeTable:
+def load_state_table(source: str | Path) -> GaitTable | ModeTable:
     """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
     if source in packaged_mode_tables():
         source = named_file(source, "modes")
     path = source if isinstance(source, Path) else named_file(source)
-    return load_mode_table(path) if "modes" in read_yaml(path) else load_gait_table(path, draft=draft)
+    return load_mode_table(path) if "modes" in read_yaml(path) else load_gait_table(path)

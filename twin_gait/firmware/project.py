@@ -21,7 +21,7 @@ from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_u
 from twin_gait.firmware.cross import Unit
 from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
-from twin_gait.gait.program import compile_guards, require_bits
+from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.simulation.filling import limits_of
@@ -110,9 +110,9 @@ def print_project(experiment: Experiment) -> Project:
     """
     refuse_what_c_has_not(experiment)
     problem = build_problem(experiment)
-    require_bits(problem.table, problem.program)
+    compile_guards(problem.table, DEVICE_BITS)
     if experiment.modes is not None:
-        require_bits(experiment.modes, compile_guards(experiment.modes))
+        compile_guards(experiment.modes, DEVICE_BITS)
     linked, messages = linked_unit(problem), _messages(experiment)
     files, shapes = list(_units(problem, linked)), _shapes(linked)
     if messages:

@@ -8,7 +8,6 @@ from .program import compile_guards as compile_guards
 from .table import TICK as TICK
 from .table import Blending as Blending
 from .table import BlendingLaw as BlendingLaw
-from .table import DraftTable as DraftTable
 from .table import DrivenBy as DrivenBy
 from .table import GaitTable as GaitTable
 from .table import JointImpedance as JointImpedance

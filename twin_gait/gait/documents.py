@@ -13,10 +13,8 @@ from typing import NamedTuple
 
 from twin_gait.gait.feasibility import ZERO, Bound, bound_of, solve
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
-from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.signals import TIME
-from twin_gait.gait.table import TICK, GaitTable, Scaling, StateTable
-from twin_gait.parameters.quantities import AsInFile, Parameters, declarations
+from twin_gait.gait.table import TICK, StateTable
 
 # A truth table with more conditions or rows is not read by anyone.
 MOST_CONDITIONS, MOST_ROWS = 12, 64
@@ -85,23 +83,15 @@ class PhaseLogic:
         Returns rows that exclude each other and cover every combination that measurements can have.
         """
         chosen = chosen or {}
-        known = {**chosen, **self._implied(chosen)}
-        index, sure = self.outcome(known)
+        if not self.possible(chosen):
+            return []
+        index, sure = self.outcome(chosen)
         if index is None or sure:
             return [TruthRow(chosen, index)]
-        branch = next(item for item in self.needs[index] if item not in known)
+        branch = next(item for item in self.needs[index] if item not in chosen)
         true, false = (self.rows({**chosen, branch: value}) for value in (True, False))
-        merged = [_without(row, branch) for row in true]
-        return merged if merged == [_without(row, branch) for row in false] else true + false
-
-    def _implied(self, chosen: Truths) -> Truths:
-        """Truth of further conditions that follows from the chosen ones."""
-        values = {
-            item: [value for value in (True, False) if self.possible({**chosen, item: value})]
-            for item in self.conditions
-            if item not in chosen
-        }
-        return {item: possible[0] for item, possible in values.items() if len(possible) == 1}
+        without = [[_without(row, branch) for row in rows] for rows in (true, false) if rows]
+        return without[0] if without[0] == without[-1] else true + false
 
     def possible(self, truths: Truths) -> bool:
         """Whether conditions can have these truths together."""
@@ -174,25 +164,19 @@ def transition_table(table: StateTable) -> str:
         if item.source == phase
     ]
     heading = ("from", "to", "cause", "guard", "debounce [ms]", "minimum duration [ms]", "after [s]")
-    if not rows:
-        rows = [(phase, "", "", "", "", "", "") for phase in table.phases]
     title = f"# State transitions of {_text(table.name)}\n\n"
     return f"{title}Of several exits that are due, the first listed is taken.\n\n{_grid(heading, rows)}"
 
 
 def truth_table(table: StateTable) -> str:
-    """Truth table of every phase in Markdown, with what the phase sets, to ten digits.
-
-    A change of the table is a change of the text.
-    """
+    """Truth table of every phase in Markdown."""
     parts = [
         f"# Truth tables of {_text(table.name)}\n",
         "T is true, F is false, – either. The rows of a phase exclude each other and cover every "
         "combination\nthat measurements can have.\n",
-        *_laws(table),
     ]
     for phase in table.phases:
-        parts += [f"## {_text(phase)}\n", *_settings(table, phase), _exits(table, phase)]
+        parts += [f"## {_text(phase)}\n", _exits(table, phase)]
     return "\n".join(parts)
 
 
@@ -222,57 +206,6 @@ def _condition(table: StateTable, condition: Condition) -> str:
         exit_ = f"{_text(item.cause)} to {_text(item.target)}"
         return f"guard of {exit_} true for {condition.held_ticks} ms without a break"
     return f"`{condition}`"
-
-
-def mode_words(mode: Mode) -> list[str]:
-    """What a mode sets, in words."""
-    told = f"the legs are told to {'walk' if mode.walk else 'stand'}"
-    told += f" and to {'step' if mode.step else 'wait for a step'}" if mode.walk or mode.step else ""
-    return [told, *([] if mode.posture is None else [f"both legs enter {mode.posture}"])]
-
-
-def _given(parameters: Parameters) -> dict[str, str]:
-    """What parameters set, by the keys of a file, in the units that people type."""
-    found = {}
-    for item in declarations(type(parameters)):
-        *_, (key, unit) = item.keys.items()
-        value = getattr(parameters, item.name)
-        if isinstance(value, tuple):
-            value = f"[{', '.join(value)}]"
-        elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            value = number(value / unit)
-        if value is not None and not item.mark(AsInFile):
-            found[key] = str(value)
-    return found
-
-
-def _sentence(front: str, parameters: Parameters) -> str:
-    said = ", ".join(" ".join(given) for given in _given(parameters).items())
-    return f"{_text(f'{front}: {said}')}.\n"
-
-
-def _settings(table: StateTable, phase: str) -> list[str]:
-    """What a phase sets, then what it sets on a side where it differs."""
-    sides = table.side_phases if isinstance(table, GaitTable) else {}
-    there = {"": table.phases[phase]} | {str(side): own[phase] for side, own in sides.items() if phase in own}
-    rows = {
-        f"{side} {name}": _given(joint)
-        for side, parameters in there.items()
-        for name, joint in getattr(parameters, "joints", {}).items()
-    }
-    keys = list(dict.fromkeys(key for row in rows.values() for key in row))
-    cells = [(name, *(row.get(key, "") for key in keys)) for name, row in rows.items()]
-    grid = [_grid(("joint", *keys), cells)] if cells else []
-    return [*grid, *(_sentence(f"{side} phase".strip(), item) for side, item in there.items())]
-
-
-def _laws(table: StateTable) -> list[str]:
-    """What holds for the whole table."""
-    if isinstance(table, ModeTable):
-        return [_text(f"Requests: {', '.join(table.requests)}; after a trip: {table.hold}.") + "\n"]
-    assert isinstance(table, GaitTable)  # there is no third kind
-    laws = {"Blending at a switch": table.blending, "Scaling": table.scaling}
-    return [_sentence(name, law) for name, law in laws.items() if law != Scaling()]
 
 
 def _grid(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -10,7 +10,7 @@ decide (Floyd and Warshall). Nothing is sampled, and "impossible" is a proof, up
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -41,6 +41,11 @@ class Bound:
     def names(self) -> tuple[str, ...]:
         """Numbers that it reads, without ``ZERO``."""
         return tuple(name for name in (self.upper, self.lower) if name != ZERO)
+
+    def holds(self, values: Mapping[str, float]) -> bool:
+        """Whether numbers keep it."""
+        difference = values.get(self.upper, 0.0) - values.get(self.lower, 0.0)
+        return difference < self.limit if self.strict else difference <= self.limit
 
     def tightened(self, share: float) -> float:
         """Limit less a share of the comfortable distance."""

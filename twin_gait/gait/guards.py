@@ -130,56 +130,40 @@ class GuardWords(NamedTuple):
     def problem(
         self, atom: Comparison | PhaseMembership, joints: Sequence[str], members: Sequence[str]
     ) -> str:
-        """Say what a table of some joints and members does not know; empty if it can answer."""
+        """Say why a table of some joints and members cannot answer a condition; empty if it can."""
         if isinstance(atom, PhaseMembership):
             what, known, asked = self.member, members, atom.phases
         else:
             what, known, asked = "signal", self.signals(joints), atom.names
         absent = [name for name in asked if name not in known]
-        return f"no {what} {absent[0]!r}; there are {', '.join(known)}" if absent else ""
+        if absent:
+            return f"no {what} {absent[0]!r}; there are {', '.join(known)}"
+        units = [signal_of(name).unit.words for name in asked] if isinstance(atom, Comparison) else []
+        mixed = f"{' and '.join(asked)} have different units: {' and '.join(units)}"
+        return mixed if len(set(units)) > 1 else ""
 
 
 LEG_WORDS = GuardWords("other.phase", "phase", all_signal_names)
 MODE_WORDS = GuardWords("request", "request", mode_signal_names)
 
 
-def parse_guard(
-    text: str, joints: Sequence[str], phases: Sequence[str], words: GuardWords = LEG_WORDS
-) -> Guard:
+def parse_guard(text: str, words: GuardWords = LEG_WORDS) -> Comparison | PhaseMembership:
     """Parse one guard, such as ``other.hip.angle_deg > 10`` or ``other.phase in [early_stance]``.
 
-    ``phases``: what a membership may name. ``words``: what guards may read. Raises GaitTableError if the text
-    is not a guard, or names an unknown signal or phase.
+    ``words``: what guards may read; a table that does not know what is named refuses it. Raises
+    GaitTableError if the text is not a guard.
     """
-    try:
-        atom = _parsed(text, words)
-        problem = words.problem(atom, joints, phases) or _mixed_units(atom)
-        if problem:
-            raise GaitTableError(problem)
-    except GaitTableError as error:
-        raise GaitTableError(f"guard {text!r}: {error}") from None
-    return atom
-
-
-def _parsed(text: str, words: GuardWords) -> Comparison | PhaseMembership:
     membership = _MEMBERSHIP.fullmatch(text)
-    if membership and membership.group(1) == words.of:
-        members = tuple(name.strip() for name in membership.group(2).split(",") if name.strip())
+    if membership and membership[1] == words.of:
+        members = tuple(name.strip() for name in membership[2].split(",") if name.strip())
         if not members:
-            raise GaitTableError(f"expected at least one {words.member} in the brackets")
+            raise GaitTableError(f"guard {text!r}: expected at least one {words.member} in the brackets")
         return PhaseMembership(phases=members, of=words.of)
     comparison = _COMPARISON.fullmatch(text)
-    if not comparison:
+    if not comparison or math.isinf(float(comparison[4])):
         raise GaitTableError(
-            f"expected a strict 'signal < number' or 'signal - signal > number', or '{words.of} in "
-            f"[{words.member}, …]'"
+            f"guard {text!r}: expected a strict 'signal < number' or 'signal - signal > number', or "
+            f"'{words.of} in [{words.member}, …]', with finite numbers"
         )
     signal, minus, operator, number = comparison.groups()
     return Comparison(signal=signal, minus=minus, operator=operator, threshold=float(number))
-
-
-def _mixed_units(atom: Comparison | PhaseMembership) -> str:
-    """Say that the two signals of a comparison have different units; empty if they have not."""
-    names = atom.names if isinstance(atom, Comparison) else ()
-    units = dict.fromkeys(signal_of(name).unit.words for name in names)
-    return f"{' and '.join(names)} have different units: {' and '.join(units)}" if len(units) > 1 else ""

@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait import guards
-from twin_gait.gait.program import guard_is_open
-from twin_gait.gait.signals import TIME, signal_scale
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import MOST_PHASES, TICK, State, StateTable, Transition, refuse
 
 
@@ -52,6 +53,10 @@ class ModeTable(StateTable):
             refuse(self.requests.count(name) > 1, f"requests: {name} is named twice")
         self._check_known("hold", self.hold)
         refuse(self.hold == self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
+        left = {item.source for item in self.transitions}
+        for mode in self.phases:
+            stuck = mode not in (*left, self.hold)
+            refuse(stuck, f"modes.{mode}: no transition leaves it; add one to transitions")
 
     def _check_transition(self, place: str, item: Transition) -> None:
         super()._check_transition(place, item)
@@ -68,10 +73,6 @@ class ModeTable(StateTable):
     def entered(self) -> tuple[str, ...]:
         """The hold, which the monitor enters."""
         return (self.hold,)
-
-    def answers(self, mode: str, request: str) -> list[Transition]:
-        """Transitions out of a mode that a request can open, in order of priority."""
-        return [item for item in self.transitions if item.source == mode and request in _asked(item)]
 
     def waits_for_step(self, mode: str) -> bool:
         """Whether legs that walk in a mode wait until somebody asks for a step."""
@@ -114,13 +115,13 @@ def parse_request(text: str) -> TimedRequest:
 
 def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) -> None:
     """Check that requests are known and come one at a time; raises ParameterError."""
-    if requests and modes is None:
-        raise ParameterError("requests: nothing answers them; give modes, such as twin")
-    for number, item in enumerate(requests):
-        known = () if modes is None else modes.requests
+    known = () if modes is None else modes.requests
+    ticks = [item.ticks for item in requests]
+    for item in requests:
         if item.name not in known:
-            raise ParameterError(f"request {item}: there are {', '.join(known)}")
-        if item.ticks in (other.ticks for other in requests[:number]):
+            there = ", ".join(known) or "none; give modes, such as twin"
+            raise ParameterError(f"request {item}: there are {there}")
+        if ticks.count(item.ticks) > 1:
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
 
 
@@ -131,27 +132,21 @@ def why_refused(
 
     ``signals``: in the units of their names; missing ones are 0. ``ticks``: since the mode was entered.
     """
-    answers = table.answers(mode, request)
+    leaving = [(item, _asked(item)) for item in table.transitions if item.source == mode]
+    answers = [item for item, asked in leaving if request in asked]
     if not answers:
-        known = [name for name in table.requests if table.answers(mode, name)]
+        known = [name for name in table.requests if any(name in asked for _, asked in leaving)]
         return f"{mode} does not answer {request}; it answers {', '.join(known) or 'nothing'}"
     measured = {**dict.fromkeys(table.signals, 0.0), **signals, TIME: ticks * TICK}
-    values, member = table.in_si(measured), table.member_index(request)
+    values, member, program = table.in_si(measured), table.member_index(request), compile_guards(table)
     missing = []
     for item in answers:
+        rule, lacks = program.transitions[table.transitions.index(item)], []
         least = max(table.phases[mode].minimum_ticks, item.time_out_ticks or 0)
-        waits = [f"{mode} for {ticks * TICK:g} s, less than {least * TICK:g} s"] if ticks < least else []
-        missing.append(waits + _closed(table, item.guard, values, member))
+        if ticks < least:
+            lacks.append(f"{mode} for {ticks * TICK:g} s, less than {least * TICK:g} s")
+        if not guard_holds(program, rule.first_node, rule.end_node, values, member):
+            lacks.append(f"{item.guard} is not true")
+            lacks += [f"{name} is {measured[name]:.4g}" for name in guards.compared(item.guard)]
+        missing.append(lacks)
     return None if [] in missing else "; or ".join(", ".join(lacks) for lacks in missing)
-
-
-def _closed(table: ModeTable, guard: guards.Guard, values: list[float], request: int) -> list[str]:
-    """The conditions that keep a guard closed, with what is measured."""
-    if guard_is_open(guard, table, values, request):
-        return []
-    if isinstance(guard, (guards.AllOf, guards.AnyOf)):
-        parts = [_closed(table, inner, values, request) for inner in guard.guards]
-        return [text for part in parts for text in part]
-    named = dict(zip(table.signals, values, strict=True))
-    read = [f"{name} is {named[name] / signal_scale(name):.4g}" for name in guards.compared(guard)]
-    return [f"{guard} is not true{': ' if read else ''}{' and '.join(read)}"]

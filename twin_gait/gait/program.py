@@ -1,26 +1,27 @@
 """Compile a gait table into the program that the core evaluates."""
 
-from collections.abc import Sequence
-
 from twin_gait.core import guards
-from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import signal_scale
-from twin_gait.gait.table import StateTable, Transition
+from twin_gait.gait.table import MOST_PHASES, StateTable, refuse
 
-OPEN_RESULTS = 62  # results that wait to be joined are bits of a signed 64-bit integer
-DEVICE_BITS = 30  # of an int32_t, so that all of them may be shifted once more
+# Phases, and results that wait to be joined, are bits of a whole number: of a signed one of 64 in an engine,
+# of an int32_t in the device, where all of them may be shifted once more.
+ENGINE_BITS, DEVICE_BITS = MOST_PHASES, 30
 
 
-def compile_guards(table: StateTable) -> guards.GuardProgram:
-    """Compile the transitions of a table of gait or of modes, thresholds in SI units."""
+def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardProgram:
+    """Compile the transitions of a table of gait or of modes, thresholds in SI units.
+
+    Raises GaitTableError if the table or a guard is too large for so many bits.
+    """
+    _refuse_large(table, bits)
     nodes: list[guards.GuardNode] = []
     comparisons: list[guards.Comparison] = []
     rules = []
     for transition in table.transitions:
         first = len(nodes)
         _emit(transition.guard, table, nodes, comparisons)
-        _check_size(transition, nodes[first:])
         rules.append(
             guards.TransitionRule(
                 source=table.phase_index(transition.source),
@@ -35,38 +36,18 @@ def compile_guards(table: StateTable) -> guards.GuardProgram:
     return guards.GuardProgram(len(rules), minimum_ticks, rules, nodes, comparisons)
 
 
-def guard_is_open(guard: Guard, table: StateTable, signals: Sequence[float], member: int) -> bool:
-    """Whether a guard by itself is true, by the evaluator of programs.
-
-    ``signals``: in SI, in the order of the table. ``member``: place among its members, negative for none.
-    """
-    nodes: list[guards.GuardNode] = []
-    comparisons: list[guards.Comparison] = []
-    _emit(guard, table, nodes, comparisons)
-    return guards.guard_holds(
-        guards.GuardProgram(0, [], [], nodes, comparisons), 0, len(nodes), signals, member
-    )
+def _refuse_large(table: StateTable, bits: int) -> None:
+    refuse(len(table.members) > bits, f"{len(table.members)} {table.words.member}s; at most {bits} fit")
+    for item in table.transitions:
+        name, waiting = f"{item.source} → {item.target} ({item.cause})", _waiting(item.guard)
+        too_many = f"{waiting} conditions wait to be joined; at most {bits} fit, so nest some of them"
+        refuse(waiting > bits, f"transition {name}: {too_many}")
 
 
-def _check_size(transition: Transition, nodes: list[guards.GuardNode], bits: int = OPEN_RESULTS) -> None:
-    """Refuse a guard whose results the evaluator cannot hold."""
-    waiting = most = 0
-    for node in nodes:
-        waiting += 1 - (node.operand if node.operation in (guards.OP_ALL, guards.OP_ANY) else 0)
-        most = max(most, waiting)
-    if most > bits:
-        raise GaitTableError(
-            f"transition {transition.source} → {transition.target} ({transition.cause}): {most} conditions "
-            f"wait to be joined; at most {bits} fit, so nest some of them"
-        )
-
-
-def require_bits(table: StateTable, program: guards.GuardProgram, bits: int = DEVICE_BITS) -> None:
-    """Refuse, by a GaitTableError, a table with more phases or waiting results than there are bits."""
-    if len(table.members) > bits:
-        raise GaitTableError(f"{len(table.members)} {table.words.member}s; at most {bits} fit")
-    for transition, rule in zip(table.transitions, program.transitions, strict=True):
-        _check_size(transition, program.nodes[rule.first_node : rule.end_node], bits)
+def _waiting(guard: Guard) -> int:
+    """How many results of a guard wait at once: those before a part, and what waits within it."""
+    parts = guard.guards if isinstance(guard, (AllOf, AnyOf)) else ()
+    return max((before + _waiting(part) for before, part in enumerate(parts)), default=1)
 
 
 def _emit(

@@ -144,7 +144,7 @@ def _assumed(recording: Recording, table: GaitTable, heard: Mapping[Side, Signal
     assumed = {}
     for name, reader in _read_by_guards(table):
         for side in (side for side, known in heard.items() if name not in counted and name not in known):
-            if name == OTHER_PHASE or not signals.is_device(name) or signals.signal_of(name).column:
+            if name == OTHER_PHASE or name not in signals.DEVICE_NAMES or signals.signal_of(name).column:
                 raise GaitTableError(
                     f"{recording.source}: the table {table.name} reads {name} in {reader}, not known of the "
                     f"{side} leg: name its column with --columns (of {signals.LOAD.name} add --total-mass "

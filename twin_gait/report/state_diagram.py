@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from twin_gait.gait.documents import mode_words, number
+from twin_gait.gait.documents import number
 from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership, bracketed
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
@@ -176,8 +176,9 @@ def _legend(table: StateTable) -> list[str]:
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
     """Rows of cells in a phase's box; a row of one cell is a remark."""
     if isinstance(table, ModeTable):
-        words = [*mode_words(table.phases[phase]), *_stay(table.phases[phase])]
-        return [(text,) for text in words]
+        mode = table.phases[phase]
+        told = {"walk": mode.walk, "step": mode.step, f"posture {mode.posture}": mode.posture}
+        return [*((text,) for text, tells in told.items() if tells), *((text,) for text in _stay(mode))]
     assert isinstance(table, GaitTable)  # there is no third kind
     common = table.phases[phase]
     rows: list[tuple[str, ...]] = [("", "k", "θ0", "damping", "G")]

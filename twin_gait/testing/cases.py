@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
@@ -161,8 +162,9 @@ def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> N
 
 
 def approval_text(table: StateTable) -> str:
-    """All that a table says as Markdown: transitions by priority, laws, parameters, truth tables."""
-    return f"{transition_table(table)}\n{truth_table(table)}"
+    """What a table says: transitions by priority and truth tables in Markdown, then the rest of its file."""
+    rest = {key: value for key, value in table_document(table).items() if key != "transitions"}
+    return f"{transition_table(table)}\n{truth_table(table)}\n```yaml\n{dump_yaml(rest)}```\n"
 
 
 def check_approved(path: Path, present: str) -> str | None:

@@ -13,7 +13,7 @@ from twin_gait.core.guards import GuardProgram, next_transition
 from twin_gait.firmware import TranslationUnit, print_units
 from twin_gait.firmware.cross import compile_library
 from twin_gait.gait.machine import GaitStateMachine
-from twin_gait.gait.program import compile_guards, require_bits
+from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.gait.table import StateTable
 from twin_gait.testing.cases import MachineFactory
 from twin_gait.vocabulary import Side
@@ -25,9 +25,7 @@ def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
     Raises GaitTableError: a table has more phases or conditions than the device's whole numbers have bits.
     Raises FirmwareError: there is no C compiler.
     """
-    programs = [compile_guards(table) for table in tables]
-    for table, program in zip(tables, programs, strict=True):
-        require_bits(table, program)
+    programs = [compile_guards(table, DEVICE_BITS) for table in tables]
     names = [f"table_{number}" for number in range(len(tables))]
     unit = TranslationUnit("guards", [next_transition], dict(zip(names, programs, strict=True)))
     with TemporaryDirectory() as folder:
