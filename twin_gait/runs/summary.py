@@ -19,7 +19,7 @@ from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
-from twin_gait.report.walk_words import summary_of_traffic, with_units
+from twin_gait.report.walk_words import with_units
 from twin_gait.runs.leg_summary import reference_error, summarise_side
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -73,7 +73,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         **battery_in_numbers(run),
         "safety": _safety(run),
         **({} if run.experiment.modes is None else {"requests_refused": " | ".join(run.refused)}),
-        **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
+        **({} if run.traffic is None else {"network": run.traffic}),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),
         **energy_in_numbers(run),

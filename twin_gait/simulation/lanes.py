@@ -28,7 +28,6 @@ from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
 from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, rows_at
-from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
 
@@ -148,9 +147,12 @@ def rows_beside(width: int) -> Any:
 
 
 @lru_cache(maxsize=32)
-def bound_in_lanes(episode: np.dtype[Any], width: int) -> dict[str, Any]:
-    """What a loop over a block is bound to in place of what that of a single episode is."""
-    row_of, readings = rows_beside(width), rows_at(np.dtype(float), noise_width(episode))
+def bound_in_lanes(episode: np.dtype[Any], width: int, noises: int) -> dict[str, Any]:
+    """What a loop over a block is bound to in place of what that of a single episode is.
+
+    ``width`` and ``noises``: numbers in a row of the log, and in one of the noise.
+    """
+    row_of, readings = rows_beside(width), rows_at(np.dtype(float), noises)
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)

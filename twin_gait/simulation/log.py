@@ -227,11 +227,6 @@ class LogLayout:
         return tuple(thing + name for thing, _, kind in self.things for name in kind.columns)
 
     @cached_property
-    def positions(self) -> dict[str, int]:
-        """Position of each column."""
-        return {name: index for index, name in enumerate(self.names)}
-
-    @cached_property
     def writer(self) -> str:
         """Source of ``write_row``; see :mod:`twin_gait.simulation.interface`."""
         return writer_of((number, kind) for _, number, kind in self.things)

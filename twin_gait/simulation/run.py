@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from html import escape
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
@@ -30,8 +29,6 @@ from twin_gait.worlds.faults import Fault
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from twin_gait.simulation.engine import BusTraffic
 
 # Report and studies stand above the simulation. What a user calls on a run is looked up by name when it is
 # called, in the namespace that they import from, so that no module here depends on those floors.
@@ -89,8 +86,8 @@ class Run:
     wall_s: float  # Wall-clock time of the integration in [s].
     body_weight: float  # Weight of wearer and device in [N].
     trip: Trip | None = None  # What the safety monitor tripped on, or None.
-    # Of the bus, or None without one, in live walks and in runs that were read back.
-    traffic: BusTraffic | None = None
+    # What the bus has carried, as the summary has it; None without one, in live walks and runs read back.
+    traffic: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:
         """One line: what was run and how it ended."""
@@ -98,19 +95,6 @@ class Run:
         size = f"{len(self.log)} ticks x {self.log.shape[1]} columns, {len(self.switches)} switches"
         word = self.verdict.outcome or self.status
         return f"<Run {self.experiment.name}: {word}, {self.duration:g} s ({size}){events}>"
-
-    def _repr_html_(self) -> str:
-        """The same as a small card in a notebook."""
-        word = self.verdict.outcome or self.status
-        rows = [
-            ("simulated", f"{self.duration:g} s in {self.wall_s:.2f} s, {len(self.log)} ticks"),
-            ("log", f"{self.log.shape[1]} columns; {len(self.switches)} switches of phase"),
-            *((f"{event.time:.2f} s", event.text) for event in self.events),
-            *(("why", reason) for reason in (self.verdict.reason,) if reason),
-        ]
-        lines = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
-        name = escape(self.experiment.name)
-        return f"<table><caption>{name}: <b>{escape(word)}</b></caption>{lines}</table>"
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the run directory; see :func:`twin_gait.save_run`."""
@@ -260,12 +244,12 @@ def log_table(
     """Make the log table of the numbers that an engine wrote, with ``time_s`` in front and phases by name.
 
     ``rows``: shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other. ``columns``:
-    their positions in the layout, the phases among them; all by default.
+    their positions in the layout; all by default.
     """
     names = list(layout.names) if columns is None else [layout.names[place] for place in columns]
     log = pd.DataFrame(np.asfortranarray(rows), columns=names, copy=False)
     log.insert(0, "time_s", np.arange(len(rows)) * TICK)
     phases = pd.CategoricalDtype(pd.Index(table.phase_names))
-    for name in (f"{side}_phase" for side in layout.legs):
+    for name in (name for name in names if name.endswith("_phase")):
         log[name] = pd.Categorical.from_codes(rows[:, names.index(name)].astype(np.int64), dtype=phases)
     return log
