@@ -53,6 +53,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         str(record.side): summarise_side(run, record, skip_strides, walk.get(record.side))
         for record in run.leg_records()
     }
+    refused = [answer.text for answer in run.answers if answer.refused]
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
         "name": run.experiment.name,
@@ -72,7 +73,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "symmetry": _symmetry(sides),
         **battery_in_numbers(run),
         "safety": _safety(run),
-        **({} if run.experiment.modes is None else {"requests_refused": " | ".join(run.refused)}),
+        **({} if run.experiment.modes is None else {"requests_refused": " | ".join(refused)}),
         **({} if run.traffic is None else {"network": run.traffic}),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),

@@ -75,7 +75,7 @@ class CompiledEngine(EpisodeEngine):
         """All that the loop depends on beside its sources, and functions that are not of this package."""
         functions, bodies = self.problem.controller.functions().values(), kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in functions if is_ours(item)]
-        return repr((_text(self.store.dtype), self.layout.writer, bodies, self.structure, ours))
+        return repr((text_of(self.store.dtype), self.layout.writer, bodies, self.structure, ours))
 
     @property
     def own(self) -> tuple[TickFunction, ...]:
@@ -154,7 +154,7 @@ def bound_to(engine: CompiledEngine) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def _text(dtype: np.dtype[Any]) -> str:
+def text_of(dtype: np.dtype[Any]) -> str:
     """A dtype as text, which takes NumPy longer than all else in an episode's start."""
     return repr(dtype)
 

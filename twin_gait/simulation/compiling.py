@@ -35,7 +35,7 @@ from twin_gait.control.controller import (
     require_whole_numbers,
 )
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, MachineCode, function_at
+from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, function_at
 
 _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
@@ -174,8 +174,8 @@ def compile_loop(
     address = result.library.get_pointer_to_function(symbol)
     function = function_at(address, loop, f"controller {own!r}" if own else None)
     standalone = not own and _stands_alone(result.library)
-    code = MachineCode(result.library._get_compiled_object(), symbol) if standalone else None
-    return CompiledLoop(function, code)
+    code = symbol.encode() + b"\n" + result.library._get_compiled_object()
+    return CompiledLoop(function, code if standalone else None)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ as a copy of another one's, which changes nothing. With few left the rest run al
 """
 
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -37,7 +37,6 @@ SHARED = frozenset(
     "comparisons.signal_b transitions.source transitions.target transitions.first_node "
     "transitions.end_node transitions.debounce_ticks transitions.time_out_ticks".split()
 )
-_WORD = 8  # bytes of every number
 # A block with fewer episodes takes longer than they do alone: it breaks even at 8 to 11 of them with AVX-512,
 # at 13 to 19 with AVX2.
 FEWEST = 16
@@ -113,8 +112,7 @@ class LaneEngine:
 
     def _numbers(self, name: str) -> np.ndarray:
         """A whole number of the record in all lanes."""
-        numbers: np.ndarray = self._block[word_of(self.engines[0].store.dtype, name)]
-        return numbers
+        return np.asarray(self._block[word_of(self.engines[0].store.dtype, name)])
 
 
 def kind_of(engine: EpisodeEngine) -> Hashable | None:
@@ -153,27 +151,25 @@ def _key_of(engine: CompiledEngine) -> str:
     return source_key(f"in lanes {engine.pattern}")
 
 
-def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:
-    """All numbers of a record that begins at a byte: its field, after that of the record, and its place."""
-    for name, (kind, offset, *_) in (dtype.fields or {}).items():
+def fields_of(dtype: np.dtype[Any], owner: str = "episode") -> list[str]:
+    """Fields of all numbers of a record one after the other, each after that of its record."""
+    found: list[str] = []
+    for name, (kind, *_) in (dtype.fields or {}).items():
         entry, _ = kind.subdtype or (kind, ())
-        for place in range(first + offset, first + offset + kind.itemsize, entry.itemsize):
-            if entry.fields is None:
-                yield f"{owner}.{name}", place // _WORD
-            else:
-                yield from numbers_of(entry, name, place)
+        found += (fields_of(entry, name) or [f"{owner}.{name}"]) * (kind.itemsize // entry.itemsize)
+    return found
 
 
 @lru_cache(maxsize=32)
 def shared_words(dtype: np.dtype[Any]) -> np.ndarray:
     """Which numbers of a record the lanes of a block have in common, shape ``(numbers,)``."""
-    return np.array([name in SHARED for name, _ in numbers_of(dtype)])
+    return np.array([name in SHARED for name in fields_of(dtype)])
 
 
 @lru_cache(maxsize=256)
 def word_of(dtype: np.dtype[Any], name: str) -> int:
     """Place of a number among those of a record."""
-    return next(place for found, place in numbers_of(dtype) if found == name)
+    return fields_of(dtype).index(name)
 
 
 def side_by_side(records: np.ndarray) -> np.ndarray:

@@ -31,10 +31,6 @@ from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, row
 from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
 
-# Tests set this: LLVM then says on the standard error of which loop over lanes it makes no vectors. Without
-# it the loops are as fast, and nothing is written to a user's terminal.
-INSISTING = False
-
 
 def _number(block: Any) -> int:
     """Place of a basic block in the function's text."""
@@ -66,8 +62,6 @@ class _Marking(lowering.Lower):
         if in_vectors:
             parallel = note(["llvm.loop.parallel_accesses", group])
             loop.operands = (loop, parallel, note(["llvm.loop.unroll.disable"]))
-            if INSISTING:
-                loop.operands += (note(["llvm.loop.vectorize.enable", ir.IntType(1)(1)]),)
         elif isinstance(over, LanesView):
             loop.operands = (loop, note(["llvm.loop.unroll.disable"]))
         else:

@@ -22,7 +22,7 @@ from twin_gait.measures.leg_record import ALWAYS, LegRecord, Spans, leg_record
 from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, gait_verdict
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
-from twin_gait.simulation.answers import Answer, answers_in
+from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.log import LogLayout
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
 from twin_gait.worlds.faults import Fault
@@ -184,23 +184,15 @@ class Run:
         """Outcome of the gait in one word and one line; see :mod:`twin_gait.measures.outcome`."""
         if self.status is RunStatus.DIVERGED:
             return Verdict(Outcome.DIVERGED, self.reason)
+        held = "" if self.trip is None else f"held from {self.trip.time:.3f} s on: {self.trip.text}"
         if self.status is RunStatus.FELL:
-            after = "" if self.trip is None else f", {self._held_text}"
-            return Verdict(Outcome.FELL, f"{self.reason}{after}")
-        if self.trip is not None:
-            return Verdict(Outcome.HELD, self._held_text)
-        if not self.table.transitions:
-            return Verdict(None, "no walk was asked for: the gait table has no transitions")
-        if not any(self.table.is_swing(phase) for phase in self.table.phases):
-            return Verdict(None, "no walk was asked for: no phase of the gait table is a swing")
-        if not self.steady:
-            return Verdict(None, "no walk was asked for: no mode was entered in which the legs step")
+            return Verdict(Outcome.FELL, ", ".join(filter(None, (self.reason, held))))
+        if held:
+            return Verdict(Outcome.HELD, held)
+        swings = self.table.transitions and any(self.table.is_swing(phase) for phase in self.table.phases)
+        if not swings or not self.steady:
+            return Verdict(None, "no walk was asked for, by the gait table or by the modes")
         return gait_verdict(self.leg_records())
-
-    @property
-    def _held_text(self) -> str:
-        assert self.trip is not None
-        return f"held from {self.trip.time:.3f} s on: {self.trip.text}"
 
     @property
     def steady(self) -> Spans:
@@ -224,12 +216,17 @@ class Run:
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
         """What became of the requests; see :mod:`twin_gait.simulation.answers`. Nothing without modes."""
-        return () if self.experiment.modes is None else tuple(answers_in(self, self.experiment.modes))
-
-    @property
-    def refused(self) -> list[str]:
-        """Requests that were refused, each in words."""
-        return [answer.text for answer in self.answers if answer.refused]
+        modes, initial, found = self.experiment.modes, self.experiment.initial_mode, list[Answer]()
+        if modes is not None:
+            first = 0 if initial is None else modes.phase_index(initial)
+            # Before each tick, and after the last.
+            codes = np.concatenate([[first], self.log["mode"].to_numpy()]).astype(int)
+            entries = np.flatnonzero(np.diff(codes))
+            for tick in np.flatnonzero(self.log["request"].to_numpy()).tolist():
+                ticks = tick - max(entries[entries < tick].tolist(), default=0)
+                before = modes.phase_names[codes[tick]]
+                found.append(answer_at(self.log, tick, before, ticks, modes, self.table, self.body_weight))
+        return tuple(found)
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
