@@ -36,11 +36,11 @@ class EngineSession:
 
     def reset(self) -> None:
         """Make a new engine and load what it has compiled."""
-        self._engine = (
-            CompiledEngine(self._problem, record=self._record)
-            if self._compiled
-            else ReferenceEngine(self._problem)
-        )
+        if self._compiled:
+            self._engine = CompiledEngine(self._problem)
+            self._engine.episode["recording"]["on"] = self._record
+        else:
+            self._engine = ReferenceEngine(self._problem)
 
     def run(self) -> None:
         """Run to the end."""
@@ -111,7 +111,9 @@ class BatchSession:
         """Lay out so many episodes, or a block for each thread; ``log`` says which columns are kept."""
         problems = unlike(build_problem(case.lasting(ticks)), episodes or WIDTH * threads)
         self._pool, self._log = ThreadPoolExecutor(threads) if threads > 1 else None, log
-        self.engines = [CompiledEngine(problem, record=bool(log)) for problem in problems]
+        self.engines = [CompiledEngine(problem) for problem in problems]
+        for engine in self.engines:
+            engine.episode["recording"]["on"] = bool(log)
         self._starts = [engine.store.copy() for engine in self.engines]
 
     def reset(self) -> None:

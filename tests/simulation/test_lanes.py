@@ -81,7 +81,8 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
 def unlike(number: int, preset: str, *settings: str, record: bool = True) -> CompiledEngine:
     """An episode like no other of its structure, in its table and in how it ends, too."""
     rng = np.random.default_rng(number)
-    engine = CompiledEngine(unlike_problem(number, preset, *settings), record=record)
+    engine = CompiledEngine(unlike_problem(number, preset, *settings))
+    engine.episode["recording"]["on"] = record
     setpoints = engine.episode["controller"]["joints"]["setpoints"]
     for name in ("stiffness", "damping", "equilibrium"):
         setpoints[name] *= 1.0 + 0.05 * rng.uniform(-1.0, 1.0, setpoints[name].shape)

@@ -52,16 +52,14 @@ class CompiledEngine(EpisodeEngine):
 
     chunk_ticks = 2000
 
-    def __init__(self, problem: Problem, *, record: bool = True, on_compile: OnCompile = None) -> None:
+    def __init__(self, problem: Problem, *, on_compile: OnCompile = None) -> None:
         """Lay the problem out and get the compiled loop.
 
-        ``record``: whether to keep the log; without it only the switches and the last state remain.
         ``on_compile``: called if the loop has to be compiled first. Raises UncompiledControllerError if numba
         cannot compile the controller.
         """
         super().__init__(problem)
         self.bodies, episode, self.structure = laid_out(problem)
-        episode.recording.on = record
         self.store = stored(episode)
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.

@@ -4,6 +4,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -68,41 +69,36 @@ class EpisodeEngine(ABC):
         run_ticks, chunk = (self.run_ticks, self.chunk_ticks) if run_tick is None else (run_tick, 1)
         width, record = len(self.layout.names), bool(self.state.recording.on)
         kept = range(width) if columns is None else columns
-        total, done, ended = self.problem.experiment.n_ticks, 0, (RunStatus.COMPLETED, "")
+        total, done, stopped = self.problem.experiment.n_ticks, 0, False
         # Everybody reads columns: each chunk is turned round while the cache still holds it.
         table, rows = np.empty((len(kept), total if record else 0)), np.zeros((chunk if record else 1, width))
-        while done < total and ended[0] is RunStatus.COMPLETED:
+        while done < total and self.ending(done)[0] is RunStatus.COMPLETED:
             if progress is not None:
                 progress(done, total)
-            if should_stop is not None and should_stop():
-                ended = RunStatus.INTERRUPTED, f"stopped at {done * TICK:.3f} s"
+            stopped = should_stop is not None and should_stop()
+            if stopped:
                 break
             first, done = done, run_ticks(done, min(done + chunk, total), rows, done)
-            ended = self.ending(done)
             if record:
                 for place, column in enumerate(kept):
                     table[place, first:done] = rows[: done - first, column]
         if progress is not None:
             progress(done, total)
-        return self.finished(done, table, columns, ended, time.perf_counter() - began)
+        run = self.finished(done, table, columns, time.perf_counter() - began)
+        if stopped:
+            return replace(run, status=RunStatus.INTERRUPTED, reason=f"stopped at {done * TICK:.3f} s")
+        return run
 
-    def finished(
-        self,
-        done: int,
-        log: np.ndarray,
-        columns: Sequence[int] | None,
-        ended: tuple[RunStatus, str],
-        wall_s: float,
-    ) -> Run:
+    def finished(self, done: int, log: np.ndarray, columns: Sequence[int] | None, wall_s: float) -> Run:
         """The run of some ticks, whose log has shape ``(n_columns, n)``; ``columns`` as in :meth:`run`."""
-        problem = self.problem
+        problem, (status, reason) = self.problem, self.ending(done)
         return Run(
             experiment=problem.experiment,
             table=problem.table,
             log=log_table(log[:, :done].T, self.layout, problem.table, columns),
             switches=self.phase_switches(),
-            status=ended[0],
-            reason=ended[1],
+            status=status,
+            reason=reason,
             wall_s=wall_s,
             body_weight=problem.world.body_weight,
             trip=self.trip(),

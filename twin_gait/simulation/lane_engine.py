@@ -80,7 +80,7 @@ class LaneEngine:
             self._finish(lane, done, logs[lane], kept)
         share = (time.perf_counter() - began) / len(self.engines)
         return [
-            engine.finished(end, log, columns, engine.ending(end), share)
+            engine.finished(end, log, columns, share)
             for engine, end, log in zip(self.engines, self._ends.tolist(), logs, strict=True)
         ]
 

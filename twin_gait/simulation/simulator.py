@@ -165,10 +165,9 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
     names, kept = engines[0].layout.names, None
     if columns is not None:
         kept = [place for place, name in enumerate(names) if name.endswith((*columns, *ALWAYS_KEPT))]
-    alike = [engine for engine in engines if isinstance(engine, CompiledEngine)]
     try:
-        if len(alike) > 1:
-            return LaneEngine(alike).run(kept)
+        if len(engines) > 1:
+            return LaneEngine([engine for engine in engines if isinstance(engine, CompiledEngine)]).run(kept)
         return [engine.run(columns=kept) for engine in engines]
     except TwinGaitError as error:
         raise JobFailed(first, str(error)) from error
