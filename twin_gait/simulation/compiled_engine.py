@@ -14,7 +14,7 @@ from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
@@ -118,7 +118,7 @@ def _bodies_of(problem: Problem) -> KernelBodies:
 
 def loop_of(
     engine: CompiledEngine, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_at
-) -> NativeFunction:
+) -> Loop:
     """The loop for episodes like an engine's, or with :func:`run_part` its plant, compiled if need be.
 
     Raises UncompiledControllerError if numba cannot compile the controller.

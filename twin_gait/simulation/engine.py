@@ -146,6 +146,8 @@ class EpisodeEngine(ABC):
         if self.problem.experiment.network is None:
             return None
         network, bus, frames = self.state.network, self.state.network.bus, {}
+        # As the sender believes; by newer ones before they were sent; ended in error frames.
+        counts = "sent", "lost", "replaced", "destroyed"
         for kind, wires in ((SETPOINT, network.setpoints), (MEASUREMENT, network.measurements)):
             for joint, wire in zip(self.problem.joints, wires, strict=True):
                 frame = bus.frames[int(wire.frame)]
@@ -153,10 +155,7 @@ class EpisodeEngine(ABC):
                     # Since its sender wrote what its receiver goes by, over all ticks.
                     "mean_age_s": TICK * int(wire.ages) / ticks,
                     "oldest_s": TICK * int(wire.oldest),
-                    "sent": int(frame.sent),  # as its sender believes
-                    "lost": int(frame.lost),
-                    "replaced": int(frame.replaced),  # by a newer one before they were sent
-                    "destroyed": int(frame.destroyed),  # transmissions that ended in an error frame
+                    **{name: int(getattr(frame, name)) for name in counts},
                     # From the instant at which one was due to its arrival.
                     "worst_response_s": _BUS_UNIT * int(frame.worst_response),
                 }

@@ -27,7 +27,7 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
-NativeFunction = Callable[..., int]
+Loop = Callable[..., int]
 OnCompile: TypeAlias = Callable[[], None] | None  # what is called if a loop has to be compiled first
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
@@ -143,7 +143,7 @@ def source_files() -> list[Path]:
 class CompiledLoop(NamedTuple):
     """A loop compiled in this process."""
 
-    function: NativeFunction  # Takes whole numbers and returns one.
+    function: Loop  # Takes whole numbers and returns one.
     # What can be kept of it, the name of the function and an object file behind a line break; None if it
     # needs more than the C library.
     code: bytes | None
@@ -165,7 +165,7 @@ def read_code(path: Path) -> bytes | None:
     return code if expected is not None and hmac.compare_digest(proof, expected.encode()) else None
 
 
-def load_function(code: bytes) -> NativeFunction:
+def load_function(code: bytes) -> Loop:
     """Link compiled code into the process; it runs without the interpreter's lock."""
     symbol, _, object_code = code.partition(b"\n")
     binding.initialize_native_target()
@@ -177,7 +177,7 @@ def load_function(code: bytes) -> NativeFunction:
     return function_at(engine.get_function_address(symbol.decode()), engine)
 
 
-def function_at(address: int, owner: Any, controller: str | None = None) -> NativeFunction:
+def function_at(address: int, owner: Any, controller: str | None = None) -> Loop:
     """A compiled function by the address of a native one, which writes its result through a pointer.
 
     ``owner``: what has to live as long as the function. ``controller``: name of the user's control law in it,
@@ -202,12 +202,12 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Nati
 
 
 # What this process has loaded or compiled; all episodes of a batch mostly share one loop.
-_loops: dict[tuple[str, tuple[Any, ...]], NativeFunction] = {}
+_loops: dict[tuple[str, tuple[Any, ...]], Loop] = {}
 
 
 def kept_loop(
     key: str, make: Callable[[], CompiledLoop], on_compile: OnCompile, own: tuple[Any, ...] = ()
-) -> NativeFunction:
+) -> Loop:
     """The loop of a key.
 
     With functions of the user's it is compiled once in this process and not kept on disk, because the sources

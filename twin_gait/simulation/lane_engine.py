@@ -15,14 +15,7 @@ import numpy as np
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import (
-    CompiledLoop,
-    NativeFunction,
-    OnCompile,
-    is_kept,
-    kept_loop,
-    source_key,
-)
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, is_kept, kept_loop, source_key
 from twin_gait.simulation.run import Run
 
 # With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
@@ -128,7 +121,7 @@ def kind_of(engine: EpisodeEngine) -> Hashable | None:
     return engine.loop, words[shared_words(engine.store.dtype)].tobytes()
 
 
-def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> NativeFunction:
+def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
     """The loop for blocks of episodes like an engine's, compiled if need be."""
 
     def make() -> CompiledLoop:

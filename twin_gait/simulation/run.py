@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+import twin_gait
 from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
@@ -29,10 +29,6 @@ from twin_gait.worlds.faults import Fault
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-# Report and studies stand above the simulation. What a user calls on a run is looked up by name when it is
-# called, in the namespace that they import from, so that no module here depends on those floors.
-_PUBLIC = "twin_gait"
 
 
 class RunStatus(StrEnum):
@@ -73,8 +69,8 @@ def run_events(
 class Run:
     """A finished simulation.
 
-    ``save`` and ``plot`` are those of the public namespace: a simulation itself touches no disk and draws
-    nothing.
+    ``save`` and ``plot`` are those of the public namespace, looked up when they are called: a simulation
+    itself touches no disk and draws nothing.
     """
 
     experiment: Experiment  # What was run.
@@ -98,11 +94,11 @@ class Run:
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the run directory; see :func:`twin_gait.save_run`."""
-        return cast(Path, import_module(_PUBLIC).save_run(self, folder, force=force))
+        return twin_gait.save_run(self, folder, force=force)
 
     def plot(self, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
         """Draw a picture of the run; see :func:`twin_gait.plot_run`."""
-        return cast("Figure", import_module(_PUBLIC).plot_run(self, figure, width_mm=width_mm))
+        return twin_gait.plot_run(self, figure, width_mm=width_mm)
 
     @property
     def duration(self) -> float:

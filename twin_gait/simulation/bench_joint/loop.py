@@ -25,7 +25,7 @@ from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UN
 from twin_gait.simulation.binding import kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows, run_at, text_of
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
 from twin_gait.simulation.log import writer_of
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
@@ -77,7 +77,7 @@ def simulate_bench(
     return BenchRun(test, log, RunStatus.DIVERGED if diverged else RunStatus.COMPLETED)
 
 
-def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> NativeFunction:
+def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Loop:
     """The compiled loop of tests of one layout; the laws beside (3.1) slow the others down."""
 
     def make() -> CompiledLoop:
