@@ -3,7 +3,7 @@
 From them is written the function that fills a row in every tick (:attr:`LogLayout.writer`).
 """
 
-from collections.abc import Container, Iterable
+from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
@@ -222,8 +222,12 @@ class LogLayout:
 
     @cached_property
     def writer(self) -> str:
-        """Source of ``write_row``; see :mod:`twin_gait.simulation.interface`."""
-        return writer_of((number, kind) for _, number, kind in self.things)
+        """Source of ``write_row``, which writes all columns into a row of the log."""
+        lines, place = ["def write_row(e, row):"], count()
+        for _, number, kind in self.things:
+            lines += [f"n = {number}", kind.thing]
+            lines += [f"row[{next(place)}] = {found}" for found, _ in kind.columns.values()]
+        return "\n    ".join(lines) + "\n"
 
 
 def log_layout(problem: Problem) -> LogLayout:
@@ -258,12 +262,3 @@ def log_layout(problem: Problem) -> LogLayout:
     )
     things = tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))
     return LogLayout(things)
-
-
-def writer_of(things: Iterable[tuple[int, Columns]]) -> str:
-    """Source of a function that writes the columns of things, by number among their kind, into a row."""
-    lines, place = ["def write_row(e, row):"], count()
-    for number, kind in things:
-        lines += [f"n = {number}", kind.thing]
-        lines += [f"row[{next(place)}] = {found}" for found, _ in kind.columns.values()]
-    return "\n    ".join(lines) + "\n"

@@ -99,13 +99,6 @@ def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tu
     return [*((place,) for place in sorted(alone)), *blocks]
 
 
-def block_size(experiment: Experiment, total: int) -> int:
-    """How many of so many episodes to hand over at a time, so that they can be run as a block."""
-    if total < FEWEST_IN_ALL or experiment.engine is not Engine.COMPILED:
-        return 1
-    return _most(experiment.n_ticks)
-
-
 def _most(ticks: int) -> int:
     """Episodes of a duration whose logs fit into memory together."""
     return max(1, min(WIDTH, MOST_TICKS // max(1, ticks)))
@@ -173,9 +166,14 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
         raise JobFailed(first, str(error)) from error
 
 
-def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
-    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later."""
+def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> int:
+    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later.
+
+    Returns how many of them to hand over at a time, so that they can be run as a block.
+    """
     with suppress(TwinGaitError):
         engine = engine_of(build_problem(experiment), on_compile)
         if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:
             lane_loop(engine, on_compile)
+            return _most(experiment.n_ticks)
+    return 1
