@@ -209,7 +209,7 @@ class Episode:
     belt: Belt
     imposed_motion: ImposedMotion
     braces: list[Brace]
-    braced: list[int]  # Coordinates of the device in the order of the log's braces.
+    braced: list[int]  # Joints of the device in the order of the log's braces.
     faults: list[Fault]
     requests: list[TimedCommand]  # That are made of the supervisor, with room for more; none without one.
     recording: Recording

@@ -44,7 +44,6 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
     n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
     most_switches = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
     faults = fault_records(problem)
-    pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
     legs = world.model.legs.items()
     ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
@@ -79,7 +78,7 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         points=[Point() for _ in range(max(len(bodies.points), 1))],
         imposed_motion=world.imposed_motion or ImposedMotion(),
         braces=[] if world.braces is None else world.braces.braces,
-        braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
+        braced=[*(joint.coordinate for joint in problem.joints), *passive],
         faults=faults,
         requests=_requests(problem),
         trunk_unit=_trunk_unit(problem) if problem.inertial else ABSENT,
