@@ -203,8 +203,7 @@ class Run:
         if modes is not None:
             walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
             asked = np.concatenate(([0], self.log["mode"].isin(walking), [0]))
-            begins, ends = np.flatnonzero(np.diff(asked) > 0), np.flatnonzero(np.diff(asked) < 0) - 1
-            bounds = zip(begins.tolist(), ends.tolist(), strict=True)
+            bounds = (np.flatnonzero(np.diff(asked)).reshape(-1, 2) - (0, 1)).tolist()
             spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self.waiting[i:k].all())
         clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
         return tuple((begin, end) for begin, end in clipped if begin < end)
