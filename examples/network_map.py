@@ -124,7 +124,8 @@ def swing_of(place: str, delay: int, duration: float) -> Swing:
 def round_trip(run: Run) -> float:
     """Mean age of the measurement with the gait controller and of the set point with the board in [s]."""
     assert run.traffic is not None
-    return sum(frame.mean_age_s for frame in run.traffic.frames if frame.name.startswith(KNEE))
+    frames = run.traffic["frames"]
+    return sum(frame["mean_age_s"] for name, frame in frames.items() if name.startswith(KNEE))
 
 
 def linear_speeds(experiment: Experiment, delays: Sequence[int]) -> list[float]:

@@ -14,12 +14,11 @@ from peers.timing import Implementation
 
 from twin_gait import simulate
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.lane_engine import WIDTH, LaneEngine
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.run import Run, RunStatus
 
 THREADS = os.cpu_count() or 1
 SPREAD = 0.05  # of the phase parameters within a block
@@ -32,28 +31,27 @@ class EngineSession:
         """Lay the problem out; only the compiled engine can do without its log."""
         self._problem = build_problem(case.lasting(ticks))
         self._compiled, self._record = compiled, record
-        self._result: EngineResult | None = None
+        self._run: Run | None = None
         self.reset()
 
     def reset(self) -> None:
         """Make a new engine and load what it has compiled."""
-        self._engine = (
-            CompiledEngine(self._problem, record=self._record)
-            if self._compiled
-            else ReferenceEngine(self._problem)
-        )
+        if self._compiled:
+            self._engine = CompiledEngine(self._problem)
+            self._engine.episode["recording"]["on"] = self._record
+        else:
+            self._engine = ReferenceEngine(self._problem)
 
     def run(self) -> None:
         """Run to the end."""
-        self._result = self._engine.run()
+        self._run = self._engine.run()
 
     def angles(self) -> np.ndarray | None:
         """Coordinates of the log, or None without one."""
-        if self._result is None or len(self._result.rows) == 0:
+        if self._run is None or len(self._run.log) == 0:
             return None
         columns, _ = state_columns(self._problem.world.model)
-        positions = self._engine.layout.positions
-        return self._result.rows[:, [positions[name] for name in columns]]
+        return self._run.log[columns].to_numpy()
 
 
 class PlainSession:
@@ -113,7 +111,9 @@ class BatchSession:
         """Lay out so many episodes, or a block for each thread; ``log`` says which columns are kept."""
         problems = unlike(build_problem(case.lasting(ticks)), episodes or WIDTH * threads)
         self._pool, self._log = ThreadPoolExecutor(threads) if threads > 1 else None, log
-        self.engines = [CompiledEngine(problem, record=bool(log)) for problem in problems]
+        self.engines = [CompiledEngine(problem) for problem in problems]
+        for engine in self.engines:
+            engine.episode["recording"]["on"] = bool(log)
         self._starts = [engine.store.copy() for engine in self.engines]
 
     def reset(self) -> None:

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from llvmlite import binding
 from peers.scenarios import Case
-
-from twin_gait.simulation.keeping import target
 
 VECTORS = {"AVX-512": "+avx512f", "AVX2": "+avx2"}  # by LLVM's names, best first
 
@@ -127,15 +126,20 @@ def significant(value: float, digits: int = 3) -> float:
     return round(value) if abs(value) >= 10 ** (digits - 1) else rounded
 
 
+def abilities() -> str:
+    """Abilities of the processor that numba compiles for: this one's, if it is not told others."""
+    return os.environ.get("NUMBA_CPU_FEATURES", binding.get_host_cpu_features().flatten())
+
+
 def instruction_set() -> str:
     """Vectors that the loops are compiled for."""
-    features = target()[1].split(",")
+    features = abilities().split(",")
     return next((name for name, feature in VECTORS.items() if feature in features), "no AVX2")
 
 
 def without_avx512() -> dict[str, str]:
     """Environment in which numba compiles for this processor as if it had no AVX-512."""
-    features = target()[1].replace("+avx512", "-avx512")
+    features = abilities().replace("+avx512", "-avx512")
     return {**os.environ, "NUMBA_CPU_FEATURES": features}
 
 

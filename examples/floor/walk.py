@@ -28,7 +28,7 @@ from twin_gait.core import (
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK
 from twin_gait.measures import CONTACT_FORCE, leg_record, reference_curve, reference_cycle_time
-from twin_gait.simulation import Problem, build_problem, engine_of, equations_of_motion, run_of
+from twin_gait.simulation import Problem, build_problem, engine_of, equations_of_motion
 
 try:
     import casadi as ca
@@ -162,8 +162,7 @@ class Walk:
         n = len(problem.world.start_q)
         state = self.states[:, 0]
         world = replace(problem.world, start_q=state[:n], start_v=state[n:])
-        engine = engine_of(replace(problem, world=world))
-        return run_of(engine.problem, engine.run(), 0.0)
+        return engine_of(replace(problem, world=world)).run()
 
     def drift(self, run: Run) -> float:
         """Largest difference of a motor-driven angle of the whole replay from the solution in [deg]."""

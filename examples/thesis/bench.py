@@ -102,7 +102,7 @@ def with_ideal_current(test: BenchJoint) -> BenchJoint:
 
 def last_period(run: BenchRun) -> slice:
     """Rows of the last period of the hand; the first one holds the start from rest."""
-    return slice(len(run.rows) - round(1.0 / (run.test.imposed_motion.frequency * TICK)), len(run.rows))
+    return slice(len(run.log) - round(1.0 / (run.test.imposed_motion.frequency * TICK)), len(run.log))
 
 
 def torque_per_ampere(run: BenchRun) -> float:

@@ -139,7 +139,7 @@ def off_line_current(run: BenchRun, phase: int) -> np.ndarray:
     velocity = run.column("velocity_rad_per_s")[phase :: sensors.decimation]
     gain = run.test.control.friction_compensation_gain
     torque = gain * model_torque(moving_average(velocity, sensors.window))
-    held = np.repeat(torque, sensors.decimation)[: len(run.rows) - phase]
+    held = np.repeat(torque, sensors.decimation)[: len(run.log) - phase]
     return np.concatenate([np.zeros(phase), held]) / torque_per_ampere(run)
 
 

@@ -113,7 +113,7 @@ def test_target_current_comes_out_of_the_log_where_the_sampling_is_known_whateve
     angles = pd.Series(run.column("position_rad")[::10])
     slow = (angles.diff() / 0.01).fillna(0.0).rolling(10).mean().fillna(0.0)
     current = np.array([0.35 * table_friction(velocity) / PER_AMPERE for velocity in slow])
-    again = np.repeat(current, 10)[: len(run.rows)]
+    again = np.repeat(current, 10)[: len(run.log)]
     filled = slice(200, None)
     assert_allclose(again[filled], run.column("target_current_A")[filled], atol=1e-9)
     # From the log's velocity it does not: that is the error of figure 3.5.

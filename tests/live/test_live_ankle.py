@@ -61,6 +61,6 @@ def test_a_push_on_the_ankle_moves_it(panel: Panel) -> None:
     assert (panel.problem.joints[2].side, panel.problem.joints[2].joint) == ("left", "ankle")
     pushed, free = SteppedRun(panel.problem), SteppedRun(panel.problem)
     pushed.push(2, float(values["torque"]), 100)
-    place = pushed.layout.positions["left_ankle_angle_rad"]
+    place = pushed.layout.names.index("left_ankle_angle_rad")
     first, second = (run.advance(100)[-1, place] for run in (pushed, free))
     assert first > second + 0.01

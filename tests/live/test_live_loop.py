@@ -416,7 +416,7 @@ def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_pr
     assert rig.time == pytest.approx(1.0, abs=PERIOD)
     (take,) = rig.takes
     whole = simulate(replace(bench_problem.experiment, duration=1.0))
-    angle = take.rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
+    angle = take.rows[:, rig.run.layout.names.index("right_knee_angle_rad")]
     np.testing.assert_array_equal(angle, whole.log["right_knee_angle_rad"])
     assert str(take.status) == "completed" and rig.news()[-1]["status"] == "ended"
 
@@ -470,14 +470,14 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
     rig = Rig(bench_problem, script, longest=5000)
     rig.loop.walk()
     stopped, again = rig.takes
-    state = stopped.rows[:, rig.run.layout.positions["safety_state"]]
+    state = stopped.rows[:, rig.run.layout.names.index("safety_state")]
     assert np.flatnonzero(state)[0] == rig.answers()[2]["tick"] == 210
     assert len(state) == pytest.approx(210 + 500, abs=2 * BLOCK_TICKS)  # the hold goes on in the pause
     assert [item["tick"] for item in stopped.changes] == [210]
     refused = {serial: bool(item["refused"]) for serial, item in rig.answers().items()}
     assert refused == {1: False, 2: False, 3: True, 4: True, 5: True, 6: False, 7: False}
     assert len(again.rows) == pytest.approx(300, abs=2 * BLOCK_TICKS)
-    assert not again.rows[:, rig.run.layout.positions["safety_state"]].any()
+    assert not again.rows[:, rig.run.layout.names.index("safety_state")].any()
 
 
 def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_problem):
@@ -489,9 +489,9 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
     rig.loop.walk()
     (take,) = rig.takes
     assert [(item["tick"], item["user"]) for item in take.changes] == [(100, "Ann")]
-    positions = rig.run.layout.positions
-    codes = take.rows[:, positions["right_phase"]].astype(int)
-    held = take.rows[:, positions["right_knee_stiffness_Nm_per_rad"]]
+    names = rig.run.layout.names
+    codes = take.rows[:, names.index("right_phase")].astype(int)
+    held = take.rows[:, names.index("right_knee_stiffness_Nm_per_rad")]
     late = np.flatnonzero(codes == bench_problem.table.phase_index("late_stance"))
     late = late[late > 1000]
     assert held[late[-1]] == pytest.approx(2.0 / DEGREE)
@@ -546,7 +546,7 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
     run = walked_run(take, problem)
     assert run.log["belt_speed_m_per_s"].eq(0.0).mean() > 0.5 and run.waiting.any()
     assert run.verdict.outcome == "walked"  # though no stride begins for more than four seconds
-    hips = take.rows[:, [rig.run.layout.positions[f"{side}_hip_angle_rad"] for side in problem.sides]]
+    hips = take.rows[:, [rig.run.layout.names.index(f"{side}_hip_angle_rad") for side in problem.sides]]
     # 0.4 m/s under a leg of 0.9 m would turn a hip by half a radian in a second.
     assert np.ptp(hips[7000:8000], axis=0).max() < 0.01
     left = [item for item in take.switches if item.source == "late_stance" and item.tick > 7000]

@@ -32,7 +32,7 @@ def treadmill():
 
 
 def column(run, name, first=0):
-    return run.rows(first)[:, run.layout.positions[name]]
+    return run.rows(first)[:, run.layout.names.index(name)]
 
 
 def minimum_jerk(s):

@@ -70,18 +70,18 @@ def walk():
 
 
 def column(run, name, first=0):
-    return run.rows(first)[:, run.layout.positions[name]]
+    return run.rows(first)[:, run.layout.names.index(name)]
 
 
 def feet(run, tick):
     """Load in [N] and speed in [m/s] of each foot: the fastest of heel and toe that touch the belt."""
     model, layout, rows = run.problem.world.model, run.layout, run.rows(tick - 1)
-    postures = rows[:2, [layout.positions[name] for name in state_columns(model)[0]]]
+    postures = rows[:2, [layout.names.index(name) for name in state_columns(model)[0]]]
     found = []
     for side, leg in model.legs.items():
         ways = [[model.frame_position(q, name) for q in postures] for name in leg.contact_frames]
         speeds = [abs(after[0] - before[0]) / TICK for before, after in ways if after[2] < 0.0]
-        found.append((rows[1, layout.positions[f"{side}_foot_normal_force_N"]], max(speeds, default=0.0)))
+        found.append((rows[1, layout.names.index(f"{side}_foot_normal_force_N")], max(speeds, default=0.0)))
     return found
 
 

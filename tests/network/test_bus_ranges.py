@@ -9,17 +9,14 @@ from twin_gait.checking.finding import Severity
 from twin_gait.checking.network import values_on_the_bus
 from twin_gait.configuration import load_experiment, presets
 from twin_gait.files import shipped_file
-from twin_gait.network.dbc import load_messages
 from twin_gait.parameters.network import BOARD_JOINTS
-from twin_gait.simulation.bus_ranges import values_out_of_range
-from twin_gait.simulation.problem import build_problem
 
 ON_THE_BUS = [name for name in presets() if tuple(load_experiment(name).experiment.joints) == BOARD_JOINTS]
 
 
 @pytest.mark.parametrize("preset", ON_THE_BUS)
 def test_the_shipped_file_carries_what_ships(preset):
-    assert values_out_of_range(build_problem(load_experiment(preset).experiment), load_messages()) == []
+    assert values_on_the_bus(load_case(None, preset, ["network=can"])) == []
 
 
 @pytest.mark.parametrize(
@@ -39,16 +36,15 @@ def test_the_shipped_file_carries_what_ships(preset):
     ],
 )
 def test_a_value_without_room_is_said_once_with_range_and_way_out(setting, said):
-    experiment = load_experiment("bench_leg", [setting]).experiment
-    (line,) = values_out_of_range(build_problem(experiment), load_messages())
-    assert said in line and "the range of right_" in line and line.endswith("or a DBC file with a wider one")
+    (finding,) = values_on_the_bus(load_case(None, "bench_leg", [setting, "network=can"]))
+    assert said in finding.reason and "the range of right_" in finding.reason
 
 
 def test_springs_of_the_control_unit_do_not_go_over_the_bus():
     stiff = "table.phases.early_stance.knee.stiffness_Nm_per_deg=20"
     for place, n_lines in (("board", 1), ("ccu", 0)):
-        experiment = load_experiment("bench_leg", [stiff, f"network.impedance={place}"]).experiment
-        assert len(values_out_of_range(build_problem(experiment), load_messages())) == n_lines
+        case = load_case(None, "bench_leg", [stiff, f"network.impedance={place}"])
+        assert len(values_on_the_bus(case)) == n_lines
 
 
 def test_check_refuses_what_a_network_has_no_room_for():
@@ -63,5 +59,5 @@ def test_narrower_files_have_less_room(tmp_path):
     text, path = shipped_file("twin.dbc").read_text(encoding="ascii"), tmp_path / "narrow.dbc"
     torque, small = "(0.025,0) [-102.375|102.375]", "(0.01,0) [-40.95|40.95]"
     path.write_text(text.replace(torque, small), encoding="ascii")
-    lines = values_out_of_range(build_problem(load_experiment("treadmill").experiment), load_messages(path))
-    assert [line.partition(": ")[0] for line in lines] == ["control.limits.torque_Nm"]
+    found = values_on_the_bus(load_case(None, "treadmill", [f"network={{dbc: {path}}}"]))
+    assert [finding.reason.partition(": ")[0] for finding in found] == ["control.limits.torque_Nm"]

@@ -21,7 +21,7 @@ def run_of(*requests: str, duration: float = 20.0):
 def test_who_is_not_asked_to_walk_does_not_stall():
     run = run_of(duration=6.0)
     assert run.verdict.outcome is None
-    assert run.verdict.reason == "no walk was asked for: no mode was entered in which the legs step"
+    assert "no walk was asked for" in run.verdict.reason
     assert all(len(leg.strides(skip=0)) == 0 for leg in run.leg_records())
 
 

@@ -167,15 +167,15 @@ def test_noise_of_the_unit_is_as_large_as_it_says_and_seeded(sensor: InertialSen
 
 def test_unit_that_is_not_used_changes_nothing_in_the_joint() -> None:
     off = controlled(friction_compensation_gain=0.3)
-    plain = simulate_bench(moved(None, control=off)).rows
-    fitted = simulate_bench(moved(InertialSensor.GYROSCOPE, control=off)).rows
+    plain = simulate_bench(moved(None, control=off)).log.to_numpy()
+    fitted = simulate_bench(moved(InertialSensor.GYROSCOPE, control=off)).log.to_numpy()
     assert (plain == fitted).all()
 
 
 def test_compiled_inertial_unit_gives_what_plain_python_gives() -> None:
     for sensor in InertialSensor:
         test = moved(sensor, duration=0.05, torsion=Torsion())
-        assert (simulate_bench(test, seed=3).rows == plain_rows(test, seed=3)).all()
+        assert (simulate_bench(test, seed=3).log.to_numpy() == plain_rows(test, seed=3)).all()
 
 
 def test_reference_compensation_is_that_of_the_path() -> None:

@@ -12,11 +12,11 @@ import pytest
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.simulation import keeping
-from twin_gait.simulation.keeping import CACHE_VARIABLE, MachineCode, cache_folder, read_code, write_code
+from twin_gait.simulation.keeping import CACHE_VARIABLE, cache_folder, read_code, write_code
 
 pytestmark = [pytest.mark.slow, pytest.mark.compile]
 
-CODE = MachineCode(bytes(range(256)), "f")
+CODE = b"f\n" + bytes(range(256))
 
 
 @pytest.fixture(autouse=True)
@@ -138,7 +138,7 @@ print(json.dumps([len(told), "numba" in sys.modules, last]))
 """
 BENCH = """last = simulate_bench(
     bench_joint(JointName.KNEE, duration=0.1), on_compile=lambda: told.append(1)
-).rows[-1].tolist()"""
+).log.iloc[-1].tolist()"""
 
 
 def run_in_a_process(what: str = BENCH) -> list[object]:
@@ -176,9 +176,8 @@ def test_a_cache_that_cannot_be_made_does_not_stop_a_run(
 
 TOLD = """
 import json
-from numba.core.registry import cpu_target
-from twin_gait.simulation.keeping import source_key, target
-print(json.dumps([target(), cpu_target.target_context.codegen().magic_tuple()[1:], source_key("loop")]))
+from twin_gait.simulation.keeping import source_key
+print(json.dumps(source_key("loop")))
 """
 
 
@@ -195,7 +194,5 @@ def test_code_for_another_processor_is_kept_apart(monkeypatch: pytest.MonkeyPatc
             monkeypatch.delenv(f"NUMBA_CPU_{what}", raising=False)
         for what, value in told.items():
             monkeypatch.setenv(f"NUMBA_CPU_{what}", value)
-        ours, numbas, key = json.loads(subprocess.check_output([sys.executable, "-c", TOLD]))
-        assert ours == numbas
-        keys.add(key)
+        keys.add(json.loads(subprocess.check_output([sys.executable, "-c", TOLD])))
     assert len(keys) == 4

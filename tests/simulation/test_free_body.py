@@ -80,9 +80,9 @@ def recorded(guide: str, ticks: int) -> tuple[list[Recorded], np.ndarray, list[i
         return functions["observe"](*state)
 
     engine = ReferenceEngine(guided, kernel={**functions, "dynamics": dynamics, "observe": observe})
-    rows, names = engine.run().rows, engine.layout.positions
+    log = engine.run().log
     places = [state_columns(item.world.model)[0] for item in (guided, problem_of(NO_CRUTCHES))]
-    taken = rows[:, [names["guide_force_N"], names["guide_moment_Nm"]]]
+    taken = log[["guide_force_N", "guide_moment_Nm"]].to_numpy()
     return seen, taken, [places[1].index(name) for name in places[0]]
 
 
@@ -272,7 +272,7 @@ def test_without_arms_a_stiff_body_falls_as_the_pendulum_that_it_is():
 )
 def test_who_leans_too_far_or_cannot_reach_the_crutch_has_fallen(changes, told):
     run = ReferenceEngine(problem_of(EULER, "duration_s=0.01", *changes)).run()
-    assert (run.status, run.reason, len(run.rows)) == ("fell", told, 1)
+    assert (run.status, run.reason, len(run.log)) == ("fell", told, 1)
 
 
 def test_at_a_trip_the_rope_locks_where_the_trunk_is():
@@ -281,7 +281,7 @@ def test_at_a_trip_the_rope_locks_where_the_trunk_is():
     trip = "control.safety.phase_time_out_s=0.06"
     engine = ReferenceEngine(problem_of(EULER, NO_CRUTCHES, "duration_s=0.2", rope, trip))
     run = engine.run()
-    log = {name: run.rows[:, place] for name, place in engine.layout.positions.items()}
+    log = {name: run.log[name].to_numpy() for name in run.log}
     assert run.trip is not None
     above, tick = 0.25 * 1.75, run.trip.tick
     place = log["pelvis_height_m"] + above * np.cos(log["trunk_pitch_rad"])

@@ -13,6 +13,8 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from llvmlite import ir
+from log_rows import ending_of, rows_of
 from numba.core.errors import NumbaError
 
 from twin_gait import load_experiment
@@ -22,7 +24,6 @@ from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
 from twin_gait.simulation.compiling import ON_BITS, compile_loop, compiled_in, jit
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.lane_engine import (
     FEWEST,
     SHARED,
@@ -35,7 +36,8 @@ from twin_gait.simulation.lane_engine import (
 )
 from twin_gait.simulation.lanes import InLanes, bound_in_lanes
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.views import LanesView
 
 EULER = "integration={method: semi_implicit_euler, step_ms: %s}"
 RK4 = "integration={method: rk4, step_ms: %s}"
@@ -79,7 +81,8 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
 def unlike(number: int, preset: str, *settings: str, record: bool = True) -> CompiledEngine:
     """An episode like no other of its structure, in its table and in how it ends, too."""
     rng = np.random.default_rng(number)
-    engine = CompiledEngine(unlike_problem(number, preset, *settings), record=record)
+    engine = CompiledEngine(unlike_problem(number, preset, *settings))
+    engine.episode["recording"]["on"] = record
     setpoints = engine.episode["controller"]["joints"]["setpoints"]
     for name in ("stiffness", "damping", "equilibrium"):
         setpoints[name] *= 1.0 + 0.05 * rng.uniform(-1.0, 1.0, setpoints[name].shape)
@@ -93,15 +96,16 @@ def unlike(number: int, preset: str, *settings: str, record: bool = True) -> Com
     return engine
 
 
-def assert_same(ours: EngineResult, theirs: EngineResult, columns: Sequence[int] | None = None) -> None:
-    rows = theirs.rows if columns is None else theirs.rows[:, list(columns)]
-    assert ours[1:] == theirs[1:]  # switches, status, reason, trip
-    assert ours.rows.shape == rows.shape
-    np.testing.assert_array_equal(*(np.ascontiguousarray(item).view(np.int64) for item in (ours.rows, rows)))
+def assert_same(ours: Run, theirs: Run, columns: Sequence[int] | None = None) -> None:
+    mine, rows = rows_of(ours), rows_of(theirs)
+    rows = rows if columns is None else rows[:, list(columns)]
+    assert ending_of(ours) == ending_of(theirs)
+    assert mine.shape == rows.shape
+    np.testing.assert_array_equal(*(np.ascontiguousarray(item).view(np.int64) for item in (mine, rows)))
 
 
 @pytest.fixture(scope="module")
-def alone() -> dict[int, EngineResult]:
+def alone() -> dict[int, Run]:
     """What each of the unlike episodes of the bench is alone."""
     return {number: unlike(number, *BENCH).run() for number in range(WIDTH)}
 
@@ -128,7 +132,7 @@ def test_these_episodes_are_unlike(alone):
     results = list(alone.values())
     assert {result.status for result in results} == {RunStatus.COMPLETED, RunStatus.DIVERGED}
     assert len({result.trip.tick for result in results if result.trip is not None}) > 4
-    assert len({len(result.rows) for result in results}) > 0.9 * WIDTH
+    assert len({len(result.log) for result in results}) > 0.9 * WIDTH
     assert len({result.switches for result in results}) > 0.5 * WIDTH
     assert len({result.trip.cause for result in results if result.trip is not None}) > 1
 
@@ -151,8 +155,8 @@ def test_a_log_of_chosen_columns_has_them_in_the_order_asked_for(alone, columns)
 def test_without_a_log_the_rest_is_the_same(alone):
     engines = [unlike(number, *BENCH, record=False) for number in range(12)]
     for number, result in enumerate(LaneEngine(engines).run()):
-        assert result[1:] == alone[number][1:]
-        assert result.rows.shape == (0, alone[number].rows.shape[1])
+        assert ending_of(result) == ending_of(alone[number])
+        assert result.log.shape == (0, alone[number].log.shape[1])
 
 
 def test_every_engine_has_the_last_state_of_its_own_run():
@@ -256,9 +260,9 @@ def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> 
 
 def test_every_shared_field_is_there_and_alike_in_all_who_share_a_block(uncompiled):
     engine = uncompiled("treadmill", [])
-    shared, kind, found = shared_words(engine.pattern.episode), kind_of(engine), set()
+    shared, kind, found = shared_words(engine.store.dtype), kind_of(engine), set()
     words = engine.store.view(np.int64)
-    for name, place in numbers_of(engine.pattern.episode):
+    for name, place in numbers_of(engine.store.dtype):
         words[place] ^= 1
         assert shared[place] == (name in SHARED), name
         assert (kind_of(engine) != kind) == (name in SHARED), name
@@ -285,7 +289,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
     engine = CompiledEngine(problem)
     rows = np.zeros((1500, len(engine.layout.names)))
     engine.run_ticks(0, 1, rows)
-    words, shared = engine.store.view(np.int64), shared_words(engine.pattern.episode)
+    words, shared = engine.store.view(np.int64), shared_words(engine.store.dtype)
     before = words.copy()
     engine.run_ticks(1, 1500, rows)
     assert np.array_equal(words[shared], before[shared])
@@ -296,7 +300,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
 def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_none(uncompiled):
     engines = [uncompiled("treadmill", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
     block = side_by_side(np.concatenate([engine.store for engine in engines]))
-    dtype = engines[0].pattern.episode
+    dtype = engines[0].store.dtype
     assert block.shape == (dtype.itemsize // 8, WIDTH) and block.flags.c_contiguous
     weights = block[word_of(dtype, "episode.body_weight")].view(float)
     assert weights[:3].tolist() == [engine.episode["body_weight"] for engine in engines]
@@ -456,7 +460,7 @@ for _function in (enter_at, *REFUSED, *VECTORS, reads_what_is_shared, stays_scal
 
 def compiled(function: Callable[[Any], Any]) -> Any:
     """A room in lanes, as numba gives it."""
-    names = {**ON_BITS, **bound_in_lanes(TOY, 1), "room": function}
+    names = {**ON_BITS, **bound_in_lanes(TOY, 1, 1), "room": function}
     loop = bind(
         enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, pipeline=InLanes)
     )
@@ -479,15 +483,26 @@ def test_a_room_may_read_what_is_shared():
 @pytest.fixture
 def insisting(monkeypatch):
     """LLVM says on the standard error of which loop it makes no vectors; nothing is compiled yet."""
-    monkeypatch.setattr(simulation_lanes, "INSISTING", True)
+    plain = simulation_lanes._Marking._mark
+
+    def mark(self, header, latches, over):
+        plain(self, header, latches, over)
+        if isinstance(over, LanesView) and over.count:
+            wanted = self.module.add_metadata(["llvm.loop.vectorize.enable", ir.IntType(1)(1)])
+            latches[0].terminator.metadata["llvm.loop"].operands += (wanted,)
+
+    monkeypatch.setattr(simulation_lanes._Marking, "_mark", mark)
     monkeypatch.setattr(compiling, "_made", {})
 
 
-def test_only_tests_hear_of_a_loop_that_stays_scalar(monkeypatch, capfd):
-    for insisting in (False, True):
-        monkeypatch.setattr(simulation_lanes, "INSISTING", insisting)
-        compiled(stays_scalar)
-        assert ("loop not vectorized" in capfd.readouterr().err) == insisting
+def test_users_hear_nothing_of_a_loop_that_stays_scalar(capfd):
+    compiled(stays_scalar)
+    assert "loop not vectorized" not in capfd.readouterr().err
+
+
+def test_tests_hear_of_a_loop_that_stays_scalar(insisting, capfd):
+    compiled(stays_scalar)
+    assert "loop not vectorized" in capfd.readouterr().err
 
 
 def in_plain_python(function: Callable[[Any], Any], block: np.ndarray) -> np.ndarray:
@@ -515,7 +530,7 @@ def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd)
     for joint in range(3):
         block[first + 3 * joint] = (2, 0, 1)[joint]
     block[word_of(TOY, "episode.step")] = np.array(0.25).view(np.int64)
-    names = {**bound_in_lanes(TOY, 1), "room": function}
+    names = {**bound_in_lanes(TOY, 1, 1), "room": function}
     expected = in_plain_python(function, block)
     compile_loop(enter_at, names, pipeline=InLanes).function(block.ctypes.data, 0, 1)
     assert np.array_equal(block, expected)
@@ -535,7 +550,8 @@ def bench_and_treadmill() -> dict[str, Problem]:
 @pytest.mark.compile
 @pytest.mark.parametrize("name", ["bench", "treadmill"])
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
-    pattern = CompiledEngine(bench_and_treadmill()[name]).pattern
-    names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, len(pattern.log.names))}
+    engine = CompiledEngine(bench_and_treadmill()[name])
+    rows = len(engine.layout.names), engine.noise.shape[1]
+    names = {**bound_to(engine), **bound_in_lanes(engine.store.dtype, *rows)}
     compile_loop(run_at, names, pipeline=InLanes)
     assert capfd.readouterr().err == ""

@@ -19,8 +19,8 @@ from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied, dtype_of, stored
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.rooms.commands import control
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
-from twin_gait.simulation.rooms.motors import control
 from twin_gait.simulation.rooms.network import tell
 
 JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import oracle
 import pytest
+from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration import experiment_document
@@ -15,11 +16,11 @@ from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import lane_engine
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"
@@ -39,10 +40,9 @@ def problem(*settings: str) -> Problem:
     return build_problem(experiment(*settings))
 
 
-def assert_near(ours: EngineResult, theirs: EngineResult, names: tuple[str, ...], tolerance: float) -> None:
+def assert_near(ours: Run, theirs: Run, tolerance: float) -> None:
     assert ours.switches == theirs.switches != ()
-    for name, mine, other in zip(names, ours.rows.T, theirs.rows.T, strict=True):
-        np.testing.assert_allclose(mine, other, atol=tolerance, rtol=0.0, err_msg=name)
+    np.testing.assert_allclose(rows_of(ours), rows_of(theirs), atol=tolerance, rtol=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +125,7 @@ def test_orthosis_and_motor_act_in_parallel():
 def test_the_reference_engine_agrees_with_the_compiled_one(settings):
     laid_out = problem("duration_s=0.8", *settings)
     compiled = CompiledEngine(laid_out)
-    assert_near(compiled.run(), ReferenceEngine(laid_out).run(), compiled.layout.names, 1e-7)
+    assert_near(compiled.run(), ReferenceEngine(laid_out).run(), 1e-7)
 
 
 def test_the_rooms_over_mujoco_give_the_log_of_the_compiled_engine():
@@ -134,9 +134,7 @@ def test_the_rooms_over_mujoco_give_the_log_of_the_compiled_engine():
 
     laid_out = problem("duration_s=0.8", *HARD)
     compiled, kernel = CompiledEngine(laid_out), MujocoKernel(laid_out)
-    assert_near(
-        compiled.run(), ReferenceEngine(laid_out, kernel=kernel.functions).run(), compiled.layout.names, 1e-9
-    )
+    assert_near(compiled.run(), ReferenceEngine(laid_out, kernel=kernel.functions).run(), 1e-9)
 
 
 def test_the_second_loop_moves_three_joints_alike():
@@ -145,15 +143,12 @@ def test_the_second_loop_moves_three_joints_alike():
         "plant.actuators.ankle.gear_efficiency=0.8",
         "control.target_torque_Nm={hip: 0, knee: 0, ankle: 2}",
     )
-    engine = CompiledEngine(laid_out)
-    ours, theirs = engine.run(), oracle.motion(laid_out, 500)
-    places = [engine.layout.positions[name] for name in state_columns(laid_out.world.model)[0]]
-    np.testing.assert_allclose(ours.rows[:, places], theirs.q, atol=1e-12, rtol=0.0)
-    motors = [
-        engine.layout.positions[f"{item.side}_{item.joint}_motor_torque_Nm"] for item in laid_out.joints
-    ]
+    ours, theirs = CompiledEngine(laid_out).run(), oracle.motion(laid_out, 500)
+    angles = ours.log[state_columns(laid_out.world.model)[0]]
+    np.testing.assert_allclose(angles, theirs.q, atol=1e-12, rtol=0.0)
+    motors = ours.log[[f"{item.side}_{item.joint}_motor_torque_Nm" for item in laid_out.joints]]
     coordinates = [item.coordinate for item in laid_out.joints]
-    np.testing.assert_allclose(ours.rows[:, motors], theirs.motor[:, coordinates], atol=1e-10, rtol=0.0)
+    np.testing.assert_allclose(motors, theirs.motor[:, coordinates], atol=1e-10, rtol=0.0)
     assert ours.switches
 
 
@@ -166,7 +161,7 @@ def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
     for together, engine in zip(LaneEngine(ours).run(), theirs, strict=True):
         alone = engine.run()
         assert together.switches == alone.switches != ()
-        assert together.rows.tobytes() == alone.rows.tobytes()
+        assert rows_of(together).tobytes() == rows_of(alone).tobytes()
 
 
 @pytest.mark.parametrize(
@@ -248,7 +243,7 @@ def test_a_table_may_control_fewer_joints(joints):
 def test_engines_agree_on_fewer_joints(joints):
     laid_out = build_problem(controlling(joints))
     compiled = CompiledEngine(laid_out)
-    assert_near(compiled.run(), ReferenceEngine(laid_out).run(), compiled.layout.names, 1e-7)
+    assert_near(compiled.run(), ReferenceEngine(laid_out).run(), 1e-7)
 
 
 # ------------------------------------------------------------------ refusals

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli.simulate import report
@@ -167,7 +168,7 @@ def test_in_lockstep_each_lane_has_its_own_mode():
     lanes = LaneEngine([CompiledEngine(build_problem(item)) for item in given]).run()
     for one, other in zip(alone, lanes, strict=True):
         assert one.switches == other.switches
-        np.testing.assert_array_equal(one.rows, other.rows)
+        np.testing.assert_array_equal(rows_of(one), rows_of(other))
 
 
 def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
@@ -183,7 +184,7 @@ def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
     kernel = {**PinocchioKernel(problem.world, problem.control_model).functions, "trunk_pitch": pitch}
     engine = ReferenceEngine(problem, kernel=kernel)
     result = engine.run()
-    codes = result.rows[:, engine.layout.positions["mode"]].astype(int)
+    codes = result.log["mode"].to_numpy(dtype=int)
     names = problem.experiment.modes.phase_names
     entered = [(tick, names[codes[tick]]) for tick in (np.flatnonzero(np.diff(codes)) + 1).tolist()]
     # 199 ticks are not enough; of the second lean the 200th tick is 499.

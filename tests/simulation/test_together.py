@@ -23,8 +23,8 @@ from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine
 from twin_gait.simulation.simulator import (
     FEWEST_IN_ALL,
     MOST_TICKS,
-    block_size,
     blocks_of,
+    compile_ahead,
     simulate_together,
 )
 from twin_gait.studies.batch import READ_IN_BRIEF, SUMMARY_COLUMNS, changed, flat_summary, with_document
@@ -129,11 +129,10 @@ def test_the_order_of_the_episodes_does_not_decide_who_is_together():
 
 
 def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
-    assert block_size(bench, FEWEST_IN_ALL) == WIDTH
-    assert block_size(bench, FEWEST_IN_ALL - 1) == 1
-    assert block_size(replace(bench, engine=Engine.PINOCCHIO), 1000) == 1
-    assert block_size(replace(bench, duration=100.0), 1000) == 20  # logs of 100 000 ticks
-    assert block_size(replace(bench, duration=3600.0), 1000) == 1
+    assert compile_ahead(bench, FEWEST_IN_ALL) == WIDTH
+    assert compile_ahead(bench, FEWEST_IN_ALL - 1) == 1
+    assert compile_ahead(replace(bench, engine=Engine.PINOCCHIO), 1000) == 1
+    assert compile_ahead(replace(bench, duration=100.0), 1000) == 20  # logs of 100 000 ticks
 
 
 # ------------------------------------------------------------------- running

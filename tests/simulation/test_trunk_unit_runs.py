@@ -27,14 +27,14 @@ def problem(*settings: str) -> Problem:
 def sensed() -> tuple[ReferenceEngine, dict[str, np.ndarray]]:
     """A quarter of a second of stepping onto the floor by a unit without noise: hips and trunk are shaken."""
     engine = ReferenceEngine(problem("sensors.ideal=false", UNIT))
-    rows = engine.run().rows
-    return engine, {name: rows[:, place] for name, place in engine.layout.positions.items()}
+    log = engine.run().log
+    return engine, {name: log[name].to_numpy() for name in log}
 
 
 def test_a_pitch_that_is_known_exactly_is_the_true_one():
     engine = ReferenceEngine(problem("sensors.ideal=true", "duration_s=0.02"))
-    rows, names = engine.run().rows, engine.layout.positions
-    assert (rows[:, names["measured_trunk_pitch_rad"]] == rows[:, names["trunk_pitch_rad"]]).all()
+    log = engine.run().log
+    assert (log["measured_trunk_pitch_rad"] == log["trunk_pitch_rad"]).all()
 
 
 def test_the_unit_feels_how_its_place_moves(sensed):

@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.core.can_frame import most_frame_bits
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters import BOARDS, NetworkParameters
-from twin_gait.simulation.bus_ranges import values_out_of_range
-from twin_gait.simulation.problem import build_problem
+from twin_gait.parameters import BOARDS, ImpedancePlace, NetworkParameters
+from twin_gait.simulation.problem import Problem, build_problem
+
+_SETPOINTS = {"stiffness": " Nm/rad", "damping": " Nms/rad", "equilibrium": " rad", "gain": ""}  # as in a row
 
 
 class CyclicFrame(NamedTuple):
@@ -120,10 +122,43 @@ def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     """A value of the experiment is outside the range of the signal that carries it, and would be cut."""
     if case.experiment is None or case.experiment.network is None:
         return
-    messages = load_messages(case.experiment.network.dbc)
-    for line in values_out_of_range(build_problem(case.experiment), messages):
-        reason, _, way_out = line.partition("; ")
-        yield Finding(Severity.ERROR, reason, way_out)
+    problem, messages = build_problem(case.experiment), load_messages(case.experiment.network.dbc)
+    suggestion = "take a value within it, or a DBC file with a wider one"
+    found: dict[str, str] = {}  # by key: two legs have one
+    for number, joint in enumerate(problem.joints):
+        for key, value, unit, kind, signal in _said(problem, case.experiment.network, number):
+            message = f"{joint.side}_{joint.joint}_{kind}"
+            low, high = messages[message].bounds(signal)
+            if not low <= value <= high:
+                room = f"outside {low:.6g} to {high:.6g}{unit}, the range of {message}.{signal}"
+                found.setdefault(key, f"{key}: {value:.6g}{unit} is {room}")
+    yield from (Finding(Severity.ERROR, reason, suggestion) for reason in found.values())
+
+
+def _said(
+    problem: Problem, network: NetworkParameters, number: int
+) -> Iterator[tuple[str, float, str, str, str]]:
+    """What the bus has to say of a joint: key, value, unit, kind of message and signal.
+
+    Limits of torque and current with what the monitor trips at, damping of the hold, target torques, k, b,
+    θ0 and G of every phase as they are driven. Springs of the control unit stay there.
+    """
+    joint, control = problem.joints[number], problem.experiment.control
+    trip = control.safety.current_share * control.limits.current
+    for sign in (1.0, -1.0):
+        yield "control.limits.torque_Nm", sign * control.limits.torque, " Nm", "setpoint", "torque"
+        key = "control.limits.current_A times control.safety.current_share"
+        yield key, sign * trip, " A", "measurement", "current"
+    damping = control.safety.hold_damping
+    yield "control.safety.hold_damping_Nms_per_rad", damping, " Nms/rad", "setpoint", "damping"
+    target = control.target_torque.get(joint.joint, 0.0)
+    yield f"control.target_torque_Nm.{joint.joint}", target, " Nm", "setpoint", "torque"
+    leg, place = divmod(number, problem.joints_per_leg)
+    columns = problem.phase_rows[leg, :, place * COLUMNS_PER_JOINT : (place + 1) * COLUMNS_PER_JOINT]
+    for phase, row in zip(problem.table.phase_names, columns.tolist(), strict=True):
+        for (signal, unit), value in zip(_SETPOINTS.items(), row, strict=True):
+            if network.impedance is not ImpedancePlace.CCU or signal not in ("stiffness", "damping"):
+                yield f"table.phases.{phase}.{joint.joint}: {signal}", value, unit, "setpoint", signal
 
 
 RULES = (traffic_on_the_bus, values_on_the_bus)

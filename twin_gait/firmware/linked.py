@@ -1,6 +1,5 @@
 """The controller of an experiment as one unit without a bus, and what it reads and gives in a run."""
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
@@ -22,7 +21,6 @@ from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
-from twin_gait.simulation.simulator import run_of
 from twin_gait.worlds.faults import FaultKind
 
 Progress: TypeAlias = Callable[[int, int], None]  # takes ticks done and ticks in all
@@ -163,7 +161,7 @@ def record_vectors(
         keep(now, tick)
         return end
 
-    run = run_by_ticks(engine, run_tick, progress)
+    run = engine.run(progress, run_tick=run_tick)
     return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
 
 
@@ -175,13 +173,6 @@ def engine_without_bus(
         if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
             raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
     return CompiledEngine(build_problem(replace(experiment, network=None)), on_compile=on_compile)
-
-
-def run_by_ticks(engine: CompiledEngine, run_tick: Tick, progress: Progress | None = None) -> Run:
-    """The run of an engine that is taken through every tick by a function."""
-    began = time.perf_counter()
-    result = engine.run(progress, run_tick=run_tick)
-    return run_of(engine.problem, result, time.perf_counter() - began)
 
 
 def pairs_of(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray) -> Pairs:

@@ -237,7 +237,7 @@ def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, do
     not answer, or a fault is one of the controller itself.
     """
     engine = linked.engine_without_bus(experiment)
-    plant = loop_of(engine.pattern, None, run_part)
+    plant = loop_of(engine, None, run_part)
     recording, address = engine.episode["recording"], engine.store.ctypes.data
     inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
     read = linked.pairs_of({**linked.DRIVES, **linked.SENSORS}, inputs, engine.store)
@@ -250,7 +250,7 @@ def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, do
         plant(address, 1, tick)
         return end
 
-    return linked.run_by_ticks(engine, run_tick)
+    return engine.run(run_tick=run_tick)
 
 
 def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:

@@ -34,11 +34,9 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
 from twin_gait.runs.folders import hold, journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.simulation.simulator import run_of
+from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.worlds.faults import Fault
 
 CHANGES_FILE = "live_changes.csv"
@@ -241,9 +239,10 @@ def walked_run(walk: Piece, problem: Problem) -> Run:
     """
     experiment, ticks = problem.experiment, len(walk.rows)
     faults = tuple(item for item in (*experiment.faults, *walk.faults) if item.time < ticks * TICK)
-    walked = replace(problem, experiment=replace(experiment, duration=round(ticks * TICK, 3), faults=faults))
-    result = EngineResult(walk.rows, walk.switches, walk.status, walk.reason, walk.trip)
-    return run_of(walked, result, walk.wall_s)
+    walked = replace(experiment, duration=round(ticks * TICK, 3), faults=faults)
+    log, weight = log_table(walk.rows, log_layout(problem), problem.table), problem.world.body_weight
+    ended = walk.switches, walk.status, walk.reason, walk.wall_s
+    return Run(walked, problem.table, log, *ended, weight, walk.trip)
 
 
 def summary_of(folder: Path) -> dict[str, Any]:

@@ -179,7 +179,7 @@ class WalkNews:
         rows = np.frombuffer(base64.b64decode(news["rows"])).reshape(-1, len(names))
         if len(rows):
             columns = dict(zip(names, rows.T, strict=True))
-            for name in (f"{side}_phase" for side in self._layout.legs):
+            for name in (name for name in names if name.endswith("_phase")):
                 columns[name] = self._phases[columns[name].astype(int)]
             block = Block(news["first"], news["tick"], columns, news["tripped"])
             self._blocks.append(block)

@@ -7,7 +7,6 @@ from typing import Any
 
 from twin_gait.experiment import Experiment
 from twin_gait.measures.strides import stride_count
-from twin_gait.simulation.engine import BusTraffic
 
 
 def describe(experiment: Experiment) -> str:
@@ -89,15 +88,6 @@ def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 NETWORK_HEAD = ("mean age [ms]", "oldest [ms]", "lost [%]", "slowest [ms]")
-
-
-def summary_of_traffic(traffic: BusTraffic) -> dict[str, Any]:
-    """What a bus has carried, for a summary; times in [s]."""
-    frames = {frame.name: frame._asdict() for frame in traffic.frames}
-    for frame in frames.values():
-        del frame["name"]  # it is the key
-    totals = {key: sum(frame[key] for frame in frames.values()) for key in ("sent", "lost", "destroyed")}
-    return {"bus_load": traffic.load, **totals, "bus_offs": dict(traffic.bus_offs), "frames": frames}
 
 
 def table_of_network(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

@@ -19,7 +19,6 @@ from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
-from twin_gait.report.walk_words import summary_of_traffic
 from twin_gait.runs.leg_summary import reference_error, summarise_side
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -51,6 +50,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         str(record.side): summarise_side(run, record, skip_strides, walk.get(record.side))
         for record in run.leg_records()
     }
+    refused = [answer.text for answer in run.answers if answer.refused]
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
         "name": run.experiment.name,
@@ -70,8 +70,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "symmetry": _symmetry(sides),
         **battery_in_numbers(run),
         "safety": _safety(run),
-        **({} if run.experiment.modes is None else {"requests_refused": " | ".join(run.refused)}),
-        **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
+        **({} if run.experiment.modes is None else {"requests_refused": " | ".join(refused)}),
+        **({} if run.traffic is None else {"network": run.traffic}),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),
         **energy_in_numbers(run),

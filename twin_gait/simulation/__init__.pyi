@@ -7,7 +7,6 @@ from .problem import build_problem as build_problem
 from .run import Run as Run
 from .run import RunStatus as RunStatus
 from .simulator import engine_of as engine_of
-from .simulator import run_of as run_of
 from .simulator import simulate as simulate
 from .symbolic import Motion as Motion
 from .symbolic import equations_of_motion as equations_of_motion

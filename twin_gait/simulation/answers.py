@@ -1,19 +1,13 @@
 """What became of the requests of a run: the mode that they led to, or why they were refused."""
 
-from __future__ import annotations
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
 import pandas as pd
 
 from twin_gait.gait.modes import ModeTable, why_refused
 from twin_gait.gait.signals import LEFT, LEGS_IN_SWING, LOAD, MODE_SIGNALS, RIGHT, TIME_IN_PHASE, signal_scale
 from twin_gait.gait.table import TICK, GaitTable
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.run import Run
 
 
 class Answer(NamedTuple):
@@ -34,19 +28,6 @@ class Answer(NamedTuple):
     def text(self) -> str:
         """In words: ``sit at 5.000 s: standing for 1.2 s, less than 3 s``."""
         return f"{self.request} at {self.time:.3f} s: {self.refused or f'{self.before} to {self.after}'}"
-
-
-def answers_in(run: Run, modes: ModeTable) -> Iterator[Answer]:
-    """Read the answers from the log of a run with operating modes."""
-    log, initial = run.log, run.experiment.initial_mode
-    first = 0 if initial is None else modes.phase_index(initial)
-    # Before each tick, and after the last.
-    codes = np.concatenate([[first], log["mode"].to_numpy()]).astype(int)
-    entries = np.flatnonzero(np.diff(codes))
-    for tick in np.flatnonzero(log["request"].to_numpy()).tolist():
-        ticks = tick - max((int(entry) for entry in entries if entry < tick), default=0)
-        before = modes.phase_names[codes[tick]]
-        yield answer_at(log, tick, before, ticks, modes, run.table, run.body_weight)
 
 
 def answer_at(

@@ -1,8 +1,8 @@
 """The engine that runs the rooms of a tick compiled, over a kernel written for the structure of the model."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +11,10 @@ from twin_gait.kernels.generated import SIDE_BY_SIDE, KernelBodies, kernel_struc
 from twin_gait.leg_model.bodies import BodyArrays, contact_points, export_bodies
 from twin_gait.simulation.binding import is_ours, kernel_functions
 from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
-from twin_gait.simulation.episode import Episode, noise_width
+from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
-from twin_gait.simulation.log import LogLayout
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
@@ -45,36 +44,47 @@ class CompiledEngine(EpisodeEngine):
     Attributes:
         store: All that the loop changes, beside log and switches: the record, an array of shape ``(1,)``.
         episode: The record.
-        pattern: What its loop is compiled for.
+        noise: What strays, tick by tick.
+        bodies: What the kernel is written for.
+        structure: Constants that the loop is bound to.
         loop: The compiled loop; episodes of one pattern have the same.
     """
 
     chunk_ticks = 2000
 
-    def __init__(self, problem: Problem, *, record: bool = True, on_compile: OnCompile = None) -> None:
+    def __init__(self, problem: Problem, *, on_compile: OnCompile = None) -> None:
         """Lay the problem out and get the compiled loop.
 
-        ``record``: whether to keep the log; without it only the switches and the last state remain.
         ``on_compile``: called if the loop has to be compiled first. Raises UncompiledControllerError if numba
         cannot compile the controller.
         """
         super().__init__(problem)
-        bodies, episode, structure = laid_out(problem)
-        episode.recording.on = record
+        self.bodies, episode, self.structure = laid_out(problem)
         self.store = stored(episode)
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.
-        self._noise = np.ascontiguousarray(problem.noise)
+        self.noise = np.ascontiguousarray(problem.noise)
         self.switches = np.zeros(episode.recording.most_switches, SWITCHES)
         self.point_at_rows()
-        acting = problem.controller.name, problem.controller.functions()
-        self.pattern = Pattern(self.store.dtype, self.layout, bodies, structure, *acting)
-        self.loop = loop_of(self.pattern, on_compile)
+        self.loop = loop_of(self, on_compile)
+
+    @property
+    def pattern(self) -> str:
+        """All that the loop depends on beside its sources, and functions that are not of this package."""
+        functions, bodies = self.problem.controller.functions().values(), kernel_structure(self.bodies)
+        ours = [(item.__module__, item.__qualname__) for item in functions if is_ours(item)]
+        return repr((text_of(self.store.dtype), self.layout.writer, bodies, self.structure, ours))
+
+    @property
+    def own(self) -> tuple[TickFunction, ...]:
+        """Functions of the controller that are the user's own."""
+        functions = self.problem.controller.functions().values()
+        return tuple(item for item in functions if not is_ours(item))
 
     def point_at_rows(self) -> None:
         """Write the addresses of all rows but the log's into the record."""
         recording = self.episode["recording"]
-        recording["switches"], recording["noise"] = self.switches.ctypes.data, self._noise.ctypes.data
+        recording["switches"], recording["noise"] = self.switches.ctypes.data, self.noise.ctypes.data
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
         """See :meth:`EpisodeEngine.run_ticks`."""
@@ -82,29 +92,6 @@ class CompiledEngine(EpisodeEngine):
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         return self.loop(self.store.ctypes.data, first, end)
-
-
-class Pattern(NamedTuple):
-    """What a loop is compiled for; it runs all episodes of the pattern."""
-
-    episode: np.dtype[Any]  # Layout of the record.
-    log: LogLayout  # Of a row.
-    bodies: KernelBodies  # What the kernel is written for.
-    structure: Structure  # Constants that are bound.
-    controller: str  # Name of the controller.
-    functions: Mapping[str, TickFunction]  # Of the controller, that are bound.
-
-    @property
-    def text(self) -> str:
-        """All that the loop depends on beside its sources, and functions that are not of this package."""
-        bodies = kernel_structure(self.bodies)
-        ours = [(item.__module__, item.__qualname__) for item in self.functions.values() if is_ours(item)]
-        return repr((_text(self.episode), self.log.writer, bodies, self.structure, ours))
-
-    @property
-    def own(self) -> tuple[TickFunction, ...]:
-        """Functions of the controller that are the user's own."""
-        return tuple(item for item in self.functions.values() if not is_ours(item))
 
 
 def laid_out(problem: Problem) -> tuple[KernelBodies, Episode, Structure]:
@@ -130,9 +117,9 @@ def _bodies_of(problem: Problem) -> KernelBodies:
 
 
 def loop_of(
-    pattern: Pattern, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_at
-) -> NativeFunction:
-    """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be.
+    engine: CompiledEngine, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_at
+) -> Loop:
+    """The loop for episodes like an engine's, or with :func:`run_part` its plant, compiled if need be.
 
     Raises UncompiledControllerError if numba cannot compile the controller.
     """
@@ -141,30 +128,31 @@ def loop_of(
         from twin_gait.simulation.compiling import compile_loop, compiled_tick, record_at
         from twin_gait.simulation.vectors import in_vectors
 
-        bound, own = bound_to(pattern), {}
-        for name, tick in pattern.functions.items():
+        bound, own = bound_to(engine), {}
+        controller, episode = engine.problem.controller, engine.store.dtype
+        for name, tick in controller.functions().items():
             if not is_ours(tick):
-                assisted, device = name == "assisted_tick", pattern.episode["controller"]
-                own[name] = compiled_tick(pattern.controller, tick, assisted, device)
-        names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
-        return compile_loop(entry, names, own=pattern.controller if own else "")
+                assisted, device = name == "assisted_tick", episode["controller"]
+                own[name] = compiled_tick(controller.name, tick, assisted, device)
+        names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(episode)}
+        return compile_loop(entry, names, own=controller.name if own else "")
 
-    return kept_loop(source_key(f"{entry.__name__} {pattern.text}"), make, on_compile, pattern.own)
+    return kept_loop(source_key(f"{entry.__name__} {engine.pattern}"), make, on_compile, engine.own)
 
 
-def bound_to(pattern: Pattern) -> dict[str, Any]:
+def bound_to(engine: CompiledEngine) -> dict[str, Any]:
     """All that a loop is bound to but for where its episodes are."""
     return {
-        **pattern.structure,
-        **pattern.functions,
-        **bound_kernel(pattern.bodies),
-        **kernel_functions(pattern.log.writer, {}),
-        **compiled_rows(len(pattern.log.names), noise_width(pattern.episode)),
+        **engine.structure,
+        **engine.problem.controller.functions(),
+        **bound_kernel(engine.bodies),
+        **kernel_functions(engine.layout.writer, {}),
+        **compiled_rows(len(engine.layout.names), engine.noise.shape[1]),
     }
 
 
 @lru_cache(maxsize=32)
-def _text(dtype: np.dtype[Any]) -> str:
+def text_of(dtype: np.dtype[Any]) -> str:
     """A dtype as text, which takes NumPy longer than all else in an episode's start."""
     return repr(dtype)
 

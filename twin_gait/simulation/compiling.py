@@ -28,14 +28,9 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import DeadBranchPrune, ReconstructSSA
 from numba.extending import intrinsic
 
-from twin_gait.control.controller import (
-    TickFunction,
-    UncompiledControllerError,
-    require_no_answer,
-    require_whole_numbers,
-)
+from twin_gait.control.controller import UncompiledControllerError, require_no_answer, require_whole_numbers
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, MachineCode, function_at
+from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, function_at
 
 _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
@@ -174,8 +169,8 @@ def compile_loop(
     address = result.library.get_pointer_to_function(symbol)
     function = function_at(address, loop, f"controller {own!r}" if own else None)
     standalone = not own and _stands_alone(result.library)
-    code = MachineCode(result.library._get_compiled_object(), symbol) if standalone else None
-    return CompiledLoop(function, code)
+    code = symbol.encode() + b"\n" + result.library._get_compiled_object()
+    return CompiledLoop(function, code if standalone else None)
 
 
 @contextmanager
@@ -201,7 +196,7 @@ def _stands_alone(library: Any) -> bool:
 
 
 @lru_cache(maxsize=16)
-def compiled_tick(controller: str, tick: TickFunction, assisted: bool, device: np.dtype[Any]) -> Any:
+def compiled_tick(controller: str, tick: Any, assisted: bool, device: np.dtype[Any]) -> Any:
     """A function of the user's that is a part of a controller, compiled.
 
     ``assisted``: whether its memory is that beside the assistance. ``device``: layout of the record that it

@@ -1,9 +1,11 @@
-"""What the engines share: a run in chunks, the shape of its result, and the columns of its log."""
+"""What the engines share: a run in chunks, and how it stands: switches, ending, trip, traffic of the bus."""
 
 import math
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,42 +18,10 @@ from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED, Switch
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of
-from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.run import Run, RunStatus, log_table
 
 SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
 _BUS_UNIT = 1e-12  # what a bus counts in, in [s]
-
-
-class FrameTraffic(NamedTuple):
-    """What became of a frame that is sent in every cycle."""
-
-    name: str  # For example ``left_hip_setpoint``.
-    mean_age_s: float  # Mean time in [s] since its sender wrote what its receiver goes by, over all ticks.
-    oldest_s: float  # Longest of them in [s].
-    sent: int  # How many its sender believes to have sent.
-    lost: int  # Of these, those that did not arrive.
-    replaced: int  # Those that a newer one took the place of before they were sent.
-    destroyed: int  # Transmissions that ended in an error frame.
-    worst_response_s: float  # Longest time from the instant at which one was due to its arrival in [s].
-
-
-class BusTraffic(NamedTuple):
-    """What a bus has carried in a run, and how old what its receivers went by was."""
-
-    load: float  # Share of the time in which it was in use.
-    bus_offs: Mapping[str, int]  # How often each node went bus-off.
-    frames: tuple[FrameTraffic, ...]  # Set points, then measurements.
-
-
-class EngineResult(NamedTuple):
-    """Result of an engine."""
-
-    rows: np.ndarray  # Log numbers, shape ``(n_ticks, n_columns)``.
-    switches: tuple[PhaseSwitch, ...]  # Phase switches.
-    status: RunStatus  # How the run ended.
-    reason: str  # Why, if it did not complete.
-    trip: Trip | None = None  # What the safety monitor tripped on, or None.
-    traffic: BusTraffic | None = None  # Of the bus, or None without one.
 
 
 class EpisodeEngine(ABC):
@@ -88,38 +58,52 @@ class EpisodeEngine(ABC):
         should_stop: Callable[[], bool] | None = None,
         columns: Sequence[int] | None = None,
         run_tick: Callable[[int, int, np.ndarray, int], int] | None = None,
-    ) -> EngineResult:
+    ) -> Run:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
         ``progress`` is called with ticks done and in all, ``should_stop`` asked now and then. ``columns``:
         positions of the columns of the log that are kept; all by default. ``run_tick``: runs a single tick in
         place of :meth:`run_ticks`.
         """
+        began = time.perf_counter()
         run_ticks, chunk = (self.run_ticks, self.chunk_ticks) if run_tick is None else (run_tick, 1)
         width, record = len(self.layout.names), bool(self.state.recording.on)
         kept = range(width) if columns is None else columns
-        total, done, ended = self.problem.experiment.n_ticks, 0, (RunStatus.COMPLETED, "")
+        total, done, stopped = self.problem.experiment.n_ticks, 0, False
         # Everybody reads columns: each chunk is turned round while the cache still holds it.
         table, rows = np.empty((len(kept), total if record else 0)), np.zeros((chunk if record else 1, width))
-        while done < total and ended[0] is RunStatus.COMPLETED:
+        while done < total and self.ending(done)[0] is RunStatus.COMPLETED:
             if progress is not None:
                 progress(done, total)
-            if should_stop is not None and should_stop():
-                ended = RunStatus.INTERRUPTED, f"stopped at {done * TICK:.3f} s"
+            stopped = should_stop is not None and should_stop()
+            if stopped:
                 break
             first, done = done, run_ticks(done, min(done + chunk, total), rows, done)
-            ended = self.ending(done)
             if record:
                 for place, column in enumerate(kept):
                     table[place, first:done] = rows[: done - first, column]
         if progress is not None:
             progress(done, total)
-        return self.result(done, table[:, :done].T, ended)
+        run = self.finished(done, table, columns, time.perf_counter() - began)
+        if stopped:
+            return replace(run, status=RunStatus.INTERRUPTED, reason=f"stopped at {done * TICK:.3f} s")
+        return run
 
-    def result(self, done: int, rows: np.ndarray, ended: tuple[RunStatus, str] | None = None) -> EngineResult:
-        """The result of a run of some ticks; ``ended``: how, where it has not ended by itself."""
-        switches, ended = self.phase_switches(), ended or self.ending(done)
-        return EngineResult(rows, switches, *ended, self.trip(), self._traffic(done))
+    def finished(self, done: int, log: np.ndarray, columns: Sequence[int] | None, wall_s: float) -> Run:
+        """The run of some ticks, whose log has shape ``(n_columns, n)``; ``columns`` as in :meth:`run`."""
+        problem, (status, reason) = self.problem, self.ending(done)
+        return Run(
+            experiment=problem.experiment,
+            table=problem.table,
+            log=log_table(log[:, :done].T, self.layout, problem.table, columns),
+            switches=self.phase_switches(),
+            status=status,
+            reason=reason,
+            wall_s=wall_s,
+            body_weight=problem.world.body_weight,
+            trip=self.trip(),
+            traffic=self._traffic(max(1, done)),
+        )
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
@@ -157,28 +141,25 @@ class EpisodeEngine(ABC):
             side, joint = joints[place].side, joints[place].joint
         return Trip(tick, list(TripCause)[int(trip.cause)], side, joint)
 
-    def _traffic(self, ticks: int) -> BusTraffic | None:
-        """Counts of the bus in a run of at least 1 tick; None without one."""
+    def _traffic(self, ticks: int) -> dict[str, Any] | None:
+        """What the bus has carried in a run of at least 1 tick, as a summary has it; None without one."""
         if self.problem.experiment.network is None:
             return None
-        network, bus = self.state.network, self.state.network.bus
-        frames = tuple(
-            _frame_traffic(f"{joint.side}_{joint.joint}_{kind}", wire, bus.frames[int(wire.frame)], ticks)
-            for kind, wires in ((SETPOINT, network.setpoints), (MEASUREMENT, network.measurements))
-            for joint, wire in zip(self.problem.joints, wires, strict=True)
-        )
+        network, bus, frames = self.state.network, self.state.network.bus, {}
+        # As the sender believes; by newer ones before they were sent; ended in error frames.
+        counts = "sent", "lost", "replaced", "destroyed"
+        for kind, wires in ((SETPOINT, network.setpoints), (MEASUREMENT, network.measurements)):
+            for joint, wire in zip(self.problem.joints, wires, strict=True):
+                frame = bus.frames[int(wire.frame)]
+                frames[f"{joint.side}_{joint.joint}_{kind}"] = {
+                    # Since its sender wrote what its receiver goes by, over all ticks.
+                    "mean_age_s": TICK * int(wire.ages) / ticks,
+                    "oldest_s": TICK * int(wire.oldest),
+                    **{name: int(getattr(frame, name)) for name in counts},
+                    # From the instant at which one was due to its arrival.
+                    "worst_response_s": _BUS_UNIT * int(frame.worst_response),
+                }
+        totals = {key: sum(frame[key] for frame in frames.values()) for key in ("sent", "lost", "destroyed")}
         bus_offs = {name: int(node.bus_offs) for name, node in zip(NODES, bus.nodes, strict=True)}
-        return BusTraffic(float(bus.busy) / (ticks * float(bus.tick)), bus_offs, frames)
-
-
-def _frame_traffic(name: str, wire: Any, frame: Any, ticks: int) -> FrameTraffic:
-    return FrameTraffic(
-        name,
-        mean_age_s=TICK * int(wire.ages) / ticks,
-        oldest_s=TICK * int(wire.oldest),
-        sent=int(frame.sent),
-        lost=int(frame.lost),
-        replaced=int(frame.replaced),
-        destroyed=int(frame.destroyed),
-        worst_response_s=_BUS_UNIT * int(frame.worst_response),
-    )
+        load = float(bus.busy) / (ticks * float(bus.tick))  # share of the time
+        return {"bus_load": load, **totals, "bus_offs": bus_offs, "frames": frames}

@@ -7,9 +7,6 @@ left knee, right hip, …). With braces the coordinates are those of the device,
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
 
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
@@ -28,7 +25,6 @@ from twin_gait.core.wearer import Condition
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]: a joint that turns faster is no longer physical
-UNIT_READINGS = 3  # of an inertial unit: gyroscope, accelerometer forwards and up
 # First hip angle of the normative moments, and from one to the next, in [rad].
 LOWEST_POSTURE, POSTURE_STEP = math.radians(-30.0), math.radians(2.0)
 
@@ -213,7 +209,7 @@ class Episode:
     belt: Belt
     imposed_motion: ImposedMotion
     braces: list[Brace]
-    braced: list[int]  # Coordinates of the device in the order of the log's braces.
+    braced: list[int]  # Joints of the device in the order of the log's braces.
     faults: list[Fault]
     requests: list[TimedCommand]  # That are made of the supervisor, with room for more; none without one.
     recording: Recording
@@ -237,10 +233,3 @@ class Episode:
     status: int = COMPLETED
     contact_power: float = 0.0  # Of the contact forces in [W].
     last_contact_power: float = 0.0  # Of the step before.
-
-
-def noise_width(episode: np.dtype[Any]) -> int:
-    """Entries of a row of noise, by the dtype of the episode."""
-    assert episode.names is not None
-    of_unit = UNIT_READINGS if "trunk_unit" in episode.names else 0
-    return int(episode["joints"].shape[0]) + int(episode["limbs"].shape[0]) + of_unit

@@ -3,10 +3,9 @@
 import math
 import reprlib
 from dataclasses import replace
-from typing import Any
 
 from twin_gait.control import gait_controller as ccu
-from twin_gait.control.controller import Controller, Plan, mistake, require_whole_numbers
+from twin_gait.control.controller import mistake, require_whole_numbers
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
@@ -45,7 +44,6 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
     n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
     most_switches = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
     faults = fault_records(problem)
-    pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
     legs = world.model.legs.items()
     ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
@@ -80,7 +78,7 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         points=[Point() for _ in range(max(len(bodies.points), 1))],
         imposed_motion=world.imposed_motion or ImposedMotion(),
         braces=[] if world.braces is None else world.braces.braces,
-        braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
+        braced=[*(joint.coordinate for joint in problem.joints), *passive],
         faults=faults,
         requests=_requests(problem),
         trunk_unit=_trunk_unit(problem) if problem.inertial else ABSENT,
@@ -89,27 +87,6 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         recording=episode.Recording(most_switches, len(problem.noise)),
     )
     return copied(filled)  # nothing in it belongs to the world, or stands in it twice
-
-
-def memory_of(controller: Controller, plan: Plan) -> Any:
-    """What a controller keeps, at the start.
-
-    Raises ParameterError if it is no record, or has a float in a field of whole numbers.
-    """
-    memory = controller.memory(plan)
-    if not is_record(memory):
-        expected = "a memory that is a dataclass with slots, of numbers, such dataclasses and lists of them"
-        raise mistake(controller.name, expected, reprlib.repr(memory))
-    require_whole_numbers(controller.name, float_in(memory))
-    return memory
-
-
-def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
-    """Setpoints of a joint by phase."""
-    leg, position = divmod(number, problem.joints_per_leg)
-    first = COLUMNS_PER_JOINT * position
-    rows = problem.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
-    return [Setpoint(*row) for row in rows]
 
 
 def _joint(problem: Problem, number: int) -> episode.Joint:
@@ -194,7 +171,11 @@ def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
 def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
     experiment, control = problem.experiment, problem.experiment.control
     supply, settings, modes = experiment.plant.battery.voltage, control.safety, experiment.modes
-    gain = control.inertia_compensation
+    gain, memory = control.inertia_compensation, problem.controller.memory(problem.plan)
+    if not is_record(memory):
+        expected = "a memory that is a dataclass with slots, of numbers, such dataclasses and lists of them"
+        raise mistake(problem.controller.name, expected, reprlib.repr(memory))
+    require_whole_numbers(problem.controller.name, float_in(memory))
     q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
     legs = [_leg(problem, number) for number in range(len(problem.sides))]
     return ccu.ControllerState(
@@ -209,7 +190,7 @@ def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
             supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
         ),
         model=ccu.ControlModel(bodies, experiment.plant.gravity, q, a, gravity, inertia, gain),
-        memory=memory_of(problem.controller, problem.plan),
+        memory=memory,
         supervisor=ABSENT if modes is None else _supervisor(problem, modes),
     )
 
@@ -245,7 +226,10 @@ def _requests(problem: Problem) -> list[episode.TimedCommand]:
 
 def _controlled_joint(problem: Problem, number: int, phase: int) -> ccu.ControlledJoint:
     joint, control = problem.joints[number], problem.experiment.control
-    setpoints = setpoints_of(problem, number)
+    leg, position = divmod(number, problem.joints_per_leg)
+    first = COLUMNS_PER_JOINT * position
+    rows = problem.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
+    setpoints = [Setpoint(*row) for row in rows]
     return ccu.ControlledJoint(
         control_place=joint.control_coordinate,
         setpoints=setpoints,

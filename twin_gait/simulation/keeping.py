@@ -27,7 +27,7 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
-NativeFunction = Callable[..., int]
+Loop = Callable[..., int]
 OnCompile: TypeAlias = Callable[[], None] | None  # what is called if a loop has to be compiled first
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
@@ -118,7 +118,10 @@ def source_key(what: str) -> str:
     digest = hashlib.sha256(what.encode() + _content())
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
-    digest.update(f"{platform.python_version()} {platform.machine()} {' '.join(target())}".encode())
+    # This processor, and what numba is told to compile for in place of it.
+    told = [os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES")]
+    here = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
+    digest.update(repr((platform.python_version(), platform.machine(), *told, *here)).encode())
     return digest.hexdigest()[:24]
 
 
@@ -137,64 +140,44 @@ def source_files() -> list[Path]:
     return found
 
 
-def target() -> tuple[str, str]:
-    """Name and abilities of the processor that code is compiled for: this one, if numba is not told another.
-
-    Returns as LLVM writes them: ``znver4`` and ``+avx2,+fma,-avx512f``.
-    """
-    name, features = (os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES"))
-    if features is None:  # as in numba.core.config
-        generic = str(name).lower() == "generic"
-        features = "" if generic else binding.get_host_cpu_features().flatten()
-    return name or binding.get_host_cpu_name(), features
-
-
-class MachineCode(NamedTuple):
-    """A compiled function as it is kept."""
-
-    object_code: bytes  # Object file.
-    symbol: str  # Name of the function in it.
-
-
 class CompiledLoop(NamedTuple):
     """A loop compiled in this process."""
 
-    function: NativeFunction  # Takes whole numbers and returns one.
-    code: MachineCode | None  # What can be kept of it, or None if it needs more than the C library.
+    function: Loop  # Takes whole numbers and returns one.
+    # What can be kept of it, the name of the function and an object file behind a line break; None if it
+    # needs more than the C library.
+    code: bytes | None
 
 
-def write_code(path: Path, code: MachineCode) -> None:
+def write_code(path: Path, code: bytes) -> None:
     """Keep compiled code, sealed; where that is not possible it is not kept."""
-    content = code.symbol.encode() + b"\n" + code.object_code
-    proof = seal(path.name, content)
+    proof = seal(path.name, code)
     if proof is not None:
         # A full or read-only disk: the code is in memory and need not be kept.
         with contextlib.suppress(RunDirectoryError):
-            write_atomically(path, proof.encode() + b"\n" + content)
+            write_atomically(path, proof.encode() + b"\n" + code)
 
 
-def read_code(path: Path) -> MachineCode | None:
+def read_code(path: Path) -> bytes | None:
     """Compiled code from a file; None if there is none, it is not the user's own, or not what was kept."""
-    proof, _, content = (read_own(path) or b"").partition(b"\n")
-    expected = seal(path.name, content)
-    if expected is None or not hmac.compare_digest(proof, expected.encode()):
-        return None
-    symbol, _, object_code = content.partition(b"\n")
-    return MachineCode(object_code, symbol.decode())
+    proof, _, code = (read_own(path) or b"").partition(b"\n")
+    expected = seal(path.name, code)
+    return code if expected is not None and hmac.compare_digest(proof, expected.encode()) else None
 
 
-def load_function(code: MachineCode) -> NativeFunction:
+def load_function(code: bytes) -> Loop:
     """Link compiled code into the process; it runs without the interpreter's lock."""
+    symbol, _, object_code = code.partition(b"\n")
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     target = binding.Target.from_default_triple().create_target_machine()
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
-    engine.add_object_file(binding.ObjectFileRef.from_data(code.object_code))
+    engine.add_object_file(binding.ObjectFileRef.from_data(object_code))
     engine.finalize_object()
-    return function_at(engine.get_function_address(code.symbol), engine)
+    return function_at(engine.get_function_address(symbol.decode()), engine)
 
 
-def function_at(address: int, owner: Any, controller: str | None = None) -> NativeFunction:
+def function_at(address: int, owner: Any, controller: str | None = None) -> Loop:
     """A compiled function by the address of a native one, which writes its result through a pointer.
 
     ``owner``: what has to live as long as the function. ``controller``: name of the user's control law in it,
@@ -219,12 +202,12 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Nati
 
 
 # What this process has loaded or compiled; all episodes of a batch mostly share one loop.
-_loops: dict[tuple[str, tuple[Any, ...]], NativeFunction] = {}
+_loops: dict[tuple[str, tuple[Any, ...]], Loop] = {}
 
 
 def kept_loop(
     key: str, make: Callable[[], CompiledLoop], on_compile: OnCompile, own: tuple[Any, ...] = ()
-) -> NativeFunction:
+) -> Loop:
     """The loop of a key.
 
     With functions of the user's it is compiled once in this process and not kept on disk, because the sources

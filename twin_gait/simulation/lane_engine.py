@@ -5,23 +5,18 @@ the block, takes all of them through a tick. An episode that has ended leaves th
 as a copy of another one's, which changes nothing. With few left the rest run alone.
 """
 
-from collections.abc import Hashable, Iterator, Sequence
+import time
+from collections.abc import Hashable, Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from twin_gait.simulation.compiled_engine import CompiledEngine, Pattern, bound_to, run_at
-from twin_gait.simulation.engine import EngineResult, EpisodeEngine
+from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
+from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import (
-    CompiledLoop,
-    NativeFunction,
-    OnCompile,
-    is_kept,
-    kept_loop,
-    source_key,
-)
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, is_kept, kept_loop, source_key
+from twin_gait.simulation.run import Run
 
 # With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
 WIDTH = 32
@@ -35,7 +30,6 @@ SHARED = frozenset(
     "comparisons.signal_b transitions.source transitions.target transitions.first_node "
     "transitions.end_node transitions.debounce_ticks transitions.time_out_ticks".split()
 )
-_WORD = 8  # bytes of every number
 # A block with fewer episodes takes longer than they do alone: it breaks even at 8 to 11 of them with AVX-512,
 # at 13 to 19 with AVX2.
 FEWEST = 16
@@ -52,13 +46,14 @@ class LaneEngine:
         """
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
-        self._loop = lane_loop(engines[0].pattern)
+        self._loop = lane_loop(engines[0])
         self._block = side_by_side(np.concatenate([engine.store for engine in engines]))
         self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
 
-    def run(self, columns: Sequence[int] | None = None) -> list[EngineResult]:
-        """Run all episodes to their ends, each with the result that :meth:`CompiledEngine.run` gives it."""
+    def run(self, columns: Sequence[int] | None = None) -> list[Run]:
+        """Run all episodes to their ends; each run is the one that :meth:`CompiledEngine.run` gives."""
+        began = time.perf_counter()
         width, record = len(self.engines[0].layout.names), bool(self._numbers("recording.on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
         # Apart, so that each goes when its run does.
@@ -76,8 +71,11 @@ class LaneEngine:
             running = self._take_out(running, done)
         for lane in running.tolist():
             self._finish(lane, done, logs[lane], kept)
-        ended = zip(self.engines, self._ends.tolist(), logs, strict=True)
-        return [engine.result(end, log[:, :end].T) for engine, end, log in ended]
+        share = (time.perf_counter() - began) / len(self.engines)
+        return [
+            engine.finished(end, log, columns, share)
+            for engine, end, log in zip(self.engines, self._ends.tolist(), logs, strict=True)
+        ]
 
     def _run_ticks(self, first: int, end: int) -> int:
         """Run some ticks, fewer if an episode ends on the way; their rows go to the begin of the chunk."""
@@ -107,8 +105,7 @@ class LaneEngine:
 
     def _numbers(self, name: str) -> np.ndarray:
         """A whole number of the record in all lanes."""
-        numbers: np.ndarray = self._block[word_of(self.engines[0].pattern.episode, name)]
-        return numbers
+        return np.asarray(self._block[word_of(self.engines[0].store.dtype, name)])
 
 
 def kind_of(engine: EpisodeEngine) -> Hashable | None:
@@ -118,55 +115,54 @@ def kind_of(engine: EpisodeEngine) -> Hashable | None:
     """
     if not isinstance(engine, CompiledEngine):
         return None
-    if engine.pattern.own or engine.pattern.structure["OTHER_LAWS"]:
+    if engine.own or engine.structure["OTHER_LAWS"]:
         return None
     words = engine.store.view(np.int64)
-    return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
+    return engine.loop, words[shared_words(engine.store.dtype)].tobytes()
 
 
-def lane_loop(pattern: Pattern, on_compile: OnCompile = None) -> NativeFunction:
-    """The loop for blocks of episodes of one pattern, compiled if need be."""
+def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
+    """The loop for blocks of episodes like an engine's, compiled if need be."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
         from twin_gait.simulation.lanes import InLanes, bound_in_lanes
 
-        names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, len(pattern.log.names))}
+        rows = len(engine.layout.names), engine.noise.shape[1]
+        names = {**bound_to(engine), **bound_in_lanes(engine.store.dtype, *rows)}
         return compile_loop(run_at, names, pipeline=InLanes)
 
-    return kept_loop(_key_of(pattern), make, on_compile)
+    return kept_loop(_key_of(engine), make, on_compile)
 
 
 def has_lane_loop(engine: EpisodeEngine) -> bool:
     """Whether the loop for blocks of episodes like this one needs no compiling."""
-    return isinstance(engine, CompiledEngine) and is_kept(_key_of(engine.pattern))
+    return isinstance(engine, CompiledEngine) and is_kept(_key_of(engine))
 
 
-def _key_of(pattern: Pattern) -> str:
-    return source_key(f"in lanes {pattern.text}")
+def _key_of(engine: CompiledEngine) -> str:
+    return source_key(f"in lanes {engine.pattern}")
 
 
-def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:
-    """All numbers of a record that begins at a byte: its field, after that of the record, and its place."""
-    for name, (kind, offset, *_) in (dtype.fields or {}).items():
+def fields_of(dtype: np.dtype[Any], owner: str = "episode") -> list[str]:
+    """Fields of all numbers of a record one after the other, each after that of its record."""
+    found: list[str] = []
+    for name, (kind, *_) in (dtype.fields or {}).items():
         entry, _ = kind.subdtype or (kind, ())
-        for place in range(first + offset, first + offset + kind.itemsize, entry.itemsize):
-            if entry.fields is None:
-                yield f"{owner}.{name}", place // _WORD
-            else:
-                yield from numbers_of(entry, name, place)
+        found += (fields_of(entry, name) or [f"{owner}.{name}"]) * (kind.itemsize // entry.itemsize)
+    return found
 
 
 @lru_cache(maxsize=32)
 def shared_words(dtype: np.dtype[Any]) -> np.ndarray:
     """Which numbers of a record the lanes of a block have in common, shape ``(numbers,)``."""
-    return np.array([name in SHARED for name, _ in numbers_of(dtype)])
+    return np.array([name in SHARED for name in fields_of(dtype)])
 
 
 @lru_cache(maxsize=256)
 def word_of(dtype: np.dtype[Any], name: str) -> int:
     """Place of a number among those of a record."""
-    return next(place for found, place in numbers_of(dtype) if found == name)
+    return fields_of(dtype).index(name)
 
 
 def side_by_side(records: np.ndarray) -> np.ndarray:

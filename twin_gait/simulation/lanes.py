@@ -28,13 +28,8 @@ from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
 from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, rows_at
-from twin_gait.simulation.episode import noise_width
 from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
-
-# Tests set this: LLVM then says on the standard error of which loop over lanes it makes no vectors. Without
-# it the loops are as fast, and nothing is written to a user's terminal.
-INSISTING = False
 
 
 def _number(block: Any) -> int:
@@ -67,8 +62,6 @@ class _Marking(lowering.Lower):
         if in_vectors:
             parallel = note(["llvm.loop.parallel_accesses", group])
             loop.operands = (loop, parallel, note(["llvm.loop.unroll.disable"]))
-            if INSISTING:
-                loop.operands += (note(["llvm.loop.vectorize.enable", ir.IntType(1)(1)]),)
         elif isinstance(over, LanesView):
             loop.operands = (loop, note(["llvm.loop.unroll.disable"]))
         else:
@@ -148,9 +141,12 @@ def rows_beside(width: int) -> Any:
 
 
 @lru_cache(maxsize=32)
-def bound_in_lanes(episode: np.dtype[Any], width: int) -> dict[str, Any]:
-    """What a loop over a block is bound to in place of what that of a single episode is."""
-    row_of, readings = rows_beside(width), rows_at(np.dtype(float), noise_width(episode))
+def bound_in_lanes(episode: np.dtype[Any], width: int, noises: int) -> dict[str, Any]:
+    """What a loop over a block is bound to in place of what that of a single episode is.
+
+    ``width`` and ``noises``: numbers in a row of the log, and in one of the noise.
+    """
+    row_of, readings = rows_beside(width), rows_at(np.dtype(float), noises)
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)

@@ -3,19 +3,14 @@
 From them is written the function that fills a row in every tick (:attr:`LogLayout.writer`).
 """
 
-from __future__ import annotations
-
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
-from typing import TYPE_CHECKING
 
 from twin_gait.leg_model import LegModel
-from twin_gait.vocabulary import JointName, Side
-
-if TYPE_CHECKING:
-    from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import Problem
+from twin_gait.vocabulary import JointName
 
 LOG_SCHEMA_VERSION = 2
 UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
@@ -217,7 +212,6 @@ class LogLayout:
     ``time_s`` and the names of the phases are added when the table is made.
     """
 
-    legs: Mapping[Side, Sequence[JointName]]  # Controlled joints per leg, in order.
     # In order: name of a thing in front of those of its columns, its number among its kind, and its columns.
     things: tuple[tuple[str, int, Columns], ...]
 
@@ -227,14 +221,13 @@ class LogLayout:
         return tuple(thing + name for thing, _, kind in self.things for name in kind.columns)
 
     @cached_property
-    def positions(self) -> dict[str, int]:
-        """Position of each column."""
-        return {name: index for index, name in enumerate(self.names)}
-
-    @cached_property
     def writer(self) -> str:
-        """Source of ``write_row``; see :mod:`twin_gait.simulation.interface`."""
-        return writer_of((number, kind) for _, number, kind in self.things)
+        """Source of ``write_row``, which writes all columns into a row of the log."""
+        lines, place = ["def write_row(e, row):"], count()
+        for _, number, kind in self.things:
+            lines += [f"n = {number}", kind.thing]
+            lines += [f"row[{next(place)}] = {found}" for found, _ in kind.columns.values()]
+        return "\n    ".join(lines) + "\n"
 
 
 def log_layout(problem: Problem) -> LogLayout:
@@ -268,13 +261,4 @@ def log_layout(problem: Problem) -> LogLayout:
         (one * (problem.experiment.modes is not None), SUPERVISOR),
     )
     things = tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))
-    return LogLayout(dict.fromkeys(model.legs, problem.experiment.joints), things)
-
-
-def writer_of(things: Iterable[tuple[int, Columns]]) -> str:
-    """Source of a function that writes the columns of things, by number among their kind, into a row."""
-    lines, place = ["def write_row(e, row):"], count()
-    for number, kind in things:
-        lines += [f"n = {number}", kind.thing]
-        lines += [f"row[{next(place)}] = {found}" for found, _ in kind.columns.values()]
-    return "\n    ".join(lines) + "\n"
+    return LogLayout(things)

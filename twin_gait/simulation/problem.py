@@ -18,7 +18,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST
 from twin_gait.parameters import ActuatorParameters, Patient, require
-from twin_gait.simulation.episode import UNIT_READINGS, Limb
+from twin_gait.simulation.episode import Limb
 from twin_gait.simulation.wearer import limbs_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World
@@ -74,7 +74,7 @@ class Problem:
         if self.inertial:
             unit = sensors.trunk
             scale = unit.gyroscope_noise, unit.accelerometer_noise, unit.accelerometer_noise
-            readings = drawn(scale, UNIT_READINGS, 2)
+            readings = drawn(scale, len(scale), 2)
         parts = [encoders, efforts, readings]
         rows = max(len(part) for part in parts)
         return np.hstack([np.broadcast_to(part, (rows, part.shape[1])) for part in parts])

@@ -58,8 +58,7 @@ class ReferenceEngine(EpisodeEngine):
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
         """See :meth:`EpisodeEngine.run_ticks`."""
         self._rows, self._first_row = rows, first_row
-        ticks: int = self._run_ticks(self.episode, first, end)
-        return ticks
+        return int(self._run_ticks(self.episode, first, end))
 
     # ------------------------------------------------------------------ what the rooms are bound to
 
@@ -72,16 +71,14 @@ class ReferenceEngine(EpisodeEngine):
         switch = machine.advance(tick, e.controller.signals, other)
         legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
-    def log_row(self, e: Episode, tick: int) -> np.ndarray:
+    def log_row(self, e: Episode, tick: int) -> Any:
         """Row of the log for a tick."""
-        row: np.ndarray = self._rows[tick - self._first_row]
-        return row
+        return self._rows[tick - self._first_row]
 
     def switch_row(self, e: Episode, number: int) -> Any:
         """Room for a switch."""
         return self.switches[number]
 
-    def noise_row(self, e: Episode, tick: int) -> list[float]:
+    def noise_row(self, e: Episode, tick: int) -> Any:
         """What strays in a tick."""
-        row: list[float] = self._noise[tick % len(self._noise)]
-        return row
+        return self._noise[tick % len(self._noise)]

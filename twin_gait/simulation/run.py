@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from html import escape
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+import twin_gait
 from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
@@ -23,19 +22,13 @@ from twin_gait.measures.leg_record import ALWAYS, LegRecord, Spans, leg_record
 from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, gait_verdict
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import Walkway, walk_measures, walk_power
-from twin_gait.simulation.answers import Answer, answers_in
+from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.log import LogLayout
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
 from twin_gait.worlds.faults import Fault
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from twin_gait.simulation.engine import BusTraffic
-
-# Report and studies stand above the simulation. What a user calls on a run is looked up by name when it is
-# called, in the namespace that they import from, so that no module here depends on those floors.
-_PUBLIC = "twin_gait"
 
 
 class RunStatus(StrEnum):
@@ -76,8 +69,8 @@ def run_events(
 class Run:
     """A finished simulation.
 
-    ``save`` and ``plot`` are those of the public namespace: a simulation itself touches no disk and draws
-    nothing.
+    ``save`` and ``plot`` are those of the public namespace, looked up when they are called: a simulation
+    itself touches no disk and draws nothing.
     """
 
     experiment: Experiment  # What was run.
@@ -89,8 +82,8 @@ class Run:
     wall_s: float  # Wall-clock time of the integration in [s].
     body_weight: float  # Weight of wearer and device in [N].
     trip: Trip | None = None  # What the safety monitor tripped on, or None.
-    # Of the bus, or None without one, in live walks and in runs that were read back.
-    traffic: BusTraffic | None = None
+    # What the bus has carried, as the summary has it; None without one, in live walks and runs read back.
+    traffic: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:
         """One line: what was run and how it ended."""
@@ -99,26 +92,13 @@ class Run:
         word = self.verdict.outcome or self.status
         return f"<Run {self.experiment.name}: {word}, {self.duration:g} s ({size}){events}>"
 
-    def _repr_html_(self) -> str:
-        """The same as a small card in a notebook."""
-        word = self.verdict.outcome or self.status
-        rows = [
-            ("simulated", f"{self.duration:g} s in {self.wall_s:.2f} s, {len(self.log)} ticks"),
-            ("log", f"{self.log.shape[1]} columns; {len(self.switches)} switches of phase"),
-            *((f"{event.time:.2f} s", event.text) for event in self.events),
-            *(("why", reason) for reason in (self.verdict.reason,) if reason),
-        ]
-        lines = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
-        name = escape(self.experiment.name)
-        return f"<table><caption>{name}: <b>{escape(word)}</b></caption>{lines}</table>"
-
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the run directory; see :func:`twin_gait.save_run`."""
-        return cast(Path, import_module(_PUBLIC).save_run(self, folder, force=force))
+        return twin_gait.save_run(self, folder, force=force)
 
     def plot(self, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
         """Draw a picture of the run; see :func:`twin_gait.plot_run`."""
-        return cast("Figure", import_module(_PUBLIC).plot_run(self, figure, width_mm=width_mm))
+        return twin_gait.plot_run(self, figure, width_mm=width_mm)
 
     @property
     def duration(self) -> float:
@@ -200,23 +180,15 @@ class Run:
         """Outcome of the gait in one word and one line; see :mod:`twin_gait.measures.outcome`."""
         if self.status is RunStatus.DIVERGED:
             return Verdict(Outcome.DIVERGED, self.reason)
+        held = "" if self.trip is None else f"held from {self.trip.time:.3f} s on: {self.trip.text}"
         if self.status is RunStatus.FELL:
-            after = "" if self.trip is None else f", {self._held_text}"
-            return Verdict(Outcome.FELL, f"{self.reason}{after}")
-        if self.trip is not None:
-            return Verdict(Outcome.HELD, self._held_text)
-        if not self.table.transitions:
-            return Verdict(None, "no walk was asked for: the gait table has no transitions")
-        if not any(self.table.is_swing(phase) for phase in self.table.phases):
-            return Verdict(None, "no walk was asked for: no phase of the gait table is a swing")
-        if not self.steady:
-            return Verdict(None, "no walk was asked for: no mode was entered in which the legs step")
+            return Verdict(Outcome.FELL, ", ".join(filter(None, (self.reason, held))))
+        if held:
+            return Verdict(Outcome.HELD, held)
+        swings = self.table.transitions and any(self.table.is_swing(phase) for phase in self.table.phases)
+        if not swings or not self.steady:
+            return Verdict(None, "no walk was asked for, by the gait table or by the modes")
         return gait_verdict(self.leg_records())
-
-    @property
-    def _held_text(self) -> str:
-        assert self.trip is not None
-        return f"held from {self.trip.time:.3f} s on: {self.trip.text}"
 
     @property
     def steady(self) -> Spans:
@@ -231,8 +203,7 @@ class Run:
         if modes is not None:
             walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
             asked = np.concatenate(([0], self.log["mode"].isin(walking), [0]))
-            begins, ends = np.flatnonzero(np.diff(asked) > 0), np.flatnonzero(np.diff(asked) < 0) - 1
-            bounds = zip(begins.tolist(), ends.tolist(), strict=True)
+            bounds = (np.flatnonzero(np.diff(asked)).reshape(-1, 2) - (0, 1)).tolist()
             spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self.waiting[i:k].all())
         clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
         return tuple((begin, end) for begin, end in clipped if begin < end)
@@ -240,12 +211,17 @@ class Run:
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
         """What became of the requests; see :mod:`twin_gait.simulation.answers`. Nothing without modes."""
-        return () if self.experiment.modes is None else tuple(answers_in(self, self.experiment.modes))
-
-    @property
-    def refused(self) -> list[str]:
-        """Requests that were refused, each in words."""
-        return [answer.text for answer in self.answers if answer.refused]
+        modes, initial, found = self.experiment.modes, self.experiment.initial_mode, list[Answer]()
+        if modes is not None:
+            first = 0 if initial is None else modes.phase_index(initial)
+            # Before each tick, and after the last.
+            codes = np.concatenate([[first], self.log["mode"].to_numpy()]).astype(int)
+            entries = np.flatnonzero(np.diff(codes))
+            for tick in np.flatnonzero(self.log["request"].to_numpy()).tolist():
+                ticks = tick - max(entries[entries < tick].tolist(), default=0)
+                before = modes.phase_names[codes[tick]]
+                found.append(answer_at(self.log, tick, before, ticks, modes, self.table, self.body_weight))
+        return tuple(found)
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
@@ -260,12 +236,12 @@ def log_table(
     """Make the log table of the numbers that an engine wrote, with ``time_s`` in front and phases by name.
 
     ``rows``: shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other. ``columns``:
-    their positions in the layout, the phases among them; all by default.
+    their positions in the layout; all by default.
     """
     names = list(layout.names) if columns is None else [layout.names[place] for place in columns]
     log = pd.DataFrame(np.asfortranarray(rows), columns=names, copy=False)
     log.insert(0, "time_s", np.arange(len(rows)) * TICK)
     phases = pd.CategoricalDtype(pd.Index(table.phase_names))
-    for name in (f"{side}_phase" for side in layout.legs):
+    for name in (name for name in names if name.endswith("_phase")):
         log[name] = pd.Categorical.from_codes(rows[:, names.index(name)].astype(np.int64), dtype=phases)
     return log

@@ -1,7 +1,6 @@
 """Simulate an experiment: the one entry, and it touches no disk."""
 
 import reprlib
-import time
 import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
@@ -12,12 +11,11 @@ from twin_gait.control.controller import Controller, UncompiledControllerError
 from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.engine import EngineResult, EpisodeEngine
+from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine, has_lane_loop, kind_of, lane_loop
-from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.run import Run, log_table
+from twin_gait.simulation.run import Run
 
 FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
 # Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
@@ -67,32 +65,7 @@ def simulate(
             f"simulate: expected an Experiment, got {reprlib.repr(experiment)}; "
             "load_experiment(NAME).experiment is one"
         )
-    engine = engine_of(build_problem(experiment, controller), on_compile)
-    began = time.perf_counter()
-    result = engine.run(progress, should_stop)
-    return run_of(engine.problem, result, time.perf_counter() - began)
-
-
-def run_of(
-    problem: Problem, result: EngineResult, wall_s: float, columns: Sequence[int] | None = None
-) -> Run:
-    """The run of a problem that an engine has brought to its end.
-
-    ``result``: what it gave. ``wall_s``: how long it took in [s]. ``columns``: positions of the columns of
-    the log that were kept; all by default.
-    """
-    return Run(
-        experiment=problem.experiment,
-        table=problem.table,
-        log=log_table(result.rows, log_layout(problem), problem.table, columns),
-        switches=result.switches,
-        status=result.status,
-        reason=result.reason,
-        wall_s=wall_s,
-        body_weight=problem.world.body_weight,
-        trip=result.trip,
-        traffic=result.traffic,
-    )
+    return engine_of(build_problem(experiment, controller), on_compile).run(progress, should_stop)
 
 
 def engine_of(problem: Problem, on_compile: Callable[[], None] | None = None) -> EpisodeEngine:
@@ -124,13 +97,6 @@ def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tu
             else:
                 alone += block
     return [*((place,) for place in sorted(alone)), *blocks]
-
-
-def block_size(experiment: Experiment, total: int) -> int:
-    """How many of so many episodes to hand over at a time, so that they can be run as a block."""
-    if total < FEWEST_IN_ALL or experiment.engine is not Engine.COMPILED:
-        return 1
-    return _most(experiment.n_ticks)
 
 
 def _most(ticks: int) -> int:
@@ -192,23 +158,22 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
     names, kept = engines[0].layout.names, None
     if columns is not None:
         kept = [place for place, name in enumerate(names) if name.endswith((*columns, *ALWAYS_KEPT))]
-    began = time.perf_counter()
-    alike = [engine for engine in engines if isinstance(engine, CompiledEngine)]
     try:
-        if len(alike) > 1:
-            results = LaneEngine(alike).run(kept)
-        else:
-            results = [engine.run(columns=kept) for engine in engines]
+        if len(engines) > 1:
+            return LaneEngine([engine for engine in engines if isinstance(engine, CompiledEngine)]).run(kept)
+        return [engine.run(columns=kept) for engine in engines]
     except TwinGaitError as error:
         raise JobFailed(first, str(error)) from error
-    share = (time.perf_counter() - began) / len(engines)
-    done = zip(engines, results, strict=True)
-    return [run_of(engine.problem, result, share, kept) for engine, result in done]
 
 
-def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
-    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later."""
+def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> int:
+    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later.
+
+    Returns how many of them to hand over at a time, so that they can be run as a block.
+    """
     with suppress(TwinGaitError):
         engine = engine_of(build_problem(experiment), on_compile)
         if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:
-            lane_loop(engine.pattern, on_compile)
+            lane_loop(engine, on_compile)
+            return _most(experiment.n_ticks)
+    return 1

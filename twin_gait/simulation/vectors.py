@@ -97,13 +97,13 @@ def _in_turn(
     return [[builder.load(at(row, _COUNT(number))) for row in places] for number in range(count)]
 
 
-def _each(function: Any, shared: int, arguments: int) -> Any:
+@lru_cache(maxsize=8)
+def _each(item: Called) -> Any:
     """Compiled function that calls another one for each of several things.
 
-    ``function``: compiled; takes what all things have in common, then some numbers of one, and returns some.
-    ``shared``: what all have in common; it comes first. ``arguments``: numbers of each; those of the first
-    thing come first.
+    It takes what all things have in common, then the numbers of each; those of the first thing come first.
     """
+    function, shared, arguments = bind(item.function, ON_BITS, jit), item.shared, item.arguments
 
     @intrinsic  # type: ignore[untyped-decorator]
     def each(typing: Any, *given: Any) -> Any:
@@ -142,15 +142,10 @@ def side_by_side(typing: Any, e: Any, places: Any, staged: Any, take: Any, law: 
     return types.none(e, places, staged, take, law, give), generate
 
 
-@lru_cache(maxsize=8)
-def _each_of(item: Called) -> Any:
-    return _each(bind(item.function, ON_BITS, jit), item.shared, item.arguments)
-
-
 def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
     """What a loop of one episode is bound to so that laws for several things at once become vectors."""
     found = {"side_by_side": side_by_side}
     for item in SIDE_BY_SIDE:
-        each = _each_of(item)
+        each = _each(item)
         found.update({name: each for name in kernel if name.rpartition("_")[0] == item.name})
     return found

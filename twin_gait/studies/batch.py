@@ -27,7 +27,7 @@ from twin_gait.parameters import Patient
 from twin_gait.runs.leg_summary import side_in_brief
 from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.simulation.simulator import block_size, compile_ahead, simulate_together
+from twin_gait.simulation.simulator import compile_ahead, simulate_together
 from twin_gait.studies.jobs import Watch, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
@@ -86,9 +86,7 @@ def _block_ahead(
     """Compile before the workers need it, and tell how many episodes to hand over at a time."""
     if items:
         with suppress(TwinGaitError):  # a mistake is told when its turn comes
-            experiment = experiment_of(items[0])
-            compile_ahead(experiment, len(items), on_compile)
-            return block_size(experiment, len(items))
+            return compile_ahead(experiment_of(items[0]), len(items), on_compile)
     return 1
 
 

@@ -189,7 +189,7 @@ def _perform(
         "test": plan.number,
         **plan.settings,
         "status": str(run.status),
-        "duration_s": round(len(run.rows) * 1e-3, 3),
+        "duration_s": round(len(run.log) * 1e-3, 3),
         "variation": asdict(plan.variation),
         "noise_seed": plan.noise_seed,
     }
@@ -202,4 +202,4 @@ def log_text(run: BenchRun, header: Mapping[str, object]) -> str:
     """
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
-    return "\n".join(lines) + "\n" + run.log(truth=False).to_csv(index=False, float_format=_DIGITS)
+    return "\n".join(lines) + "\n" + run.log[list(LOG_COLUMNS)].to_csv(index=False, float_format=_DIGITS)

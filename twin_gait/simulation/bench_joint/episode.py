@@ -14,7 +14,7 @@ from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.simulation.episode import COMPLETED, Recording
-from twin_gait.simulation.log import Columns
+from twin_gait.simulation.log import Columns, LogLayout
 
 # What drives the winding.
 OPEN, IDEAL, PI, DUTY = range(4)
@@ -54,9 +54,9 @@ BENCH = Columns(
     stop_torque_Nm=("torques.stop", "of the mechanical stops on the link"),
     imposed_motion_torque_Nm=("e.imposed_motion.torque", "of the hand that leads the link"),
 )
-COLUMNS = tuple(BENCH.columns)
+LAYOUT = LogLayout((("", 0, BENCH),))
 # Columns of the thesis's log files, in this order.
-LOG_COLUMNS = COLUMNS[:9]
+LOG_COLUMNS = LAYOUT.names[:9]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,18 +16,16 @@ from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
-from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import KNEE_FRICTION, require
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
-from twin_gait.simulation.bench_joint.episode import COLUMNS
+from twin_gait.simulation.bench_joint.episode import LAYOUT
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
 from twin_gait.simulation.binding import kernel_functions
-from twin_gait.simulation.compiled_engine import compiled_rows, run_at
+from twin_gait.simulation.compiled_engine import compiled_rows, run_at, text_of
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import CompiledLoop, NativeFunction, OnCompile, kept_loop, source_key
-from twin_gait.simulation.log import writer_of
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
 
@@ -38,25 +35,13 @@ class BenchRun:
     """What a test left behind."""
 
     test: worlds.BenchJoint  # The test.
-    rows: np.ndarray  # Log, shape ``(n_ticks, n_columns)``.
+    # One row per tick; behind ``LOG_COLUMNS`` what no bench can see: friction, true motion, true current.
+    log: pd.DataFrame
     status: RunStatus  # Completed or diverged.
 
     def column(self, name: str) -> np.ndarray:
-        """A column by its name, shape ``(n_ticks,)``.
-
-        ``name``: with its unit. Raises ParameterError if there is no such column.
-        """
-        if name not in COLUMNS:
-            raise ParameterError(f"{name}: no such column; there are {', '.join(COLUMNS)}")
-        return np.asarray(self.rows[:, COLUMNS.index(name)])
-
-    def log(self, *, truth: bool = True) -> pd.DataFrame:
-        """The log as a table.
-
-        ``truth``: also what no bench can see: friction, true motion, true current. Returns one row per tick.
-        """
-        columns = COLUMNS if truth else record.LOG_COLUMNS
-        return pd.DataFrame(self.rows[:, : len(columns)], columns=list(columns))
+        """A column by its name, with its unit, shape ``(n_ticks,)``."""
+        return self.log[name].to_numpy()
 
 
 def simulate_bench(
@@ -82,35 +67,30 @@ def simulate_bench(
     """
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or record.BenchVariation()), bench_noise(test, ticks, seed)
-    rows, recording = np.zeros((ticks, len(COLUMNS))), episode.recording
+    rows, recording = np.zeros((ticks, len(LAYOUT.names))), episode.recording
     recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
     store, other_laws = stored(episode), episode.friction.law > ROTATIONAL
     done = _loop(store.dtype, other_laws, on_compile)(store.ctypes.data, 0, ticks)
     diverged = store[0]["status"] == DIVERGED
-    return BenchRun(test, rows[:done], RunStatus.DIVERGED if diverged else RunStatus.COMPLETED)
+    log = pd.DataFrame(rows[:done], columns=list(LAYOUT.names))
+    return BenchRun(test, log, RunStatus.DIVERGED if diverged else RunStatus.COMPLETED)
 
 
-def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> NativeFunction:
+def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Loop:
     """The compiled loop of tests of one layout; the laws beside (3.1) slow the others down."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
 
-        names = {**bound_rooms(other_laws), **compiled_rows(len(COLUMNS), 1), "run_ticks": run_ticks}
+        names = {**bound_rooms(other_laws), **compiled_rows(len(LAYOUT.names), 1), "run_ticks": run_ticks}
         return compile_loop(run_at, {**names, "episode_at": record_at(episode)})
 
-    return kept_loop(_key(episode, other_laws), make, on_compile)
+    return kept_loop(source_key(f"bench {text_of(episode)} {other_laws} {TICK}"), make, on_compile)
 
 
 def bound_rooms(other_laws: bool) -> dict[str, Any]:
     """What the rooms of a test are bound to, beside the rows of its log and its noise."""
-    return {"OTHER_LAWS": other_laws, **kernel_functions(writer_of([(0, record.BENCH)]), {"TICK": TICK})}
-
-
-@lru_cache(maxsize=8)
-def _key(episode: np.dtype[Any], other_laws: bool) -> str:
-    """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
-    return source_key(repr((episode, other_laws, TICK)))
+    return {"OTHER_LAWS": other_laws, **kernel_functions(LAYOUT.writer, {"TICK": TICK})}
 
 
 def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
@@ -141,6 +121,9 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
     path = worlds.CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
     constant = (test.actuator.gear_efficiency, 0.0, 0.0, 0.0, 0.0, 0.0)
     sine, cosine = sine_cosine(variation.ripple_phase)
+    motion = ImposedMotion()
+    if test.imposed_motion is not None:
+        motion = taken_from(ImposedMotion, test.imposed_motion, place=0, start_angle=test.start_angle)
     unit = test.inertial_unit or worlds.InertialUnit(sensor=worlds.InertialSensor.GYROSCOPE)
     return record.BenchEpisode(
         test=replace(
@@ -162,7 +145,7 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
         friction=friction.law.scaled(variation.friction_ratio).in_plant(),
         ripple_cosine=friction.ripple * cosine,
         ripple_sine=friction.ripple * sine,
-        imposed_motion=_imposed_motion(test),
+        imposed_motion=motion,
         unit=unit,
         acceleration=_acceleration(test, unit),
         torque_control=replace(torque, old_model=None, path=None),
@@ -191,13 +174,6 @@ def _acceleration(test: worlds.BenchJoint, unit: worlds.InertialUnit) -> record.
     source = 1 + list(worlds.InertialSensor).index(unit.sensor) if used else record.ENCODER
     time_constant = unit.time_constant if used else test.sensors.fast_time_constant
     return record.Acceleration(source, first_order_gain(TICK, time_constant), new_delay_line(unit.delay))
-
-
-def _imposed_motion(test: worlds.BenchJoint) -> ImposedMotion:
-    motion = test.imposed_motion
-    if motion is None or (motion.stiffness == 0.0 and motion.damping == 0.0):
-        return ImposedMotion()
-    return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle)
 
 
 def _torque_control(test: worlds.BenchJoint) -> worlds.TorqueControl:

@@ -6,13 +6,7 @@ from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque,
 from twin_gait.simulation.episode import Episode, Sole
 from twin_gait.simulation.interface import dynamics, lanes, log_row, observe, side_by_side, write_row
 from twin_gait.simulation.rooms.sensors import normal_force, point_force
-from twin_gait.simulation.rooms.surroundings import (
-    drag_tips,
-    energy_of_tips,
-    hold_trunk,
-    move_tips,
-    push_crutches,
-)
+from twin_gait.simulation.rooms.surroundings import drag_tips, hold_trunk, move_tips, push_tips, tip_energy
 from twin_gait.simulation.structure import CRUTCHES, POINTS_PER_FOOT, RK4, SEATED, SHIFT, WITH_FRICTION
 
 
@@ -43,7 +37,7 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
     if CRUTCHES > 0:
         for one in lanes(e):
             q, v = _state(one, staged)
-            push_crutches(one, q, v)
+            push_tips(one, q, v)
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)
@@ -118,7 +112,7 @@ def _observe(e: Episode) -> None:
     """Energies, and what the guides of the pelvis take."""
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)
     if CRUTCHES > 0:
-        of_tips = energy_of_tips(e)
+        of_tips = tip_energy(e)
         kinetic += of_tips[0]
         potential += of_tips[1]
     e.kinetic_energy, e.potential_energy, e.guide_force, e.guide_moment = kinetic, potential, force, moment

@@ -141,7 +141,7 @@ def place_chair(e: Episode, tick: int) -> None:
         seat.forward = e.q[FORWARD] - seat.behind
 
 
-def push_crutches(e: Episode, q: list[float], v: list[float]) -> None:
+def push_tips(e: Episode, q: list[float], v: list[float]) -> None:
     """Forces of the arms, as torques from outside on trunk and tips."""
     sine, cosine = sine_cosine(q[PITCH])
     shoulder_ahead, shoulder_up = e.trunk.shoulder * sine, e.trunk.shoulder * cosine
@@ -206,7 +206,7 @@ def use_crutches(e: Episode, tick: int) -> None:
         move_arm(e.policy, sense, arm, e.arms[CRUTCHES - 1 - number], ahead, load)
 
 
-def energy_of_tips(e: Episode) -> tuple[float, float]:
+def tip_energy(e: Episode) -> tuple[float, float]:
     """Kinetic and potential energy of the tips in [J]."""
     kinetic, potential = 0.0, 0.0
     for number in range(CRUTCHES):

@@ -5,9 +5,10 @@ import math
 from twin_gait.control.gait_controller import CONTROLLED, SUPERVISED, change_demands
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
 from twin_gait.simulation.interface import each, lanes
+from twin_gait.simulation.rooms.commands import control, feed_forward
+from twin_gait.simulation.rooms.drives import drive, supply
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate, record
-from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
 from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.phases import choose_modes, decide
 from twin_gait.simulation.rooms.sensors import measure
