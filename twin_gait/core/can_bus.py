@@ -126,14 +126,13 @@ def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
 
 def advance(bus: Bus, tick: int) -> None:
     """All that happens on the bus from the start of a tick to the next; what is due has been written."""
-    end, now = (tick + 1) * bus.tick, NOBODY
-    while now < end:
+    end = (tick + 1) * bus.tick
+    while bus.outages[bus.next_outage].start < end:
         outage = bus.outages[bus.next_outage]
-        now = min(end, outage.start)
-        _carry(bus, tick, now)
-        if now < end:
-            bus.next_outage += 1
-            _break(bus, outage)
+        _carry(bus, tick, outage.start)
+        _break(bus, outage)
+        bus.next_outage += 1
+    _carry(bus, tick, end)
 
 
 def _carry(bus: Bus, tick: int, until: int) -> None:

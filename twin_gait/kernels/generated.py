@@ -194,12 +194,9 @@ def write_observe(kernel: KernelBodies) -> str:
 
     result = rigid_body.inverse_dynamics(made.bodies, q, v, a, made.gravity, made.points, known_force)
     potential = rigid_body.potential_energy(made.bodies, q, made.gravity)
-    wrenches = [result.wrenches[guide] for guide in kernel.guides]  # the moment in pitch, the force forwards
-    moment, force = (
-        sum(item[0][1] for item in wrenches),
-        sum(item[1][0] for item in wrenches),
-    )  # pitch, forward
-    returned = [result.kinetic_energy, potential, force, moment]
+    wrenches = [result.wrenches[guide] for guide in kernel.guides]
+    pitching, forward = sum(moment[1] for moment, _ in wrenches), sum(force[0] for _, force in wrenches)
+    returned = [result.kinetic_energy, potential, forward, pitching]
     return made.text("observe(q, v, a, bodies, gravity, points)", [], returned)
 
 

@@ -11,7 +11,7 @@ from twin_gait.core.arm_policy import SITS, ArmPolicy, new_sense, plant_crutch
 from twin_gait.core.arms import Arm, Grip, turn_grip
 from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.plant import Harness, Plant, Stop, Trunk, free_coordinate
+from twin_gait.core.plant import Harness, Plant, Trunk
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, quantities
@@ -123,7 +123,7 @@ class Overground(SplitStance):
             q[pitch] = self.lean
             q[height] = stand_on_both_feet(model, q, 0.0)
         rope = self.harness
-        harness = Harness(rope.height * tall, rope.share * weight, rope.damping, Stop(0.0, 0.0, 0.0, 0.0))
+        harness = Harness(rope.height * tall, rope.share * weight, rope.damping)
         trunk = Trunk(SHOULDER_HEIGHT * tall, harness)
         low = FALL_SHARE * (q[height] if seat is None else seat.height)
         more = {"fall_height": low, "fall_pitch": self.fall_lean, "trunk": trunk, "seat": seat}
@@ -160,7 +160,7 @@ class Overground(SplitStance):
         q = np.array([*world.start_q, *tips])
         return replace(
             world,
-            plant=(*world.plant, *(free_coordinate() for _ in tips)),
+            plant=(*world.plant, *(Plant() for _ in tips)),
             start_q=q,
             start_v=np.zeros(len(q)),
             arms=tuple(arms),
