@@ -12,7 +12,6 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
-from twin_gait.core.arm_policy import ArmPolicy, Sense
 from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
@@ -22,6 +21,7 @@ from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import ContactParameters, require
 from twin_gait.parameters.quantities import Angle, Inline, Parameters, UnitInside, taken_from
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
+from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,6 @@ import math
 
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
 from twin_gait.control.supervisor import NO_REQUEST
-from twin_gait.core.arm_policy import REACHES, move_arm
 from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, dragged_anchor
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.contact import contact_normal_force
@@ -15,6 +14,7 @@ from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, postu
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
 from twin_gait.simulation.interface import lanes, noise_row
 from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SEATED, SHIFT, WEARER
+from twin_gait.worlds.arm_policy import REACHES, move_arm
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
 
