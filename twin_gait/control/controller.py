@@ -36,6 +36,17 @@ class Path(NamedTuple):
     starts: np.ndarray  # share of the cycle at which each leg begins, shape ``(n_legs,)``
 
 
+def cycle_place(progress: float, samples: int) -> tuple[int, float]:
+    """Where an instant of the gait cycle falls among evenly spaced samples of a path that closes.
+
+    Whole cycles of the progress do not matter; the last sample is the first of the next cycle. Returns the
+    number of the sample before the instant, and the share of the next one.
+    """
+    place = (progress - int(progress)) * (samples - 1)
+    before = min(int(place), samples - 2)
+    return before, place - before
+
+
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """What a controller knows before the walk."""

@@ -254,6 +254,8 @@ class BenchJoint(quantities.Parameters):
         """Check the ranges."""
         super().__post_init__()
         require(not self.sensors.offset, "sensors offset", "none on the joint bench", self.sensors.offset)
+        counted = self.drive.counts > 0 or not isinstance(self.control, DutyControl)
+        require(counted, "drive counts", "1 or more for a controller of duties", self.drive.counts)
 
 
 def bench_joint(joint: JointName, **changes: object) -> BenchJoint:

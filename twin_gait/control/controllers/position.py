@@ -7,9 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
-from twin_gait.control.controller import Controller, Path, Plan
+from twin_gait.control.controller import Controller, Path, Plan, cycle_place
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
-from twin_gait.core.assistance import cycle_place
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Parameters, Ratio, RotaryStiffness

@@ -14,12 +14,12 @@ from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.core.motor_drive import cosine_path, inverter_voltage, six_step_current
-from twin_gait.core.transparency import transparency_duty
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.episode import ACCELEROMETER, DUTY, ENCODER, OPEN, BenchEpisode
 from twin_gait.simulation.bench_joint.mechanics import drive_winding, mechanical_step, present_accelerations
 from twin_gait.simulation.episode import DIVERGED, DIVERGED_VELOCITY
 from twin_gait.simulation.interface import log_row, noise_row, write_row
+from twin_gait.worlds.bench_control import transparency_duty
 
 # Places in the noise of a tick; the samples of the current follow, one for each period of the loop.
 ANGLE_NOISE, UNIT_NOISE, CURRENT_NOISE = range(3)
@@ -107,7 +107,8 @@ def control(e: BenchEpisode, tick: int) -> None:
 def _control_duty(e: BenchEpisode, tick: int) -> None:
     """Duty that lets the joint be moved; no current loop is asked for anything."""
     motor, winding, velocity, counts = e.motor, e.winding, e.encoder.velocity_fast, e.test.drive.counts
-    duty = transparency_duty(e.transparency, tick + e.variation.duty_start, velocity, e.bus_voltage, counts)
+    tick += e.variation.duty_start
+    duty = transparency_duty(e.duty_control, motor, tick, velocity, e.bus_voltage, counts)
     winding.voltage = inverter_voltage(duty, counts, e.bus_voltage)
     winding.duty = winding.voltage / e.bus_voltage
     # What the firmware can know of it: the current that this voltage drives at the measured speed.
