@@ -143,6 +143,13 @@ def hear_board(controller: ControllerState, limits: Limits, number: int, heard: 
         joint.measurement.cause = BUS_TRIP
 
 
+def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
+    """Take all that is heard of the device as a whole."""
+    controller.common.trunk_pitch = heard.trunk_pitch
+    controller.common.step = heard.step
+    hear_command(controller, heard.walk, tick)
+
+
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
     """Take the command to walk, 1, or to stand, 0."""
     controller.common.walk = walk

@@ -23,7 +23,7 @@ from twin_gait.control.gait_controller import (
     fade,
     has_cause,
     hear_board,
-    hear_command,
+    hear_device,
     hear_load,
     pose,
     sent_to,
@@ -200,12 +200,11 @@ def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None
     for number in range(len(controller.legs)):
         hear_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
-    controller.common.trunk_pitch = inputs.common.trunk_pitch
     if SUPERVISED:
+        controller.common.trunk_pitch = inputs.common.trunk_pitch
         controller.supervisor.request = inputs.request
     else:
-        controller.common.step = inputs.common.step
-        hear_command(controller, inputs.common.walk, tick)
+        hear_device(controller, inputs.common, tick)
 
 
 def watch(controller: ControllerState, limits: Limits, tick: int) -> None:
