@@ -23,7 +23,7 @@ from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
-from twin_gait.core.wearer import Condition
+from twin_gait.parameters import JointCondition
 from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
@@ -57,7 +57,7 @@ class Limb:
     """A hip or knee of the wearer."""
 
     place: int  # In the coordinates of the device.
-    condition: Condition  # What the wearer does.
+    condition: JointCondition  # What the wearer does.
     moments: list[list[float]]  # Normative moment in [N m] by phase and posture of the hip.
     effort_line: DelayLine  # Efforts on their way in [N m].
 

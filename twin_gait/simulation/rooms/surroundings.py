@@ -88,10 +88,10 @@ def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> Non
     moments = limb.moments[phase]
     below, share = posture_place(hip, LOWEST_POSTURE, POSTURE_STEP, len(moments))
     moment = moments[below] + share * (moments[below + 1] - moments[below])
-    effort = delayed_sample(limb.effort_line, tick, condition.effort * moment)
+    effort = delayed_sample(limb.effort_line, tick, condition.effort * condition.strength * moment)
     effort *= 1.0 + noise_row(e, tick)[len(e.joints) + number]
     reflex = spastic_torque(e.v[place], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
-    e.external[place] += condition.passive_share * passive + reflex + effort
+    e.external[place] += condition.passive * passive + reflex + effort
 
 
 def hold_trunk(e: Episode, q: list[float], v: list[float]) -> None:
