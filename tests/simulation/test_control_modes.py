@@ -49,7 +49,8 @@ def experiment(*settings: str) -> Experiment:
 def reference_path(asked: Experiment) -> Walk:
     """The walk that is followed, or against which the tracking error is measured."""
     problem = build_problem(asked)
-    return problem.controller.walk(problem.plan)
+    path = problem.controller.walk(problem.plan)
+    return replace(path, angles=np.array(path.angles))
 
 
 # ---------------------------------------------------------------- files
@@ -179,7 +180,7 @@ def test_tracking_is_judged_by_the_healthy_walk():
 @pytest.mark.parametrize("leading", SIDES)
 def test_legs_begin_on_the_path(leading):
     problem = build_problem(experiment("control.mode=position", f"scenario.leading={leading}"))
-    angles = problem.controller.walk(problem.plan).angles
+    angles = np.array(problem.controller.walk(problem.plan).angles)
     for joint in problem.joints:
         number = 0 if joint.joint is JointName.HIP else 1
         percent = 0 if joint.side is leading else 50

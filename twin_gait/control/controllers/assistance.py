@@ -132,8 +132,8 @@ class Assistance(Controller):
         shares = [settings.share.get(JointName(name), 1.0) for _ in plan.sides for name in plan.joints]
         if settings.adaptive:
             path = self.walk(plan)
-            strides = [AssistedLeg(start, path.cycle_ticks) for start in path.starts.tolist()]
-            angles = path.angles.tolist()
+            strides = [AssistedLeg(start, path.cycle_ticks) for start in path.starts]
+            angles = path.angles
         return AssistanceMemory(
             self.other.memory(plan), [AssistedJoint(share) for share in shares], strides, angles, settings
         )
