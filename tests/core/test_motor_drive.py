@@ -13,7 +13,6 @@ from scipy.integrate import solve_ivp
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.motor_drive import (
-    cosine_path,
     current_loop_gains,
     current_loop_step,
     drive_efficiency,
@@ -24,7 +23,7 @@ from twin_gait.core.motor_drive import (
     winding_current_step,
 )
 from twin_gait.parameters import KNEE_ACTUATOR
-from twin_gait.worlds.bench_control import DutyControl, transparency_duty
+from twin_gait.worlds.bench_control import CosinePath, DutyControl, cosine_path, transparency_duty
 from twin_gait.worlds.bench_joint import CatalogueEfficiency
 
 R, L = 0.343, 0.264e-3  # EC 90 flat, 24 V
@@ -178,8 +177,9 @@ def test_corrected_load_loses_18_percent_to_the_stop_where_the_printed_one_begin
 
 
 def test_path_velocity_and_acceleration_are_derivatives() -> None:
+    path = CosinePath(start_angle=1.5, amplitude=-1.2, frequency=0.5)
     for time in np.linspace(0, 3, 13):
-        before, here, after = (cosine_path(time + step, 1.5, -1.2, 0.5) for step in (-1e-5, 0.0, 1e-5))
+        before, here, after = (cosine_path(path, time + step) for step in (-1e-5, 0.0, 1e-5))
         assert_allclose(here[1], (after[0] - before[0]) / 2e-5, atol=1e-8)
         assert_allclose(here[2], (after[1] - before[1]) / 2e-5, atol=1e-8)
 

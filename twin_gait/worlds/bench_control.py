@@ -119,6 +119,14 @@ class CosinePath(quantities.Parameters):
     frequency: Annotated[quantities.Frequency, quantities.POSITIVE]
 
 
+def cosine_path(path: CosinePath, time: float) -> tuple[float, float, float]:
+    r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with velocity and acceleration, in [rad]."""
+    pulsation, half = 2.0 * math.pi * path.frequency, 0.5 * path.amplitude
+    fastest = half * pulsation
+    sine, cosine = sine_cosine(pulsation * time)
+    return path.start_angle + half * (1.0 - cosine), fastest * sine, fastest * pulsation * cosine
+
+
 @dataclass(frozen=True, kw_only=True)
 class TorqueControl(quantities.Parameters):
     """Torque control, equations (2.7), (2.16) and (2.18) of the thesis.
