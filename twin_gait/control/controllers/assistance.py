@@ -22,7 +22,7 @@ class AssistanceParameters(Parameters):
     Attributes:
         share: Of k and b per joint, 0 to 1 (TwinCare's assistance); where adaptive, at the start.
         adaptive: Whether the share of each joint changes from stride to stride, see
-            :func:`adapted_assistance`.
+            :func:`~twin_gait.control.controllers.assistance.adapted_assistance`.
         forgetting: f (assumption: assistance halves in seven strides without an error).
         gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
         allowance: e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
