@@ -209,9 +209,9 @@ def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
 
 def write_control_inertia(bodies: Bodies) -> str:
     """Source of ``control_inertia``."""
-    made = _Function(bodies)
-    matrix = rigid_body.joint_space_inertia(made.bodies, made.inputs("q"))
-    torques = [vector(row) @ made.inputs("a") for row in matrix]
+    made, places = _Function(bodies), range(len(bodies))
+    lower, a = rigid_body.mass_matrix(made.bodies, made.inputs("q")), made.inputs("a")
+    torques = [vector([lower[max(i, j)][min(i, j)] for j in places]) @ a for i in places]
     return made.text("control_inertia(q, a, bodies, torque)", _stores("torque", torques))
 
 

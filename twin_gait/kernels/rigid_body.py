@@ -233,12 +233,6 @@ def forward_dynamics(
     return solve_along_tree(bodies, mass_matrix(bodies, q), right), bias.contacts
 
 
-def joint_space_inertia(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
-    """Mass matrix with armature, both triangles."""
-    lower, places = mass_matrix(bodies, q), range(len(bodies))
-    return [[lower[max(i, j)][min(i, j)] for j in places] for i in places]
-
-
 def potential_energy(bodies: Bodies, q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     energy: Scalar = 0.0
