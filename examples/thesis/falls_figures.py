@@ -19,11 +19,12 @@ from thesis.falls import (
 )
 from thesis.friction import FACTOR
 
-from twin_gait.core import Transparency, breakaway_duty, viscous_duty
+from twin_gait.core import Motor
 from twin_gait.gait import TICK
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.report import style_panel
-from twin_gait.worlds import TRANSPARENCY_STEPS, DutyControl
+from twin_gait.worlds import TRANSPARENCY_STEPS, DutyControl, breakaway_duty, viscous_duty
 
 GAIN_COLOURS = dict(zip(GAINS, (BLUE, BLUISH_GREEN, VERMILLION), strict=True))
 _STYLES = ("-", "--", ":")  # by A, from small to large
@@ -37,7 +38,7 @@ def draw_static_duty(falls: Sequence[Fall]) -> Figure:
     ticks = np.arange(int(TRANSPARENCY_STEPS / FREQUENCY) + 1)
     amplitudes = (AMPLITUDES[0], sum(AMPLITUDES) / 2.0, AMPLITUDES[1])
     for amplitude, colour in zip(amplitudes, (BLUE, SKY_BLUE, ORANGE), strict=True):
-        shaking = Transparency(amplitude, FREQUENCY, TRANSPARENCY_STEPS)
+        shaking = DutyControl(amplitude=amplitude, frequency=FREQUENCY)
         duty = [breakaway_duty(shaking, float(tick)) for tick in ticks]
         law.plot(TICK * ticks, duty, color=colour, label=f"A = {amplitude:g}")
     style_panel(law, f"A sin(2π f n/{TRANSPARENCY_STEPS:g}), f = {FREQUENCY:g} Hz", "duty [counts]")
@@ -59,19 +60,14 @@ def draw_viscous_duty(falls: Sequence[Fall]) -> Figure:
     axes, duty = figure.subplots(), DutyControl()
     end = 1.1 * max(float(fall.velocity.max()) for fall in falls)
     counts, bus, lowest = BENCH.drive.counts, BENCH.battery.voltage, duty.lowest_velocity
-    speeds, (static, linear, quadratic) = np.linspace(lowest, end, 200), duty.voltages(BENCH.actuator)
+    speeds, motor = np.linspace(lowest, end, 200), taken_from(Motor, BENCH.actuator)
     for gain, colour in GAIN_COLOURS.items():
         for fall in falls:
             if fall.gain == gain:
                 moving = fall.velocity[::5], counts * fall.duty[::5]
                 axes.plot(*moving, ".", color=colour, markersize=2.0, alpha=0.4)
-        law = Transparency(
-            transparency_gain=gain,
-            static_voltage=static,
-            voltage_per_velocity=linear,
-            voltage_per_velocity_squared=quadratic,
-        )
-        followed = [viscous_duty(law, float(speed), bus, float(counts)) for speed in speeds]
+        law = DutyControl(transparency_gain=gain)
+        followed = [viscous_duty(law, motor, float(speed), bus, float(counts)) for speed in speeds]
         axes.plot(speeds, followed, color=colour, linewidth=2.0, label=f"K = {gain:g}")
     axes.axvline(lowest, color=BLACK, linestyle=":", linewidth=1.0)
     axes.text(lowest, 0.97, " ω_min", transform=axes.get_xaxis_transform(), va="top")

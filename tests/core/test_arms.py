@@ -11,7 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.arm_policy import (
+from twin_gait.core.arms import Arm, Grip, arm_force, turn_grip
+from twin_gait.core.estimation import delayed_sample, new_delay_line
+from twin_gait.core.plant import Harness, Stop, harness_pull, pitching_moment
+from twin_gait.parameters.crutches import ArmParameters
+from twin_gait.worlds.arm_policy import (
     BEHIND,
     LEANS,
     LOWERED,
@@ -21,49 +25,31 @@ from twin_gait.core.arm_policy import (
     RISES,
     SITS,
     SWUNG,
-    ArmPolicy,
     Sense,
     move_arm,
+    new_policy,
     new_sense,
     plant_crutch,
 )
-from twin_gait.core.arms import Arm, Grip, arm_force, turn_grip
-from twin_gait.core.estimation import delayed_sample, new_delay_line
-from twin_gait.core.plant import Harness, Stop, harness_pull, pitching_moment
 
 SHOULDER = 0.5  # [m] above the hips
-HABIT = ArmPolicy(
+ARMS = ArmParameters(
     lean=0.1,
     push=80.0,
     push_per_lean=600.0,
     push_per_rate=150.0,
-    turn=5.0,
-    stiffness=4000.0,
-    damping=400.0,
-    turning_stiffness=60.0,
-    turning_damping=12.0,
-    swing_stiffness=300.0,
-    swing_damping=20.0,
-    yielding=0.01,
-    lift_ahead=0.15,
+    yielding=0.1,
     reach=0.35,
-    clearance=0.06,
-    swing_ticks=40,
-    planted_ticks=20,
-    lowering=0.00025,
-    touch=15.0,
-    longest=1.43,
     chair_tilt=0.3,
     stand_reach=0.4,
-    stand_ahead=0.55,
     stand_slack=0.3,
-    still_ticks=1000,
     chair_push=20.0,
     chair_turn=30.0,
-    risen=1.5,
-    seated=0.8,
-    chair_ticks=2000,
-    straightening=0.00005,
+    risen_length=1.5 / 1.43,
+    seated_length=0.8 / 1.43,
+)
+HABIT = replace(
+    new_policy(ARMS, 1.0, 1.43), yielding=0.01, swing_ticks=40, planted_ticks=20, stand_ahead=0.55
 )
 
 
@@ -294,7 +280,7 @@ def test_who_stands_has_the_crutches_where_they_like_them(ahead: float, still: i
     sense.still = still
     move_arm(HABIT, sense, arm, other, ahead, 80.0)
     assert arm.doing == (SWUNG if brought else PLANTED)
-    assert not brought or arm.reach == HABIT.stand_reach
+    assert not brought or arm.reach == ARMS.stand_reach
 
 
 def test_of_two_crutches_in_front_one_is_brought_behind_to_sit_down() -> None:
@@ -354,7 +340,7 @@ def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load
         assert arm.doing == BEHIND
     move_arm(HABIT, on_chair(0.0), arm, other, -0.2, load)
     assert arm.doing == (SWUNG if lifts else BEHIND)
-    assert not lifts or arm.reach == HABIT.stand_reach
+    assert not lifts or arm.reach == ARMS.stand_reach
 
 
 @pytest.mark.parametrize("rate", [-0.3, 0.0, 0.4])

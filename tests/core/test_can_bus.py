@@ -162,7 +162,8 @@ def test_jitter_spreads_the_releases_evenly() -> None:
         write(bus, tick)
         advance(bus, tick)
         if item.arrived == tick + 1:
-            delays.append(bus.idle_since - bits_of(item) * BIT - item.received.event)
+            delays.append(item.worst_response - bits_of(item) * BIT)
+            item.worst_response = 0
     assert min(delays) >= 0 and max(delays) < TICK
     assert kstest(np.array(delays[1:]) / TICK, "uniform").pvalue > 0.01
 
@@ -237,7 +238,7 @@ def test_transmit_errors_count_eight_up_and_one_down_to_bus_off() -> None:
     while not bus.nodes[CCU].bus_offs:
         can_bus._begin(bus, 0, TICK) if bus.on_wire == NOBODY else can_bus._finish(bus, 0)
         counts.append(bus.nodes[CCU].transmit_errors)
-    assert sorted(set(counts)) == list(range(0, 257, 8))  # off above 255, after the 32nd error
+    assert sorted(set(counts)) == list(range(0, 256, 8))  # off above 255, after the 32nd error
     assert item.destroyed == 32 and not item.waiting
     bus = run(bus_of([frame(1, release=0)]), 1)
     bus.nodes[CCU].transmit_errors = 10
@@ -245,34 +246,17 @@ def test_transmit_errors_count_eight_up_and_one_down_to_bus_off() -> None:
     assert bus.nodes[CCU].transmit_errors == 4
 
 
-def test_a_node_recovers_after_128_runs_of_11_recessive_bits_on_an_idle_bus() -> None:
+def test_a_node_recovers_after_128_times_11_bits() -> None:
     off = 3 * TICK + 123_456_789
     item = frame(1, period=NEVER)
     bus = bus_of([item], [Outage(BUS_OFF, CCU, off, 0)])
     back = off + 128 * 11 * BIT
     ticks = back // TICK
     run(bus, ticks)
-    assert bus.nodes[CCU].recovering > 0 and bus.bus_off == 1
     item.event = item.release = off + US
     run(bus, 3, first=ticks)
-    assert bus.nodes[CCU].recovering == 0 and bus.bus_off == 0
     assert item.received.event == off + US
     assert item.worst_response == back - off - US + bits_of(item) * BIT
-
-
-def test_each_frame_of_others_counts_as_one_run() -> None:
-    others = [frame(number, 2, 3, 0, period=TICK) for number in range(10, 18)]
-    bus = bus_of(others, [Outage(BUS_OFF, 1, 5 * TICK, 0)])
-    run(bus, 5)
-    left, tick = 128, 5
-    while left > 0:
-        run(bus, 1, first=tick)
-        tick += 1
-        after_frames = left - len(others)
-        left = after_frames - (TICK - sum(bits_of(item) for item in others) * BIT) // (11 * BIT)
-        # The silence up to the next tick is counted when it ends, or when it was enough.
-        assert bus.nodes[1].recovering == (after_frames if left > 0 else 0)
-    assert 10 < tick < 5 + 128 // len(others)
 
 
 def test_a_node_that_does_not_recover_stays_off() -> None:

@@ -203,7 +203,7 @@ def test_an_edit_of_any_source_changes_the_key(copied_sources):
     assert len(set(keys)) == len(keys) == len(sources) + 2
 
 
-@pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
+@pytest.mark.parametrize("preset", ["bench_leg", "treadmill", "overground"])
 def test_every_function_that_is_compiled_stands_in_a_source_that_is_hashed(preset):
     settings = ["control.mode=position", "control.assistance.adaptive=true"]
     problem = build_problem(load_experiment(preset, settings).experiment)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
+from twin_gait.core.actuator import Motor
 from twin_gait.core.motor_drive import (
-    cosine_path,
     current_loop_gains,
     current_loop_step,
     drive_efficiency,
@@ -22,8 +22,8 @@ from twin_gait.core.motor_drive import (
     torsion_torque,
     winding_current_step,
 )
-from twin_gait.core.transparency import Transparency, transparency_duty
 from twin_gait.parameters import KNEE_ACTUATOR
+from twin_gait.worlds.bench_control import CosinePath, DutyControl, cosine_path, transparency_duty
 from twin_gait.worlds.bench_joint import CatalogueEfficiency
 
 R, L = 0.343, 0.264e-3  # EC 90 flat, 24 V
@@ -114,33 +114,30 @@ def test_six_step_ripple_has_six_periods_in_an_electrical_turn_and_no_mean() -> 
     assert_allclose(np.ptp(samples), 2 * 3.0 * 0.05, rtol=1e-6)
 
 
-DUTY = (170.0, 3.0, 1000.0, 0.1)
+MOTOR = Motor(0.0705, 100.0, R)
 
 
 def test_resting_joint_gets_the_sine_of_equation_2_1a() -> None:
-    duties = [
-        transparency_duty(Transparency(*DUTY, 1.1, 0.05, 6.0, 0.9, 5400.0), tick, 0.05, 28.8, 6000)
-        for tick in range(1000)
-    ]
+    duties = [transparency_duty(DutyControl(), MOTOR, tick, 0.05, 28.8, 6000) for tick in range(1000)]
     assert_allclose(max(duties), 170.0, rtol=1e-3)
     crossings = np.flatnonzero(np.diff(np.sign(duties)) > 0)
     assert len(crossings) in (2, 3)  # three periods in a second
 
 
-@given(st.floats(0.11, 2.0), st.floats(10.0, 30.0))
+@given(st.floats(0.11, 1.4), st.floats(10.0, 30.0))
 def test_duty_that_cancels_the_back_emf_leaves_the_static_current(velocity: float, bus: float) -> None:
-    law = Transparency(*DUTY, 1.0, 0.05, KE, 0.0, math.inf)
-    duty = transparency_duty(law, 0, velocity, bus, 6000)
+    law = DutyControl(transparency_gain=1.0, back_emf_share=1.0, braking_torque=0.0, duty_limit=1.0)
+    duty = transparency_duty(law, MOTOR, 0, velocity, bus, 6000)
     voltage = duty / 6000 * bus
     assert math.isclose((voltage - KE * velocity) / R, 0.05 / R, rel_tol=1e-9)
 
 
 @given(st.floats(0.11, 3.0), st.floats(0.5, 1.5))
 def test_viscous_duty_is_odd_and_limited(velocity: float, gain: float) -> None:
-    law = Transparency(*DUTY, gain, 0.05, 6.3, 0.9, 4000.0)
-    ahead = transparency_duty(law, 0, velocity, 28.8, 6000)
-    assert transparency_duty(law, 0, -velocity, 28.8, 6000) == -ahead
-    assert abs(ahead) <= 4000
+    law = DutyControl(transparency_gain=gain, duty_limit=0.5)
+    ahead = transparency_duty(law, MOTOR, 0, velocity, 28.8, 6000)
+    assert transparency_duty(law, MOTOR, 0, -velocity, 28.8, 6000) == -ahead
+    assert abs(ahead) <= 3000
 
 
 @given(st.floats(-7000, 7000))
@@ -180,8 +177,9 @@ def test_corrected_load_loses_18_percent_to_the_stop_where_the_printed_one_begin
 
 
 def test_path_velocity_and_acceleration_are_derivatives() -> None:
+    path = CosinePath(start_angle=1.5, amplitude=-1.2, frequency=0.5)
     for time in np.linspace(0, 3, 13):
-        before, here, after = (cosine_path(time + step, 1.5, -1.2, 0.5) for step in (-1e-5, 0.0, 1e-5))
+        before, here, after = (cosine_path(path, time + step) for step in (-1e-5, 0.0, 1e-5))
         assert_allclose(here[1], (after[0] - before[0]) / 2e-5, atol=1e-8)
         assert_allclose(here[2], (after[1] - before[1]) / 2e-5, atol=1e-8)
 

@@ -38,9 +38,10 @@ from thesis.velocity import delay_of, filtered_fall
 from thesis.velocity import fall_numbers as velocity_numbers
 
 from twin_gait import JointName
-from twin_gait.core import Transparency, viscous_duty
+from twin_gait.core import Motor
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
-from twin_gait.worlds import DutyControl
+from twin_gait.parameters.quantities import taken_from
+from twin_gait.worlds import DutyControl, viscous_duty
 
 KNEE, HIP = JointName.KNEE, JointName.HIP
 # Table 3.1 of the thesis; the knee's a, b and c are printed as negative.
@@ -152,10 +153,10 @@ def test_a_count_of_duty_is_a_tenth_of_a_newton_metre() -> None:
 @pytest.mark.parametrize(("joint", "actuator"), [(KNEE, KNEE_ACTUATOR), (HIP, HIP_ACTUATOR)])
 def test_at_the_neutral_gain_duty_and_viscous_friction_cancel_at_every_speed(joint, actuator) -> None:
     per_current = actuator.torque_constant * actuator.gear_ratio
-    _, linear, _ = DutyControl().voltages(actuator)
-    law = Transparency(transparency_gain=neutral_gain(joint), voltage_per_velocity=linear)
+    law = DutyControl(transparency_gain=neutral_gain(joint), static_voltage=0.0, braking_torque=0.0)
+    motor = taken_from(Motor, actuator)
     for speed in (0.1, 0.5, 2.0):
-        voltage = viscous_duty(law, speed, 28.8, 6000.0) * 28.8 / 6000.0
+        voltage = viscous_duty(law, motor, speed, 28.8, 6000.0) * 28.8 / 6000.0
         torque = per_current * (voltage - per_current * speed) / actuator.resistance
         assert torque == pytest.approx(TABLE[joint][3] * speed, rel=1e-9)
 

@@ -16,7 +16,7 @@ from pandas.testing import assert_frame_equal
 
 from twin_gait import load_experiment, simulate
 from twin_gait.leg_model import LegJoints, LegModel
-from twin_gait.leg_model.axes import ReversedJointWarning
+from twin_gait.leg_model.joints import ReversedJointWarning
 from twin_gait.leg_model.urdf import packaged_urdf
 from twin_gait.parameters import Patient
 from twin_gait.simulation import Run

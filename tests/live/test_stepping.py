@@ -240,7 +240,7 @@ def test_a_fault_that_is_injected_is_the_fault_of_an_experiment(kind):
 
 def test_a_fault_that_does_not_fit_and_one_too_many_are_refused(bench):
     run = SteppedRun(bench)
-    with pytest.raises(ParameterError, match="expected a leg among right"):
+    with pytest.raises(ParameterError, match="expected right_hip or right_knee"):
         run.inject(parse_fault("motor_dead:left_knee@0s"))
     with pytest.raises(ParameterError, match=f"at most {stepping.MOST_FAULTS}"):
         for _ in range(stepping.MOST_FAULTS + 1):

@@ -583,7 +583,7 @@ def test_run_that_explodes_says_so() -> None:
             lambda: simulate_bench(
                 knee(control=DutyControl(), drive=DriveParameters(inductance=L, counts=0))
             ),
-            "pwm counts",
+            "drive counts",
         ),
     ],
 )

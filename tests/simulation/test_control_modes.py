@@ -13,9 +13,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import experiment_from_mapping
+from twin_gait.control import AssistanceParameters
 from twin_gait.control.controller import Path as Walk
+from twin_gait.control.controller import cycle_place
+from twin_gait.control.controllers.assistance import adapted_assistance
 from twin_gait.control.controllers.position import KNEE_HIGHEST, KNEE_LOWEST
-from twin_gait.core.assistance import Adaptation, adapted_assistance, cycle_place
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
@@ -47,7 +49,8 @@ def experiment(*settings: str) -> Experiment:
 def reference_path(asked: Experiment) -> Walk:
     """The walk that is followed, or against which the tracking error is measured."""
     problem = build_problem(asked)
-    return problem.controller.walk(problem.plan)
+    path = problem.controller.walk(problem.plan)
+    return replace(path, angles=np.array(path.angles))
 
 
 # ---------------------------------------------------------------- files
@@ -177,7 +180,7 @@ def test_tracking_is_judged_by_the_healthy_walk():
 @pytest.mark.parametrize("leading", SIDES)
 def test_legs_begin_on_the_path(leading):
     problem = build_problem(experiment("control.mode=position", f"scenario.leading={leading}"))
-    angles = problem.controller.walk(problem.plan).angles
+    angles = np.array(problem.controller.walk(problem.plan).angles)
     for joint in problem.joints:
         number = 0 if joint.joint is JointName.HIP else 1
         percent = 0 if joint.side is leading else 50
@@ -228,7 +231,7 @@ def test_equilibrium_in_the_log_is_the_path_at_the_instant():
 
 
 def test_help_is_forgotten_and_comes_back_by_hand():
-    law = Adaptation(forgetting=0.9, gain=0.5, allowance=0.1, least=0.2)
+    law = AssistanceParameters(forgetting=0.9, gain=0.5, allowance=0.1, least=0.2)
     assert adapted_assistance(law, 1.0, 0.05) == pytest.approx(0.9)
     assert adapted_assistance(law, 0.5, 0.3) == pytest.approx(0.45 + 0.5 * 0.2)
     assert adapted_assistance(law, 0.21, 0.0) == 0.2
@@ -236,9 +239,9 @@ def test_help_is_forgotten_and_comes_back_by_hand():
 
 
 def test_constant_error_leads_to_the_fixed_point_of_the_law():
-    share = 1.0
+    share, law = 1.0, AssistanceParameters(forgetting=0.9, gain=0.6, allowance=0.1, least=0.0)
     for _ in range(400):
-        share = adapted_assistance(Adaptation(0.9, 0.6, 0.1, 0.0), share, 0.15)
+        share = adapted_assistance(law, share, 0.15)
     assert share == pytest.approx(0.6 * 0.05 / (1.0 - 0.9))
 
 

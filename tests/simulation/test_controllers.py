@@ -11,9 +11,9 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.control import Controller, TripCause
+from twin_gait.control.controller import cycle_place
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.position import Position
-from twin_gait.core.assistance import cycle_place
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.simulation import keeping

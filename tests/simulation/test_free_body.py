@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from twin_gait import Run, load_experiment, simulate
 from twin_gait.core.contact import Ground, Point
-from twin_gait.core.plant import Plant, Spring, Stop, free_coordinate
+from twin_gait.core.plant import Plant, Spring, Stop
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.leg_model import PELVIS_JOINT, LegModel
@@ -192,7 +192,7 @@ STIFF = Stop(0.0, 0.0, 0.0, 0.0)
 def locked_at(angle: float) -> Plant:
     """A joint that hardly moves from where it is."""
     stiffness = 4e4
-    return Plant(free_coordinate().friction, STIFF, Spring(stiffness, 200.0, stiffness * angle))
+    return Plant(stop=STIFF, spring=Spring(stiffness, 200.0, stiffness * angle))
 
 
 def stiff_body(lean: float) -> tuple[Problem, Episode, Callable[[Episode, int], None]]:
@@ -215,7 +215,7 @@ def stiff_body(lean: float) -> tuple[Problem, Episode, Callable[[Episode, int], 
     e.q[model.pelvis_index] = -min(float(model.frame_position(np.array(e.q), name)[2]) for name in soles)
     free = {model.forward_index, model.pelvis_index, model.pitch_index}
     free |= {model.index(side, JointName.ANKLE) for side in model.sides}
-    e.plant = [free_coordinate() if place in free else locked_at(e.q[place]) for place in range(model.nv)]
+    e.plant = [Plant() if place in free else locked_at(e.q[place]) for place in range(model.nv)]
     e.a = [0.0] * model.nv
     return problem, e, bind(integrate, {**structure, **bound_kernel(kernel), "WITH_FRICTION": ()})
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.core.plant import Plant, Spring, Stop, free_coordinate
+from twin_gait.core.plant import Plant, Spring, Stop
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.leg_model import PELVIS_JOINT
 from twin_gait.simulation.binding import bind
@@ -39,9 +39,9 @@ def started(high: float, *changes: str) -> tuple[Problem, Episode, Callable[[Epi
     e.recording.on = False
     model = problem.world.model
     guides = {model.forward_index, model.pelvis_index, model.pitch_index}
-    spring = Plant(free_coordinate().friction, Stop(0.0, 0.0, 0.0, 0.0), Spring(STIFFNESS, DAMPING, 0.0))
+    spring = Plant(spring=Spring(STIFFNESS, DAMPING))
     for place in range(model.nv):
-        e.plant[place] = free_coordinate() if place in guides else spring
+        e.plant[place] = Plant() if place in guides else spring
     e.q[model.pelvis_index] += high
     e.v[model.forward_index], e.v[model.pitch_index] = 0.3, 0.5
     kernel = PinocchioKernel(problem.world, problem.control_model).functions

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 from twin_gait import load_experiment
 from twin_gait.core.contact import contact_normal_force
-from twin_gait.core.plant import ImposedMotion, free_coordinate
+from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
@@ -46,7 +46,7 @@ def exact(time: float) -> np.ndarray:
 def free() -> Episode:
     """Two coordinates on which nothing acts, but that their work is summed up."""
     _, e, _ = laid_out(build_problem(load_experiment("bench_leg").experiment))
-    e.plant = [free_coordinate(), free_coordinate()]
+    e.plant = [Plant(), Plant()]
     return e
 
 

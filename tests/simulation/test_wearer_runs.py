@@ -158,7 +158,9 @@ def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
 
 def test_weakness_scales_what_is_given():
     limbs = build_problem(experiment(EAGER)).limbs
-    assert_allclose([limb.condition.effort for limb in limbs], [0.8, 0.3], rtol=1e-15)
+    assert_allclose(
+        [limb.condition.effort * limb.condition.strength for limb in limbs], [0.8, 0.3], rtol=1e-15
+    )
 
 
 # ---------------------------------------------------------------- nothing given, nothing changed

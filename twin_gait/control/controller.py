@@ -10,7 +10,7 @@ import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,14 +26,25 @@ _TRAILING_START = 0.5  # of the cycle, where the trailing leg begins
 _DEMANDED = ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target")
 
 
-class Path(NamedTuple):
-    """A walk that is followed, or against which the tracking error is measured."""
+@dataclass(slots=True)
+class Path:
+    """A walk that is followed, or against which the tracking error is measured; it may be a memory."""
 
-    # of the joints of a leg over the cycle from foot contact in [rad], shape ``(PATH_SAMPLES,
-    # joints_per_leg)``
-    angles: np.ndarray
+    # over the cycle from foot contact in [rad], by sample (``PATH_SAMPLES``) and joint of a leg
+    angles: list[list[float]]
     cycle_ticks: int  # ticks of a cycle
-    starts: np.ndarray  # share of the cycle at which each leg begins, shape ``(n_legs,)``
+    starts: list[float]  # share of the cycle at which each leg begins
+
+
+def cycle_place(progress: float, samples: int) -> tuple[int, float]:
+    """Where an instant of the gait cycle falls among evenly spaced samples of a path that closes.
+
+    Whole cycles of the progress do not matter; the last sample is the first of the next cycle. Returns the
+    number of the sample before the instant, and the share of the next one.
+    """
+    place = (progress - int(progress)) * (samples - 1)
+    before = min(int(place), samples - 2)
+    return before, place - before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +70,9 @@ class Plan:
             reference_curve(JointName(name), percent, speed=self.speed, height=self.height)
             for name in self.joints
         ]
-        starts = np.array([0.0 if side is self.leading else _TRAILING_START for side in self.sides])
-        return Path(np.array(angles).T, round(reference_cycle_time(self.speed, self.height) / TICK), starts)
+        starts = [0.0 if side is self.leading else _TRAILING_START for side in self.sides]
+        cycle_ticks = round(reference_cycle_time(self.speed, self.height) / TICK)
+        return Path(np.array(angles).T.tolist(), cycle_ticks, starts)
 
 
 @dataclass(slots=True)

@@ -66,8 +66,7 @@ class ControlledLeg:
     load: float = 0.0  # Of the foot over body weight.
     last_load: float = 0.0  # Of the tick before.
     load_streak: int = 0  # Consecutive ticks in which the load stood still while the hip turned.
-    phase_cause: int = NO_TRIP  # Of a trip in this tick: the phase has timed out.
-    load_cause: int = NO_TRIP  # Of a trip in this tick: the load stands still.
+    cause: int = NO_TRIP  # Of a trip in this tick: the phase has timed out, or the load stands still.
 
 
 @dataclass(slots=True)
@@ -158,20 +157,15 @@ def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
         controller.last_rest = tick
 
 
-def watch_phase(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
-    """Note whether a leg stays in its phase for too long."""
-    leg = controller.legs[number]
-    late = tick - max(leg.entry_tick, controller.last_rest) > limits.phase_ticks
-    leg.phase_cause = PHASE_TRIP if late else NO_TRIP
-
-
-def watch_foot(controller: ControllerState, limits: Limits, number: int) -> None:
-    """Note whether the load of a foot stands still while the first joint of its leg, the hip, turns."""
+def watch_leg(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
+    """Note whether a leg stays in its phase for too long, or its load stands still while its hip turns."""
     leg, proximal = controller.legs[number], controller.joints[number * JOINTS_PER_LEG]
+    late = tick - max(leg.entry_tick, controller.last_rest) > limits.phase_ticks
     still = leg.load == leg.last_load and leg.load > 0.0
     turning = abs(proximal.measurement.motor_speed) > leg.frozen_speed
     leg.load_streak = leg.load_streak + 1 if still and turning else 0
-    leg.load_cause = LOAD_TRIP if leg.load_streak >= limits.frozen_load_ticks else NO_TRIP
+    frozen = leg.load_streak >= limits.frozen_load_ticks
+    leg.cause = PHASE_TRIP if late else (LOAD_TRIP if frozen else NO_TRIP)
 
 
 def watch_supply(controller: ControllerState) -> None:
@@ -187,18 +181,16 @@ def has_cause(controller: ControllerState) -> bool:
     for joint in controller.joints:
         causes |= joint.measurement.cause
     for leg in controller.legs:
-        causes |= leg.phase_cause | leg.load_cause
+        causes |= leg.cause
     return causes != NO_TRIP
 
 
 def trip_on_causes(controller: ControllerState, tick: int) -> None:
-    """Trip on the first cause that was noted: joints, then phases, feet and supply."""
+    """Trip on the first cause that was noted: joints, then legs and supply."""
     for number, joint in enumerate(controller.joints):
         trip(controller, tick, joint.measurement.cause, number)
     for number, leg in enumerate(controller.legs):
-        trip(controller, tick, leg.phase_cause, len(controller.joints) + number)
-    for number, leg in enumerate(controller.legs):
-        trip(controller, tick, leg.load_cause, len(controller.joints) + number)
+        trip(controller, tick, leg.cause, len(controller.joints) + number)
     trip(controller, tick, controller.supply.cause, -1)
 
 

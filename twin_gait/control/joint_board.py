@@ -7,7 +7,7 @@ of them. The rooms of the simulation's tick call these functions, and the C firm
 from dataclasses import dataclass, field
 
 from twin_gait.core.actuator import Motor
-from twin_gait.core.control_tick import Encoder, measure_angle, sample_slowly, target_current
+from twin_gait.core.control_tick import Encoder, target_current
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import (
@@ -103,19 +103,6 @@ class BoardState:
     alone_ticks: int = 0  # For how long it has held its joint without the gait controller, then for good.
     carried: float = 0.0  # Torque in [N m] that was fed forward as that began.
     silent_ticks: int = 0  # Since the gait controller was heard.
-
-
-def read_encoder(board: BoardState, rates: Rates, first: bool, reading: float) -> None:
-    """Angle and fast velocity of this tick.
-
-    ``first``: only the angle, for want of one before. ``reading``: of the encoder in [rad].
-    """
-    measure_angle(board.encoder, first, reading, rates.period, rates.fast_gain)
-
-
-def sample_velocity(board: BoardState, rates: Rates, tick: int) -> None:
-    """Take a sample of the slow velocity; due every ``decimation`` ticks, but not in tick 0."""
-    sample_slowly(board.encoder, tick // rates.decimation, rates.decimation * rates.period)
 
 
 def model_friction(board: BoardState) -> None:

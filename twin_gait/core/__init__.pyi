@@ -8,7 +8,6 @@ from .actuator import torque_to_current as torque_to_current
 from .actuator import voltage_limited_current as voltage_limited_current
 from .arms import anchored_friction_force as anchored_friction_force
 from .arms import dragged_anchor as dragged_anchor
-from .assistance import adapted_assistance as adapted_assistance
 from .belt import belt_speed as belt_speed
 from .belt import treadmill_speed as treadmill_speed
 from .blending import blend as blend
@@ -48,9 +47,6 @@ from .impedance import impedance_torque as impedance_torque
 from .inertial import angular_acceleration as angular_acceleration
 from .inertial import tangential_specific_force as tangential_specific_force
 from .motor_drive import drive_efficiency as drive_efficiency
-from .transparency import Transparency as Transparency
-from .transparency import breakaway_duty as breakaway_duty
-from .transparency import viscous_duty as viscous_duty
 from .wearer import passive_hip_torque as passive_hip_torque
 from .wearer import passive_knee_torque as passive_knee_torque
 from .wearer import spastic_torque as spastic_torque

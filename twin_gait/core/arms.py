@@ -76,7 +76,7 @@ class Arm:
         moment: Of the shoulder in [N m], which turns the tip forwards; likewise.
         power: That the arm gives in [W]; likewise.
         tip: Force of the ground on the tip; likewise.
-        doing: What the arm is about, as :mod:`twin_gait.core.arm_policy` numbers it.
+        doing: What the arm is about, as :mod:`twin_gait.worlds.arm_policy` numbers it.
         since: Ticks since it began that.
         first_angle: Angle of the strut from the vertical where a swing of it began, in [rad].
         reach: Angle from the vertical to which it is swung, in [rad].

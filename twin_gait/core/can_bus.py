@@ -10,7 +10,8 @@ the waiting frame with the lowest identifier is sent, and nothing interrupts it.
 end of its interframe space, 3 bits after its end, and its receiver has it from the next tick on.
 
 Of the error confinement of the CAN specification 2.0 the counter of transmit errors is here, with bus-off and
-recovery; not the counter of receive errors, the passive error flag, and the 8 bits that a node then waits.
+recovery, which takes 128 times 11 bits, as on an idle bus: a busy one would take longer. The counter of
+receive errors, the passive error flag, and the 8 bits that a node then waits are not.
 """
 
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ SILENCE, REBOOT, BUS_OFF = range(3)  # kinds of outages
 
 _ERROR_BITS = 31  # flags, delimiter and interframe space at most (Tindell and Burns 1994)
 _ERROR_STEP, _HIGHEST_ERRORS = 8, 255
-_RECOVERY, _RECESSIVE_BITS = 128, 11
+_RECOVERY_BITS = 128 * 11
 _WORD = 0xFFFFFFFF
 
 
@@ -69,8 +70,7 @@ class Node:
     """The CAN controller of the central unit or of a board."""
 
     transmit_errors: int = 0  # Its counter (TEC): 8 more for an error, 1 less for a success.
-    recovering: int = 0  # Runs of 11 recessive bits that it still waits for, being bus-off; 0 if it is not.
-    back: int = 0  # When it is back on the bus in [ps].
+    back: int = 0  # When it is back on the bus in [ps]; long ago if it is there.
     bus_offs: int = 0  # How often it went bus-off.
 
 
@@ -100,11 +100,9 @@ class Bus:
     outages: list[Outage]  # By their start; the last one never starts.
     next_outage: int = 0  # The first one that has not begun.
     free: int = 0  # From when in [ps] another frame may begin.
-    idle_since: int = 0  # When in [ps] the last one ended, or runs of recessive bits were counted.
     on_wire: int = NOBODY  # The frame that is being sent, or ``NOBODY``.
     wire: Payload = field(default_factory=Payload)  # What it carries.
     broken: bool = False  # Whether an error destroys it.
-    bus_off: int = 0  # How many nodes are recovering.
     busy: int = 0  # Time in [ps] in which the bus was in use.
 
 
@@ -128,14 +126,13 @@ def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
 
 def advance(bus: Bus, tick: int) -> None:
     """All that happens on the bus from the start of a tick to the next; what is due has been written."""
-    end, now = (tick + 1) * bus.tick, NOBODY
-    while now < end:
+    end = (tick + 1) * bus.tick
+    while bus.outages[bus.next_outage].start < end:
         outage = bus.outages[bus.next_outage]
-        now = min(end, outage.start)
-        _carry(bus, tick, now)
-        if now < end:
-            bus.next_outage += 1
-            _break(bus, outage)
+        _carry(bus, tick, outage.start)
+        _break(bus, outage)
+        bus.next_outage += 1
+    _carry(bus, tick, end)
 
 
 def _carry(bus: Bus, tick: int, until: int) -> None:
@@ -155,18 +152,16 @@ def _carry(bus: Bus, tick: int, until: int) -> None:
 def _begin(bus: Bus, tick: int, until: int) -> None:
     """Begin with the frame that wins the arbitration, or wait for what comes next."""
     now, winner, following = bus.free, NOBODY, until
-    if bus.bus_off > 0:
-        following = min(until, _next_recovery(bus))
     for number in range(len(bus.frames)):
         frame = bus.frames[number]
         while frame.release <= now:
             _queue(frame, tick)
         following = min(following, frame.release)
         if frame.waiting and winner == NOBODY:
-            node = bus.nodes[frame.sender]
-            if node.back > now:
-                following = min(following, node.back)
-            elif node.recovering == 0:
+            back = bus.nodes[frame.sender].back
+            if back > now:
+                following = min(following, back)
+            else:
                 winner = number
     if winner == NOBODY:
         bus.free = following
@@ -212,14 +207,12 @@ def _send(bus: Bus, number: int) -> None:
 def _finish(bus: Bus, tick: int) -> None:
     frame = bus.frames[bus.on_wire]
     sender = bus.nodes[frame.sender]
-    bus.on_wire, bus.idle_since = NOBODY, bus.free
-    if bus.bus_off > 0:
-        _count_recessive(bus, 1)  # delimiter, end of frame and interframe space
+    bus.on_wire = NOBODY
     if bus.broken:
         _send_again(frame)
         sender.transmit_errors += _ERROR_STEP
         if sender.transmit_errors > _HIGHEST_ERRORS:
-            _go_off(bus, frame.sender)
+            _go_off(bus, frame.sender, bus.free)
     else:
         frame.sent += 1
         sender.transmit_errors = max(sender.transmit_errors - 1, 0)
@@ -236,8 +229,7 @@ def _send_again(frame: Frame) -> None:
 
 def _deliver(bus: Bus, frame: Frame, tick: int) -> None:
     """Give its receiver what was on the wire, if it is there and the frame is not lost."""
-    receiver = bus.nodes[frame.receiver]
-    away = receiver.recovering > 0 or receiver.back > bus.free
+    away = bus.nodes[frame.receiver].back > bus.free
     if away or (bus.loss_share > 0 and draw(frame) < bus.loss_share):
         frame.lost += 1
     else:
@@ -246,71 +238,39 @@ def _deliver(bus: Bus, frame: Frame, tick: int) -> None:
         frame.worst_response = max(frame.worst_response, bus.free - bus.wire.event)
 
 
-def _go_off(bus: Bus, number: int) -> None:
-    """Take a node off the bus; what it had to send is given up."""
+def _go_off(bus: Bus, number: int, now: int) -> None:
+    """Let a node go bus-off, for the time of its recovery or for good."""
     node = bus.nodes[number]
     node.bus_offs += 1
+    back = max(node.back, now + _RECOVERY_BITS * bus.bit) if bus.recovers else NEVER
+    _leave(bus, number, back)
+
+
+def _leave(bus: Bus, number: int, back: int) -> None:
+    """Take a node off the bus; it forgets its errors, and what it had to send is given up."""
+    node = bus.nodes[number]
+    node.back, node.transmit_errors = back, 0
     for frame in bus.frames:
         if frame.sender == number:
             frame.waiting = False
-    if not bus.recovers:
-        node.back = NEVER
-    elif node.recovering == 0:
-        bus.bus_off += 1
-        node.recovering = _RECOVERY
-
-
-def _next_recovery(bus: Bus) -> int:
-    """Count the recessive bits of an idle bus; when in [ps] the next node recovers if it stays idle."""
-    run, following = _RECESSIVE_BITS * bus.bit, NEVER
-    runs = (bus.free - bus.idle_since) // run
-    bus.idle_since += runs * run
-    _count_recessive(bus, runs)
-    for node in bus.nodes:
-        if node.recovering > 0:
-            following = min(following, bus.idle_since + node.recovering * run)
-    return following
-
-
-def _count_recessive(bus: Bus, runs: int) -> None:
-    """Bring nodes that are bus-off nearer to their recovery, by runs of 11 recessive bits."""
-    for node in bus.nodes:
-        if node.recovering > runs:
-            node.recovering -= runs
-        elif node.recovering > 0:
-            node.recovering, node.transmit_errors = 0, 0
-            bus.bus_off -= 1
 
 
 def _break(bus: Bus, outage: Outage) -> None:
-    now, everybody = outage.start, outage.node == NOBODY
+    everybody = outage.node == NOBODY
     if bus.on_wire != NOBODY:
         frame = bus.frames[bus.on_wire]
         if everybody or frame.sender == outage.node:
             _send_again(frame)
-            bus.on_wire, bus.free = NOBODY, now + _ERROR_BITS * bus.bit
-    if bus.on_wire == NOBODY:
-        if bus.bus_off > 0:
-            _next_recovery(bus)
-        bus.idle_since = bus.free
+            bus.on_wire, bus.free = NOBODY, outage.start + _ERROR_BITS * bus.bit
     if everybody:
         bus.free = max(bus.free, outage.end)
     elif outage.kind == BUS_OFF:
-        _go_off(bus, outage.node)
+        _go_off(bus, outage.node, outage.start)
     elif outage.kind == REBOOT:
-        _reboot(bus, outage)
+        _leave(bus, outage.node, outage.end)
+        for frame in bus.frames:
+            if frame.sender == outage.node:
+                _schedule(frame, outage.end)  # its clock begins anew
     else:
         node = bus.nodes[outage.node]
         node.back = max(node.back, outage.end)
-
-
-def _reboot(bus: Bus, outage: Outage) -> None:
-    """Let a node forget its errors and what it had to send, and begin its cycle when it is back."""
-    node = bus.nodes[outage.node]
-    if node.recovering > 0:
-        bus.bus_off -= 1
-    node.back, node.transmit_errors, node.recovering = outage.end, 0, 0
-    for frame in bus.frames:
-        if frame.sender == outage.node:
-            frame.waiting = False
-            _schedule(frame, outage.end)

@@ -97,11 +97,10 @@ def frame_bits(header: Header, halves: Sequence[int]) -> int:
     ``halves``: as in :func:`frame_crc`.
     """
     crc, run, stuffed = frame_crc(header, halves), header.run, header.stuffed
-    for number in range(header.length):
-        entry = int(_RUN[(run << 8) | _byte(halves, number)])
+    for number in range(header.length + 1):
+        byte = _byte(halves, number) if number < header.length else crc >> 7
+        entry = int(_RUN[(run << 8) | byte])
         run, stuffed = entry & 7, stuffed + (entry >> 3)
-    entry = int(_RUN[(run << 8) | (crc >> 7)])
-    run, stuffed = entry & 7, stuffed + (entry >> 3)
     # The last 7 bits, and one more that is unlike the last and so ends no run.
     stuffed += int(_RUN[(run << 8) | ((crc & 0x7F) << 1) | (~crc & 1)]) >> 3
     return _HEADER_BITS + 8 * header.length + _CRC_BITS + stuffed + _UNSTUFFED_BITS

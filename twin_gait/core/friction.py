@@ -154,11 +154,9 @@ def rotational_torque(friction: PlantFriction, velocity: float, load: float) -> 
 def whole_friction_torque(
     friction: PlantFriction, rotational: float, velocity: float, deflection: float, load: float
 ) -> float:
-    """As :func:`friction_torque`, with the torque of :func:`rotational_torque` given."""
-    if friction.law == FRICTIONLESS:
-        return 0.0
+    """As :func:`friction_torque`, with the torque of :func:`rotational_torque` given, 0 without friction."""
     if OTHER_LAWS:
-        if friction.law != ROTATIONAL:
+        if friction.law > ROTATIONAL:
             return _directional_torque(friction, velocity, deflection, load)
     return rotational
 

@@ -136,15 +136,12 @@ def next_transition(
     chosen = NO_TRANSITION
     for index in range(program.n_transitions):
         rule = program.transitions[index]
-        if rule.source != phase or not guard_holds(
-            program, rule.first_node, rule.end_node, signals, other_phase
-        ):
+        first, end = rule.first_node, rule.end_node
+        if rule.source == phase and guard_holds(program, first, end, signals, other_phase):
+            debounce[index] += 1
+            due = is_due(debounce[index], rule.debounce_ticks, ticks_in_phase, least_ticks_of(program, index))
+            if due and chosen == NO_TRANSITION:
+                chosen = index
+        else:
             debounce[index] = 0
-            continue
-        debounce[index] += 1
-        least_ticks = least_ticks_of(program, index)
-        if chosen == NO_TRANSITION and is_due(
-            debounce[index], rule.debounce_ticks, ticks_in_phase, least_ticks
-        ):
-            chosen = index
     return chosen

@@ -113,17 +113,3 @@ def link_load_torque(angle: float, moment: float, gravity: float, horizontal_ang
     """
     _, cosine = sine_cosine(angle - horizontal_angle)
     return gravity * moment * cosine
-
-
-def cosine_path(
-    time: float, start_angle: float, amplitude: float, frequency: float
-) -> tuple[float, float, float]:
-    r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with velocity and acceleration, in [rad]."""
-    pulsation = 2.0 * math.pi * frequency
-    half = 0.5 * amplitude
-    sine, cosine = sine_cosine(pulsation * time)
-    return (
-        start_angle + half * (1.0 - cosine),
-        half * pulsation * sine,
-        half * pulsation * pulsation * cosine,
-    )

@@ -6,7 +6,7 @@ pelvis guide (support force, damping).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from twin_gait.core.contact import contact_friction_force, mechanical_stop_torque
 from twin_gait.core.elementary import sine_cosine
@@ -23,39 +23,34 @@ from twin_gait.core.friction import (
 class Stop:
     """Mechanical stops of a coordinate."""
 
-    lower: float  # Lower stop in [rad] or [m].
-    upper: float  # Upper stop.
-    stiffness: float  # In [N m] / [rad] or [N] / [m]; 0 for none.
-    dissipation: float  # In [s] / [rad] or [s] / [m].
+    lower: float = 0.0  # Lower stop in [rad] or [m].
+    upper: float = 0.0  # Upper stop.
+    stiffness: float = 0.0  # In [N m] / [rad] or [N] / [m]; 0 for none.
+    dissipation: float = 0.0  # In [s] / [rad] or [s] / [m].
 
 
 @dataclass(slots=True)
 class Spring:
     """A spring about zero with a damper and a constant force; K r as the force makes it one about r."""
 
-    stiffness: float  # In [N m] / [rad] or [N] / [m].
-    damping: float  # In [N m s] / [rad] or [N s] / [m].
-    force: float  # Constant torque in [N m] or force in [N] on the coordinate.
+    stiffness: float = 0.0  # In [N m] / [rad] or [N] / [m].
+    damping: float = 0.0  # In [N m s] / [rad] or [N s] / [m].
+    force: float = 0.0  # Constant torque in [N m] or force in [N] on the coordinate.
 
 
 @dataclass(slots=True)
 class Plant:
-    """Passive torques on a coordinate: their parameters, and what they came to last."""
+    """Passive torques on a coordinate: their parameters, none by default, and what they came to last."""
 
-    friction: PlantFriction  # Of motor and gear.
-    stop: Stop  # Mechanical stops.
-    spring: Spring  # Orthosis, or support of the pelvis.
+    friction: PlantFriction = field(default_factory=PlantFriction)  # Of motor and gear.
+    stop: Stop = field(default_factory=Stop)  # Mechanical stops.
+    spring: Spring = field(default_factory=Spring)  # Orthosis, or support of the pelvis.
     armature: float = 0.0  # Inertia of rotor and wave generator seen at the joint in [kg m²].
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].
     deflection: float = 0.0
     friction_torque: float = 0.0  # On the coordinate in [N m] or [N].
     stop_torque: float = 0.0  # Likewise.
     spring_torque: float = 0.0  # Likewise, with the constant force.
-
-
-def free_coordinate() -> Plant:
-    """A coordinate on which nothing acts."""
-    return Plant(PlantFriction(), Stop(0.0, 0.0, 0.0, 0.0), Spring(0.0, 0.0, 0.0))
 
 
 def gear_load(plant: Plant, motor: float, acceleration: float) -> float:
@@ -149,7 +144,7 @@ class Harness:
     height: float  # Of the attachment above the hips, along the trunk, in [m].
     force: float  # Of body-weight support in [N].
     damping: float  # Of the rope's winch in [N s] / [m].
-    stop: Stop  # What locks at a trip, from below, in heights of the attachment.
+    stop: Stop = field(default_factory=Stop)  # What locks at a trip, from below.
     pull: float = 0.0  # On the trunk in [N], upwards, as it was last.
 
 
@@ -179,11 +174,8 @@ def harness_pull(harness: Harness, height: float, speed: float) -> float:
 
     ``height``: of the attachment in the world in [m]. ``speed``: of it, upwards.
     """
-    stop, locked = harness.stop, 0.0
-    if stop.stiffness != 0.0:
-        locked = mechanical_stop_torque(
-            height, speed, stop.lower, stop.upper, stop.stiffness, stop.dissipation
-        )
+    stop = harness.stop
+    locked = mechanical_stop_torque(height, speed, stop.lower, stop.upper, stop.stiffness, stop.dissipation)
     harness.pull = harness.force - harness.damping * speed + locked
     return harness.pull
 

@@ -4,21 +4,8 @@ All torques act on the joint and are positive in the direction of flexion.
 """
 
 import math
-from dataclasses import dataclass
 
 from twin_gait.core.elementary import exponential
-
-
-@dataclass(slots=True)
-class Condition:
-    """What the wearer does at a joint."""
-
-    passive_share: float  # Of the passive moment of healthy people.
-    contracture: float  # By which the passive moments are shifted in [rad].
-    stretch_reflex_threshold: float  # Speed beyond which a spastic muscle catches in [rad] / [s].
-    stretch_reflex_gain: float  # In [N m s] / [rad].
-    effort: float  # Share of the normative moment that the wearer gives.
-
 
 _DEGREES = 180.0 / math.pi
 

@@ -9,7 +9,7 @@ from twin_gait import parameters
 from twin_gait.control import Controller, PathParameters
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
-from twin_gait.core.plant import Plant, Spring, Stop, free_coordinate
+from twin_gait.core.plant import Plant, Spring, Stop
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
@@ -120,7 +120,7 @@ class PlantParameters(quantities.Parameters):
 
     def rows(self, model: LegModel) -> tuple[Plant, ...]:
         """Friction, stops and ankle springs of every coordinate of a model."""
-        found, friction = tuple(free_coordinate() for _ in range(model.nv)), self.true_friction()
+        found, friction = tuple(Plant() for _ in range(model.nv)), self.true_friction()
         tall, ankle = 0.0 if model.patient is None else model.patient.height, self.ankle
         stiffness = ankle.stiffness + ankle.relative_stiffness * model.total_mass * self.gravity * tall
         for side, leg in model.legs.items():

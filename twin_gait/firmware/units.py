@@ -31,8 +31,7 @@ from twin_gait.control.gait_controller import (
     trip,
     trip_on_causes,
     wants_gravity,
-    watch_foot,
-    watch_phase,
+    watch_leg,
     watch_supply,
     write_signals,
 )
@@ -53,14 +52,13 @@ from twin_gait.control.joint_board import (
     model_friction,
     note_drive,
     obey,
-    read_encoder,
     report,
-    sample_velocity,
     set_current,
     sum_up,
     watch_drive,
 )
 from twin_gait.control.supervisor import NO_POSTURE, NO_REQUEST
+from twin_gait.core.control_tick import measure_angle, sample_slowly
 from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.simulation.interface import control_gravity, control_inertia
@@ -122,13 +120,14 @@ def measure(board: BoardState, settings: Settings, inputs: JointBoardInputs, tic
     """First half of a board's tick: encoder, velocities, friction model, monitor."""
     if tick > 0:
         note_drive(board, inputs.voltage, inputs.current, inputs.current_deviation)
-    read_encoder(board, settings.rates, tick == 0, inputs.angle)
-    if tick % settings.rates.decimation == 0:
+    rates = settings.rates
+    measure_angle(board.encoder, tick == 0, inputs.angle, rates.period, rates.fast_gain)
+    if tick % rates.decimation == 0:
         if tick > 0:
-            sample_velocity(board, settings.rates, tick)
+            sample_slowly(board.encoder, tick // rates.decimation, rates.decimation * rates.period)
         model_friction(board)
     if settings.watching:
-        watch_drive(board, settings.rates)
+        watch_drive(board, rates)
 
 
 @dataclass(slots=True)
@@ -212,8 +211,7 @@ def watch(controller: ControllerState, limits: Limits, tick: int) -> None:
     """Let the monitor look at supply, phases, feet and what the boards have found."""
     watch_supply(controller)
     for number in range(len(controller.legs)):
-        watch_phase(controller, limits, number, tick)
-        watch_foot(controller, limits, number)
+        watch_leg(controller, limits, number, tick)
     if has_cause(controller):
         trip_on_causes(controller, tick)
 

@@ -194,12 +194,9 @@ def write_observe(kernel: KernelBodies) -> str:
 
     result = rigid_body.inverse_dynamics(made.bodies, q, v, a, made.gravity, made.points, known_force)
     potential = rigid_body.potential_energy(made.bodies, q, made.gravity)
-    wrenches = [result.wrenches[guide] for guide in kernel.guides]  # the moment in pitch, the force forwards
-    moment, force = (
-        sum(item[0][1] for item in wrenches),
-        sum(item[1][0] for item in wrenches),
-    )  # pitch, forward
-    returned = [result.kinetic_energy, potential, force, moment]
+    wrenches = [result.wrenches[guide] for guide in kernel.guides]
+    pitching, forward = sum(moment[1] for moment, _ in wrenches), sum(force[0] for _, force in wrenches)
+    returned = [result.kinetic_energy, potential, forward, pitching]
     return made.text("observe(q, v, a, bodies, gravity, points)", [], returned)
 
 
@@ -212,9 +209,9 @@ def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
 
 def write_control_inertia(bodies: Bodies) -> str:
     """Source of ``control_inertia``."""
-    made = _Function(bodies)
-    matrix = rigid_body.joint_space_inertia(made.bodies, made.inputs("q"))
-    torques = [vector(row) @ made.inputs("a") for row in matrix]
+    made, places = _Function(bodies), range(len(bodies))
+    lower, a = rigid_body.mass_matrix(made.bodies, made.inputs("q")), made.inputs("a")
+    torques = [vector([lower[max(i, j)][min(i, j)] for j in places]) @ a for i in places]
     return made.text("control_inertia(q, a, bodies, torque)", _stores("torque", torques))
 
 

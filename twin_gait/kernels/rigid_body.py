@@ -23,7 +23,7 @@ Points: TypeAlias = Sequence[ContactPoint]
 Law: TypeAlias = Callable[[int, Vector, Vector], list[Scalar]] | None
 
 
-def vector(values: Sequence[Any]) -> Vector:
+def vector(values: Sequence[Any] | np.ndarray) -> Vector:
     """An array of numbers and symbols."""
     return np.array(values, dtype=object)
 
@@ -50,9 +50,8 @@ def cross(a: Vector, b: Vector) -> Vector:
 def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
     """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
     (s, c), (x, y, z) = sine_and_cosine(angle), axis
-    one = (
-        0.0 if 1.0 in np.abs(axis) else 1.0 - c
-    )  # all products of a coordinate axis are 0 but the one along it
+    # All products of a coordinate axis are 0 but the one along it.
+    one = 0.0 if 1.0 in np.abs(axis) else 1.0 - c
     xx, yy, zz = (1.0 if abs(part) == 1.0 else c + part * part * one for part in axis)
     return vector(
         [
@@ -84,11 +83,8 @@ def _world_poses(bodies: Bodies, poses: Sequence[_Pose]) -> list[tuple[Matrix, V
     """Orientation and origin of every body in the world."""
     found: list[tuple[Matrix, Vector]] = []
     for body, pose in zip(bodies, poses, strict=True):
-        if body.parent < 0:
-            found.append((pose.rotation, pose.position))
-        else:
-            rotation, origin = found[body.parent]
-            found.append((rotation @ pose.rotation, origin + rotation @ pose.position))
+        rotation, origin = found[body.parent] if body.parent >= 0 else (vector(np.eye(3)), ZERO)
+        found.append((rotation @ pose.rotation, origin + rotation @ pose.position))
     return found
 
 
@@ -237,17 +233,10 @@ def forward_dynamics(
     return solve_along_tree(bodies, mass_matrix(bodies, q), right), bias.contacts
 
 
-def joint_space_inertia(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
-    """Mass matrix with armature, both triangles."""
-    lower, places = mass_matrix(bodies, q), range(len(bodies))
-    return [[lower[max(i, j)][min(i, j)] for j in places] for i in places]
-
-
 def potential_energy(bodies: Bodies, q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     energy: Scalar = 0.0
-    for body, (rotation, origin) in zip(
-        bodies, _world_poses(bodies, list(map(_pose, bodies, q))), strict=True
-    ):
+    poses = _world_poses(bodies, list(map(_pose, bodies, q)))
+    for body, (rotation, origin) in zip(bodies, poses, strict=True):
         energy = energy - gravity @ (rotation @ body.first_moment + origin * body.mass)
     return energy

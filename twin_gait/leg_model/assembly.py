@@ -9,8 +9,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import wearer
-from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
-from twin_gait.leg_model.joints import ALL_GUIDES, GUIDES, LegJoints
+from twin_gait.leg_model.joints import ALL_GUIDES, FORWARD, GUIDES, LegJoints, reversed_joints
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
@@ -39,7 +38,7 @@ class Assembly:
         self._path, self._pelvis = path, pelvis
         self._up = np.array([0.0, 0.0, 1.0] if up_axis == "z" else [0.0, 1.0, 0.0])
         model = self._read()
-        self.legs = plain_names(legs)
+        self.legs = {side: leg.plain for side, leg in legs.items()}
         self._check_names(model)
         self.model = self._lock_other_joints(model)
         for leg in self.legs.values():

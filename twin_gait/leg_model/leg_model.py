@@ -1,7 +1,7 @@
 """What the rigid bodies of legs, device and wearer are asked: torques, inertias, energies, places.
 
 Conventions: joint angles in [rad] with hip flexion, knee flexion and ankle dorsiflexion positive (joints
-that a user's URDF counts the other way are turned round, see :mod:`twin_gait.leg_model.axes`); all joints
+that a user's URDF counts the other way are turned round, see :mod:`twin_gait.leg_model.joints`); all joints
 have one degree of freedom, so ``q`` and ``v`` and all that is returned have shape ``(nv,)`` unless said;
 torques act on the joints.
 """
@@ -102,12 +102,10 @@ class LegModel:
 
     def index(self, side: Side, joint: JointName) -> int:
         """Position of a joint in ``q``, ``v`` and ``tau``; a ModelError if the leg has no such joint."""
-        if side not in self.legs:
-            raise ModelError(f"{self.urdf_path}: the model has no {side} leg; it has {', '.join(self.legs)}")
-        name = dict(self.legs[side].items()).get(joint)
-        if name is None:
-            raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}")
-        return self._place_of(name)
+        names = dict(self.legs[side].items()) if side in self.legs else {}
+        if joint not in names:
+            raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}; legs: {', '.join(self.legs)}")
+        return self._place_of(names[joint])
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
         """Lower and upper limit of a joint from the URDF in [rad]."""

@@ -29,9 +29,9 @@ def packaged_urdf(name: str) -> Path:
 
     Raises ModelError if there is no such file.
     """
-    path = shipped_file(name)
+    path = shipped_file(name) if name in PACKAGED_URDFS else None
     if path is None:
-        raise ModelError(f"no URDF {name!r} ships with twin_gait; there are {', '.join(PACKAGED_URDFS)}")
+        raise ModelError(f"{name}: no such URDF file; give a path, or one of {', '.join(PACKAGED_URDFS)}")
     return path
 
 
@@ -41,11 +41,7 @@ def find_urdf(path_or_name: str | Path) -> Path:
     Raises ModelError if there is no such file.
     """
     path = Path(path_or_name).expanduser()
-    if path.is_file():
-        return path
-    if str(path_or_name) in PACKAGED_URDFS:
-        return packaged_urdf(str(path_or_name))
-    raise ModelError(f"{path}: no such URDF file; give a path, or one of {', '.join(PACKAGED_URDFS)}")
+    return path if path.is_file() else packaged_urdf(str(path_or_name))
 
 
 def read_urdf(path: Path, turned: frozenset[str] = frozenset()) -> str:

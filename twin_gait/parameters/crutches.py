@@ -44,7 +44,7 @@ class CrutchParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class ArmParameters(quantities.Parameters):
-    """How a person uses two crutches; :mod:`twin_gait.core.arm_policy` has the law.
+    """How a person uses two crutches; :mod:`twin_gait.worlds.arm_policy` has the law.
 
     All are assumptions that were found together with a gait, but for stiffness and damping, which lie within
     what loaded arms have (Tee et al. 2004; Perreault et al. 2001).

@@ -109,7 +109,7 @@ class NetworkParameters(quantities.Parameters):
             gateways and drivers on its way.
         loss: Share of the frames that are sent and do not arrive, as in a buffer that overruns.
         error_share: Share of the transmissions that an error destroys; they are repeated by themselves.
-        bus_off_recovery: Whether a node that went bus-off comes back after 128 times 11 recessive bits.
+        bus_off_recovery: Whether a node that went bus-off comes back after the time of 128 times 11 bits.
         impedance: Where the springs are.
         board_silence: For so long in [s] a board bears hearing nothing; then it holds its joint.
         ccu_silence: For so long in [s] the central unit bears hearing nothing of a board; then it trips.

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
 from twin_gait.core.actuator import Motor
-from twin_gait.core.arm_policy import ArmPolicy, Sense
 from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.can_bus import Bus
@@ -21,7 +20,8 @@ from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
-from twin_gait.core.wearer import Condition
+from twin_gait.parameters import JointCondition
+from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]: a joint that turns faster is no longer physical
@@ -53,7 +53,7 @@ class Limb:
     """A hip or knee of the wearer."""
 
     place: int  # In the coordinates of the device.
-    condition: Condition  # What the wearer does.
+    condition: JointCondition  # What the wearer does.
     moments: list[list[float]]  # Normative moment in [N m] by phase and posture of the hip.
     effort_line: DelayLine  # Efforts on their way in [N m].
 
@@ -219,7 +219,7 @@ class Episode:
     policy: ArmPolicy  # How they are used.
     sense: Sense  # What the person feels.
     swing_phases: list[float]  # 1 for phases in which a leg swings.
-    # What a person feels of a chair in a phase, :class:`twin_gait.core.arm_policy.Sense`.
+    # What a person feels of a chair in a phase, :class:`twin_gait.worlds.arm_policy.Sense`.
     chair_phases: list[float]
     seat: Seat  # If there is one.
     works: Works = field(default_factory=Works)

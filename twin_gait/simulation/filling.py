@@ -9,7 +9,6 @@ from twin_gait.control.controller import mistake, require_whole_numbers
 from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
-from twin_gait.core.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
@@ -29,6 +28,7 @@ from twin_gait.simulation import episode
 from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks, ticks
 from twin_gait.simulation.record import ABSENT, Record, copied, float_in, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
+from twin_gait.worlds.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.

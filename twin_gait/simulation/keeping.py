@@ -32,7 +32,8 @@ OnCompile: TypeAlias = Callable[[], None] | None  # what is called if a loop has
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
 # What a compiled loop is made of or made by, in this package; folders stand for all their modules.
-SOURCES = "../core", "../control", "../kernels", "../gait/signals", "../network/messages", "."
+_LAWS = "../core", "../control", "../worlds/arm_policy", "../worlds/bench_control"
+SOURCES = *_LAWS, "../kernels", "../gait/signals", "../gait/table", "../network/messages", "."
 
 
 def cache_folder() -> Path | None:

@@ -7,14 +7,12 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from twin_gait.core.estimation import new_delay_line
-from twin_gait.core.wearer import Condition
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters import JointCondition
-from twin_gait.parameters.quantities import taken_from
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Limb
 from twin_gait.vocabulary import JointName
@@ -35,14 +33,13 @@ def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[
     """
     patient, places = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
     if patient is None or patient.is_mass_alone:
-        nothing = Condition(0.0, 0.0, 0.0, 0.0, 0.0)
-        return [Limb(model.index(*place), nothing, [], new_delay_line(0)) for place in places]
+        return [Limb(model.index(*place), JointCondition(), [], new_delay_line(0)) for place in places]
     own = [patient.conditions.get(place, JointCondition()) for place in places]
     spans = phase_spans(table) if any(item.effort * item.strength for item in own) else {}
     return [
         Limb(
             model.index(*place),
-            taken_from(Condition, item, passive_share=item.passive, effort=item.effort * item.strength),
+            item,
             _moments(experiment, table, spans, place[1]).tolist(),
             new_delay_line(round(patient.effort_delay / TICK)),
         )

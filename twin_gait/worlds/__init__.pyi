@@ -4,6 +4,8 @@ from .bench_control import CosinePath as CosinePath
 from .bench_control import DutyControl as DutyControl
 from .bench_control import OldFrictionModel as OldFrictionModel
 from .bench_control import TorqueControl as TorqueControl
+from .bench_control import breakaway_duty as breakaway_duty
+from .bench_control import viscous_duty as viscous_duty
 from .bench_joint import BENCH_ACTUATORS as BENCH_ACTUATORS
 from .bench_joint import BENCH_FRICTION as BENCH_FRICTION
 from .bench_joint import BENCH_INDUCTANCE as BENCH_INDUCTANCE

@@ -1,10 +1,13 @@
 """The controllers of the joint test bench: duties that follow a moved joint, and torques."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
 from twin_gait import parameters
+from twin_gait.core.actuator import Motor, saturate
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.parameters import quantities
 from twin_gait.vocabulary import JointName
 
@@ -45,14 +48,45 @@ class DutyControl(quantities.Parameters):
     braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), quantities.NOT_NEGATIVE] = 18.0
     duty_limit: Annotated[quantities.Ratio, DUTIES] = 0.9
 
-    def voltages(self, actuator: parameters.ActuatorParameters) -> tuple[float, float, float]:
-        """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] of equation (2.1b) for a motor."""
-        torque_per_current = actuator.torque_constant * actuator.gear_ratio
-        return (
-            self.static_voltage,
-            self.back_emf_share * torque_per_current,
-            self.braking_torque * actuator.resistance / torque_per_current,
-        )
+
+def breakaway_duty(control: DutyControl, tick: float) -> float:
+    r"""Duty in counts that shakes the joint at rest in tick n, equation (2.1a) of the thesis.
+
+    :math:`d = A \sin\frac{2\pi f\,n}{N}` with N :data:`TRANSPARENCY_STEPS`, the ``steps`` of the thesis.
+    """
+    sine, _ = sine_cosine(2.0 * math.pi * control.frequency * tick / TRANSPARENCY_STEPS)
+    return control.amplitude * sine
+
+
+def viscous_duty(
+    control: DutyControl, motor: Motor, velocity: float, bus_voltage: float, counts: float
+) -> float:
+    r"""Duty in counts that follows the moving joint, equation (2.1b) of the thesis.
+
+    .. math::
+
+        d = \frac{PWM}{V_{bus}} \left\{p_0\,\mathrm{sgn}\,\omega
+            + K\,[p_1\,\omega - p_2\,\mathrm{sgn}(\omega)\,\omega^2]\right\}
+
+    ``counts``: PWM, of full duty; p1 in [V s] / [rad] and p2 in [V s²] / [rad²] are those of the motor.
+    """
+    torque_per_current = motor.torque_constant * motor.gear_ratio
+    linear = control.back_emf_share * torque_per_current
+    quadratic = control.braking_torque * motor.resistance / torque_per_current
+    sign = (velocity > 0.0) * 1.0 - (velocity < 0.0) * 1.0
+    following = linear * velocity - quadratic * sign * velocity * velocity
+    return counts / bus_voltage * (control.static_voltage * sign + control.transparency_gain * following)
+
+
+def transparency_duty(
+    control: DutyControl, motor: Motor, tick: float, velocity: float, bus_voltage: float, counts: float
+) -> float:
+    """Duty in counts of transparency control, equations (2.1a) and (2.1b) of the thesis."""
+    if abs(velocity) < control.lowest_velocity:
+        duty = breakaway_duty(control, tick)
+    else:
+        duty = viscous_duty(control, motor, velocity, bus_voltage, counts)
+    return saturate(duty, control.duty_limit * counts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +117,14 @@ class CosinePath(quantities.Parameters):
     start_angle: quantities.Angle
     amplitude: quantities.Angle
     frequency: Annotated[quantities.Frequency, quantities.POSITIVE]
+
+
+def cosine_path(path: CosinePath, time: float) -> tuple[float, float, float]:
+    r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with velocity and acceleration, in [rad]."""
+    pulsation, half = 2.0 * math.pi * path.frequency, 0.5 * path.amplitude
+    fastest = half * pulsation
+    sine, cosine = sine_cosine(pulsation * time)
+    return path.start_angle + half * (1.0 - cosine), fastest * sine, fastest * pulsation * cosine
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ found again; *assumption* has no source, with the reason beside it.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated
 
@@ -254,6 +254,8 @@ class BenchJoint(quantities.Parameters):
         """Check the ranges."""
         super().__post_init__()
         require(not self.sensors.offset, "sensors offset", "none on the joint bench", self.sensors.offset)
+        counted = self.drive.counts > 0 or not isinstance(self.control, DutyControl)
+        require(counted, "drive counts", "1 or more for a controller of duties", self.drive.counts)
 
 
 def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
@@ -263,11 +265,10 @@ def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
     joint on the bench, or a value is out of its range.
     """
     require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
-    chosen: dict[str, object] = {
-        "actuator": BENCH_ACTUATORS[joint],
-        "drive": DriveParameters(inductance=BENCH_INDUCTANCE[joint]),
-        "friction": BenchFriction(law=BENCH_FRICTION[joint]),
-        "control": None,
-        **changes,
-    }
-    return BenchJoint(**chosen)  # type: ignore[arg-type]
+    usual = BenchJoint(
+        actuator=BENCH_ACTUATORS[joint],
+        drive=DriveParameters(inductance=BENCH_INDUCTANCE[joint]),
+        friction=BenchFriction(law=BENCH_FRICTION[joint]),
+        control=None,
+    )
+    return replace(usual, **changes)  # type: ignore[arg-type]

@@ -34,11 +34,6 @@ class ImposedMotionParameters(quantities.Parameters):
     damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 40.0
     release_time: Annotated[quantities.Time, quantities.LATER, quantities.Key("release")] = math.inf
 
-    def __post_init__(self) -> None:
-        """Check the ranges, and that the joint is one with a motor."""
-        super().__post_init__()
-        require(self.joint is not JointName.ANKLE, "imposed motion joint", "hip or knee", str(self.joint))
-
 
 @dataclass(frozen=True, kw_only=True)
 class BenchLeg(Scenario):

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.core.plant import Brace, Plant, free_coordinate
+from twin_gait.core.plant import Brace, Plant
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import BraceParameters, SlidingSpringDamper, SpringDamper
+from twin_gait.parameters import BraceParameters
+from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import Braces, World, start_posture
 
@@ -21,7 +22,7 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
     Motors, friction, stops, orthosis and imposed motion stay with the device; the support and the feet go
     with the wearer. Both start in the posture of the world.
     """
-    of_wearer, of_device = [free_coordinate() for _ in world.plant], list(world.plant)
+    of_wearer, of_device = [Plant() for _ in world.plant], list(world.plant)
     for pelvis in (world.model.pelvis_index, world.model.forward_index):
         if pelvis is not None:
             of_device[pelvis], of_wearer[pelvis] = of_wearer[pelvis], of_device[pelvis]
@@ -35,12 +36,11 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
 
 
 def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
-    laws: dict[int, SpringDamper | SlidingSpringDamper] = dict.fromkeys(
-        range(model.nv), parameters.pelvis
-    )  # the pelvis is what is no joint
+    braces = [taken_from(Brace, parameters.pelvis) for _ in range(model.nv)]  # the pelvis is what is no joint
     for side, leg in model.legs.items():
-        laws |= {model.index(side, joint): parameters.of(joint) for joint, _ in leg.items()}
-    return tuple(Brace(laws[index].stiffness, laws[index].damping) for index in range(model.nv))
+        for joint, _ in leg.items():
+            braces[model.index(side, joint)] = taken_from(Brace, parameters.of(joint))
+    return tuple(braces)
 
 
 # ---------------------------------------------------------------------- the step

@@ -39,11 +39,6 @@ class FaultKind(Coded):
             return ""
         return f"{side}_{FOOT if self is FaultKind.FOOT_LOAD_STUCK else joint}"
 
-    def places(self, joints: Iterable[JointName]) -> str:
-        """Where it may strike, in words."""
-        found = dict.fromkeys(self.place(side, joint) for joint in joints for side in Side)
-        return " or ".join(found) or "no place, as in supply_dip@4.2s"
-
 
 # Magnitude in SI units where none is given, and the units that it may have; not of a kind without one.
 _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
@@ -70,13 +65,12 @@ class Fault:
     def __post_init__(self) -> None:
         """Check that kind, place and magnitude fit together."""
         NOT_NEGATIVE.require("time", self.time)
-        kind, units = self.kind, self.kind.units
-        places = {kind.place(side, joint) for joint in JointName for side in Side}
-        require(self.place in places, "place", kind.places(JointName), self.place)
+        self._require_place("place", Side, JointName)
+        units = self.kind.units
         if self.magnitude is not None:
             fits = bool(units) and math.isfinite(self.magnitude)
             expected = f"a number in {' or '.join(units)}" if units else "no magnitude"
-            require(fits, f"magnitude of {kind}", expected, self.magnitude)
+            require(fits, f"magnitude of {self.kind}", expected, self.magnitude)
 
     @property
     def side(self) -> Side | None:
@@ -101,14 +95,17 @@ class Fault:
 
         ``joints``: those that are controlled. ``duration``: of the run in [s].
         """
-        there = {
-            f"a leg among {', '.join(sides)}": self.side in (None, *sides),
-            f"a controlled joint, {self.kind.places(joints)}": self.joint in (None, *joints),
-            "feet with load sensors": feet or self.kind is not FaultKind.FOOT_LOAD_STUCK,
-            f"a time before the end of the run at {duration:g} s": self.time < duration,
-        }
-        for expected, fits in there.items():
-            require(fits, "fault", expected, str(self))
+        self._require_place(f"fault {self}", sides, joints)
+        sensed = feet or self.kind is not FaultKind.FOOT_LOAD_STUCK
+        require(sensed, "fault", "feet with load sensors", str(self))
+        require(
+            self.time < duration, "fault", f"a time before the end of the run at {duration:g} s", str(self)
+        )
+
+    def _require_place(self, name: str, sides: Iterable[Side], joints: Iterable[JointName]) -> None:
+        places = dict.fromkeys(self.kind.place(side, joint) for joint in joints for side in sides)
+        words = " or ".join(places) or "no place, as in supply_dip@4.2s"
+        require(self.place in places, name, words, self.place)
 
     def __str__(self) -> str:
         """The fault in its notation; reading it gives an equal fault."""
@@ -127,10 +124,10 @@ def parse_fault(text: str) -> Fault:
     Raises ParameterError if it cannot be read.
     """
     match = _SHAPE.fullmatch(text.strip())
-    try:
+    if match is None:
         shape = "KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s"
-        require(match is not None, "notation", shape, text)
-        assert match is not None
+        raise ParameterError(f"fault {text!r}: expected {shape}")
+    try:
         name, place, time, size, unit = match.groups()
         require(name in list(FaultKind), "kind", ", ".join(FaultKind), name)
         kind = FaultKind(name)

@@ -7,16 +7,16 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
-from twin_gait.core.arm_policy import SITS, ArmPolicy, new_sense, plant_crutch
 from twin_gait.core.arms import Arm, Grip, turn_grip
 from twin_gait.core.belt import Belt
-from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.plant import Harness, Plant, Stop, Trunk, free_coordinate
+from twin_gait.core.estimation import new_delay_line
+from twin_gait.core.plant import Harness, Plant, Trunk
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
 from twin_gait.parameters import ChairParameters, ContactParameters, quantities
 from twin_gait.parameters.crutches import LEANS, ArmParameters, CrutchParameters
 from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
+from twin_gait.worlds.arm_policy import SITS, new_policy, new_sense, plant_crutch
 from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, stand_on_both_feet
 from twin_gait.worlds.world import Adjustment, Posture, Walking, World, start_posture, starting_at
 
@@ -123,7 +123,7 @@ class Overground(SplitStance):
             q[pitch] = self.lean
             q[height] = stand_on_both_feet(model, q, 0.0)
         rope = self.harness
-        harness = Harness(rope.height * tall, rope.share * weight, rope.damping, Stop(0.0, 0.0, 0.0, 0.0))
+        harness = Harness(rope.height * tall, rope.share * weight, rope.damping)
         trunk = Trunk(SHOULDER_HEIGHT * tall, harness)
         low = FALL_SHARE * (q[height] if seat is None else seat.height)
         more = {"fall_height": low, "fall_pitch": self.fall_lean, "trunk": trunk, "seat": seat}
@@ -136,7 +136,7 @@ class Overground(SplitStance):
         quantities.require(patient is not None, "crutches", "a patient who holds them", "none")
         assert patient is not None and world.trunk is not None and pelvis is not None
         longest, delay = crutches.length * patient.height, round(self.arms.delay / TICK)
-        policy = self._policy(longest, world.body_weight)
+        policy = new_policy(self.arms, world.body_weight, longest)
         up = world.start_q[pelvis] + world.trunk.shoulder * math.cos(self.lean)
         forward = world.trunk.shoulder * math.sin(self.lean)
         arms: list[Arm] = []
@@ -148,7 +148,7 @@ class Overground(SplitStance):
                 place=world.model.nv + len(tips),
                 longest=longest,
                 anchor=forward + ahead,
-                grip=Grip(policy.push, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+                grip=Grip(self.arms.push * world.body_weight, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
                 felt_ahead=new_delay_line(delay, ahead),
                 felt_load=new_delay_line(delay),
                 length=math.hypot(ahead, up),
@@ -160,33 +160,11 @@ class Overground(SplitStance):
         q = np.array([*world.start_q, *tips])
         return replace(
             world,
-            plant=(*world.plant, *(free_coordinate() for _ in tips)),
+            plant=(*world.plant, *(Plant() for _ in tips)),
             start_q=q,
             start_v=np.zeros(len(q)),
             arms=tuple(arms),
             policy=policy,
             sense=new_sense(delay, self.lean, SITS if self.start == "sitting" else 0.0),
             longest_reach=longest + crutches.slack,
-        )
-
-    def _policy(self, longest: float, weight: float) -> ArmPolicy:
-        arms = self.arms
-        return quantities.taken_from(
-            ArmPolicy,
-            arms,
-            push=arms.push * weight,
-            push_per_lean=arms.push_per_lean * weight,
-            push_per_rate=arms.push_per_rate * weight,
-            yielding=first_order_gain(TICK, arms.yielding),
-            swing_ticks=max(1, round(arms.swing / TICK)),
-            planted_ticks=round(arms.planted / TICK),
-            lowering=arms.lowering * TICK,
-            longest=longest,
-            stand_ahead=longest * math.sin(arms.stand_reach),
-            still_ticks=round(arms.still / TICK),
-            chair_push=arms.chair_push * weight,
-            risen=arms.risen_length * longest,
-            seated=arms.seated_length * longest,
-            chair_ticks=max(1, round(arms.chair_time / TICK)),
-            straightening=arms.straightening * TICK,
         )

@@ -96,7 +96,6 @@ class Treadmill(SplitStance):
                 name=BELT_SPEED,
                 value=self.belt_speed,
                 place="belt_speed",
-                key="belt_speed_km_per_h",
                 label="belt speed",
                 unit="km/h",
                 scale=KM_PER_H,

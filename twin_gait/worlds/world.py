@@ -12,7 +12,6 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
-from twin_gait.core.arm_policy import ArmPolicy, Sense
 from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
@@ -22,6 +21,7 @@ from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import ContactParameters, require
 from twin_gait.parameters.quantities import Angle, Inline, Parameters, UnitInside, taken_from
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
+from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +196,6 @@ class Adjustment(NamedTuple):
     name: str  # Of the control in a live session.
     value: float  # Present value in SI.
     place: str  # Of the number in the world, such as ``support.share``.
-    key: str  # In a file, below ``scenario``.
     label: str  # In words.
     least: float  # Least value, in ``unit``.
     largest: float  # Largest value, in ``unit``.
@@ -205,19 +204,13 @@ class Adjustment(NamedTuple):
     unit: str = ""  # Of the control.
     scale: float = 1.0  # SI value of one unit.
 
-    @property
-    def shown(self) -> float:
-        """Present value in the unit."""
-        return self.value / self.scale
-
     @classmethod
     def of_support(cls, share: float, place: str, ropes: str) -> Self:
-        """Of the share of the weight that something carries, at a place in a world and in its file."""
+        """Of the share of the weight that something carries, at a place in a world."""
         return cls(
             name=SUPPORT_SHARE,
             value=share,
             place=place,
-            key=place,
             label="body-weight support",
             least=0.0,
             largest=1.0,

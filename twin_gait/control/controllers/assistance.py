@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from twin_gait.control.controller import Controller, Plan, TickFunction
+from twin_gait.control.controller import Controller, Plan, TickFunction, cycle_place
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
-from twin_gait.core.assistance import Adaptation, adapted_assistance, cycle_place
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
 from twin_gait.vocabulary import JointName
 
@@ -23,7 +22,7 @@ class AssistanceParameters(Parameters):
     Attributes:
         share: Of k and b per joint, 0 to 1 (TwinCare's assistance); where adaptive, at the start.
         adaptive: Whether the share of each joint changes from stride to stride, see
-            :func:`twin_gait.core.assistance.adapted_assistance`.
+            :func:`~twin_gait.control.controllers.assistance.adapted_assistance`.
         forgetting: f (assumption: assistance halves in seven strides without an error).
         gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
         allowance: e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
@@ -43,6 +42,20 @@ class AssistanceParameters(Parameters):
     def is_full(self) -> bool:
         """Whether the impedance is given as it is."""
         return not self.adaptive and all(share == 1.0 for share in self.share.values())
+
+
+def adapted_assistance(settings: AssistanceParameters, assistance: float, error: float) -> float:
+    r"""Assistance level for the next stride, after the tracking error of the last one.
+
+    :math:`\alpha_{n+1} = f\,\alpha_n + g\,\max(0, e_n - e_0), \qquad \alpha_{min} \le \alpha \le 1`
+
+    with the mean absolute error e_n in [rad]. Assistance decays by the factor f and comes back where tracking
+    is worse than the allowance, after J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement
+    training as an optimization problem, IEEE ICORR (2005) 307-312.
+    """
+    excess = max(0.0, error - settings.allowance)
+    wanted = settings.forgetting * assistance + settings.gain * excess
+    return min(1.0, max(settings.least, wanted))
 
 
 @dataclass(slots=True)
@@ -71,7 +84,7 @@ class AssistanceMemory:
     strides: list[AssistedLeg]  # of the legs; none where the shares stay
     # walk against which the error is measured, over a cycle in [rad], by sample and joint of a leg
     angles: list[list[float]]
-    adaptation: Adaptation  # of the shares
+    settings: AssistanceParameters
 
 
 def assisted_tick(memory: Any, device: Any, tick: int, period: float) -> None:
@@ -116,14 +129,13 @@ class Assistance(Controller):
     def memory(self, plan: Plan) -> AssistanceMemory:
         """That of the other controller, the shares, and the walk against which the error is measured."""
         settings, strides, angles = self.parameters, [], []
-        adaptation = Adaptation(settings.forgetting, settings.gain, settings.allowance, settings.least)
         shares = [settings.share.get(JointName(name), 1.0) for _ in plan.sides for name in plan.joints]
         if settings.adaptive:
             path = self.walk(plan)
-            strides = [AssistedLeg(start, path.cycle_ticks) for start in path.starts.tolist()]
-            angles = path.angles.tolist()
+            strides = [AssistedLeg(start, path.cycle_ticks) for start in path.starts]
+            angles = path.angles
         return AssistanceMemory(
-            self.other.memory(plan), [AssistedJoint(share) for share in shares], strides, angles, adaptation
+            self.other.memory(plan), [AssistedJoint(share) for share in shares], strides, angles, settings
         )
 
     def constants(self) -> dict[str, int]:
@@ -157,7 +169,7 @@ def _end_stride(memory: AssistanceMemory, number: int, tick: int) -> None:
     duration = tick - stride.stride_start
     for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
         joint = memory.assisted[place]
-        joint.share = adapted_assistance(memory.adaptation, joint.share, joint.tracking / duration)
+        joint.share = adapted_assistance(memory.settings, joint.share, joint.tracking / duration)
         joint.tracking = 0.0
     if stride.stride_start > 0:  # the first stride may have begun half-way
         stride.stride_ticks = duration

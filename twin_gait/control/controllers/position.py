@@ -7,9 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
-from twin_gait.control.controller import Controller, Path, Plan
+from twin_gait.control.controller import Controller, Path, Plan, cycle_place
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
-from twin_gait.core.assistance import cycle_place
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Parameters, Ratio, RotaryStiffness
@@ -53,16 +52,7 @@ class PathParameters(Parameters):
     gravity_compensation: Annotated[Ratio, SHARE] = 0.0
 
 
-@dataclass(slots=True)
-class PathMemory:
-    """The walk that is followed."""
-
-    angles: list[list[float]]  # over a cycle in [rad], by sample and joint of a leg
-    cycle_ticks: int  # length of a cycle
-    starts: list[float]  # share of the cycle at which each leg begins
-
-
-def follow(memory: PathMemory, device: ControllerState, tick: int, period: float) -> None:
+def follow(memory: Path, device: ControllerState, tick: int, period: float) -> None:
     """Move the equilibrium angles along the path, and let the dampers move with it."""
     angles, cycle = memory.angles, memory.cycle_ticks
     spacing = cycle * period / (len(angles) - 1)
@@ -119,20 +109,20 @@ class Position(Controller):
         """The path."""
         return device_walk(plan.reference)
 
-    def memory(self, plan: Plan) -> PathMemory:
+    def memory(self, plan: Plan) -> Path:
         """The path."""
-        path = self.walk(plan)
-        return PathMemory(path.angles.tolist(), path.cycle_ticks, path.starts.tolist())
+        return self.walk(plan)
 
 
 def device_walk(healthy: Path) -> Path:
     """A walk that the motors can follow, made of the healthy one; see the constants of this module."""
-    hip, knee = _few_harmonics(healthy.angles).T
+    hip, knee = _few_harmonics(np.array(healthy.angles)).T
     middle = hip[:-1].mean()
     hip = middle + HIP_OFFSET + HIP_EXCURSION * (hip - middle)
     share = (knee - knee.min()) / (knee.max() - knee.min())
     knee = KNEE_LOWEST + share * (KNEE_HIGHEST - KNEE_LOWEST)
-    return Path(np.column_stack((hip, knee)), round(PATH_SLOWNESS * healthy.cycle_ticks), healthy.starts)
+    angles = np.column_stack((hip, knee)).tolist()
+    return Path(angles, round(PATH_SLOWNESS * healthy.cycle_ticks), healthy.starts)
 
 
 def _few_harmonics(curves: np.ndarray) -> np.ndarray:
@@ -145,5 +135,5 @@ def _few_harmonics(curves: np.ndarray) -> np.ndarray:
 
 def _posture(path: Path, start: float) -> dict[JointName, float]:
     before, share = cycle_place(start, len(path.angles))
-    hip, knee = path.angles[before] + share * (path.angles[before + 1] - path.angles[before])
-    return {JointName.HIP: float(hip), JointName.KNEE: float(knee)}
+    ends = zip(path.angles[before], path.angles[before + 1], strict=True)
+    return {joint: low + share * (high - low) for joint, (low, high) in zip(PATH_JOINTS, ends, strict=True)}

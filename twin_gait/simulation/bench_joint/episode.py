@@ -12,7 +12,6 @@ from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
-from twin_gait.core.transparency import Transparency
 from twin_gait.simulation.episode import COMPLETED, Recording
 from twin_gait.simulation.log import Columns, LogLayout
 
@@ -152,7 +151,7 @@ class BenchEpisode:
     path: worlds.CosinePath  # Of its equilibrium angle.
     old_model: worlds.OldFrictionModel  # TWIN's old friction model.
     old: bool  # Whether it takes the place of the compensator's friction model.
-    transparency: Transparency  # What the control of duties asks for.
+    duty_control: worlds.DutyControl  # What the control of duties asks for.
     ticks_at_stop: int = 0  # Since the upper stop was reached.
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].

@@ -15,9 +15,9 @@ from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
-from twin_gait.core.transparency import Transparency
+from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import KNEE_FRICTION, require
+from twin_gait.parameters import KNEE_FRICTION
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.episode import LAYOUT
@@ -152,7 +152,7 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
         path=torque.path or path,
         old_model=torque.old_model or worlds.OldFrictionModel(),
         old=torque.old_model is not None,
-        transparency=_transparency(test),
+        duty_control=test.control if isinstance(test.control, worlds.DutyControl) else worlds.DutyControl(),
     )
 
 
@@ -180,20 +180,3 @@ def _torque_control(test: worlds.BenchJoint) -> worlds.TorqueControl:
     if not isinstance(test.control, worlds.TorqueControl):
         return worlds.TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
     return replace(test.control, friction_model=test.control.friction_model.normalised())
-
-
-def _transparency(test: worlds.BenchJoint) -> Transparency:
-    control, counts = test.control, test.drive.counts
-    if not isinstance(control, worlds.DutyControl):
-        return Transparency()
-    require(counts > 0, "pwm counts", "1 or more for a controller of duties", counts)
-    static, linear, quadratic = control.voltages(test.actuator)
-    return taken_from(
-        Transparency,
-        control,
-        ticks_per_second=worlds.TRANSPARENCY_STEPS,
-        static_voltage=static,
-        voltage_per_velocity=linear,
-        voltage_per_velocity_squared=quadratic,
-        duty_limit=control.duty_limit * counts,
-    )

@@ -1,10 +1,9 @@
 """The safety monitor: what boards and gait controller look at in a tick, and the trip on what they find."""
 
-from twin_gait.control.gait_controller import has_cause, trip_on_causes, watch_foot, watch_phase, watch_supply
+from twin_gait.control.gait_controller import has_cause, trip_on_causes, watch_leg, watch_supply
 from twin_gait.control.joint_board import watch_drive
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import each, lanes
-from twin_gait.simulation.structure import POINTS_PER_FOOT
 
 
 def watch_drives(e: Episode) -> None:
@@ -20,9 +19,7 @@ def watch(e: Episode, tick: int) -> None:
         watch_supply(one.controller)
     for number in range(len(e.controller.legs)):
         for one in lanes(e):
-            watch_phase(one.controller, one.limits, number, tick)
-            if POINTS_PER_FOOT > 0:
-                watch_foot(one.controller, one.limits, number)
+            watch_leg(one.controller, one.limits, number, tick)
     found = False
     for one in lanes(e):
         found |= has_cause(one.controller)

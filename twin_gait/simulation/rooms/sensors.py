@@ -1,7 +1,8 @@
 """What the sensors read in a tick: encoders with their velocity estimates, loads of the feet, the trunk."""
 
-from twin_gait.control.joint_board import model_friction, read_encoder, sample_velocity
+from twin_gait.control.joint_board import model_friction
 from twin_gait.core.contact import along_slope
+from twin_gait.core.control_tick import measure_angle, sample_slowly
 from twin_gait.core.faults import faulty_angle, faulty_load
 from twin_gait.core.inertial import follow_pitch, trunk_specific_force
 from twin_gait.simulation.episode import Episode
@@ -15,7 +16,7 @@ def measure(e: Episode, tick: int) -> None:
         for one in lanes(e):
             rates, joint = one.rates, one.joints[number]
             joint.reading = _reading(one, number, tick)
-            read_encoder(joint.board, rates, tick == 0, joint.reading)
+            measure_angle(joint.board.encoder, tick == 0, joint.reading, rates.period, rates.fast_gain)
     if tick % e.rates.decimation == 0:
         _measure_slowly(e, tick)
     if POINTS_PER_FOOT > 0:
@@ -58,7 +59,8 @@ def _measure_slowly(e: Episode, tick: int) -> None:
     for number in range(len(e.joints)):
         if tick > 0:
             for one in each(e):
-                sample_velocity(one.joints[number].board, one.rates, tick)
+                rates, encoder = one.rates, one.joints[number].board.encoder
+                sample_slowly(encoder, tick // rates.decimation, rates.decimation * rates.period)
         for one in lanes(e):
             model_friction(one.joints[number].board)
 

@@ -4,7 +4,6 @@ import math
 
 from twin_gait.control.gait_controller import SUPERVISED, hear_command
 from twin_gait.control.supervisor import NO_REQUEST
-from twin_gait.core.arm_policy import REACHES, move_arm
 from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, dragged_anchor
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.contact import contact_normal_force
@@ -15,6 +14,7 @@ from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, postu
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
 from twin_gait.simulation.interface import lanes, noise_row
 from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SEATED, SHIFT, WEARER
+from twin_gait.worlds.arm_policy import REACHES, move_arm
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
 
@@ -88,10 +88,10 @@ def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> Non
     moments = limb.moments[phase]
     below, share = posture_place(hip, LOWEST_POSTURE, POSTURE_STEP, len(moments))
     moment = moments[below] + share * (moments[below + 1] - moments[below])
-    effort = delayed_sample(limb.effort_line, tick, condition.effort * moment)
+    effort = delayed_sample(limb.effort_line, tick, condition.effort * condition.strength * moment)
     effort *= 1.0 + noise_row(e, tick)[len(e.joints) + number]
     reflex = spastic_torque(e.v[place], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
-    e.external[place] += condition.passive_share * passive + reflex + effort
+    e.external[place] += condition.passive * passive + reflex + effort
 
 
 def hold_trunk(e: Episode, q: list[float], v: list[float]) -> None:

@@ -29,11 +29,14 @@ slowly and push against a trunk that tips backwards, :math:`P_0 = -D\,\dot\theta
 brings its crutch forwards, one after the other. Until the second comes, the first has no push P of its own.
 """
 
+import math
 from dataclasses import dataclass
 
 from twin_gait.core.arms import Arm, held, turn_grip
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
-from twin_gait.core.estimation import DelayLine, new_delay_line
+from twin_gait.core.estimation import DelayLine, first_order_gain, new_delay_line
+from twin_gait.gait.table import TICK
+from twin_gait.parameters.crutches import ArmParameters
 
 PLANTED, SWUNG, LOWERED, BEHIND = 0, 1, 2, 3
 SITS, LEANS, RISES, REACHES, LOWERS = 1.0, 2.0, 3.0, 4.0, 5.0  # what is felt of a chair
@@ -41,73 +44,44 @@ SITS, LEANS, RISES, REACHES, LOWERS = 1.0, 2.0, 3.0, 4.0, 5.0  # what is felt of
 
 @dataclass(slots=True)
 class ArmPolicy:
-    """Parameters of the law; see :class:`twin_gait.parameters.ArmParameters`.
+    """How a person uses crutches, and what that comes to for a wearer.
 
     Attributes:
-        lean: Of the trunk that the person keeps, in [rad].
-        push: On each crutch in [N].
-        push_per_lean: In [N] / [rad].
-        push_per_rate: In [N s] / [rad].
-        turn: Moment of each shoulder that draws the body forwards in [N m].
-        stiffness: Of the arm along the strut for a moment in [N] / [m].
-        damping: In [N s] / [m].
-        turning_stiffness: Across it in [N] / [m].
-        turning_damping: In [N s] / [m].
-        swing_stiffness: Of an arm that carries its crutch, along and across, in [N] / [m].
-        swing_damping: In [N s] / [m].
+        arms: Parameters of the law.
+        weight: Of wearer and device in [N].
+        longest: Length of arm and crutch in [m].
         yielding: Share of the way that the muscles yield in a tick.
-        lift_ahead: Way of a tip in front of the shoulder at which it is lifted, in [m].
-        reach: Angle from the vertical to which it is swung, in [rad].
-        clearance: By which the strut is shortened meanwhile, in [m].
         swing_ticks: Length of the swing.
         planted_ticks: For so long at least a crutch stays.
-        lowering: Way of a tick by which the strut grows as it is lowered, in [m].
-        touch: Load at which a tip is felt to stand, in [N].
-        longest: Length of arm and crutch in [m].
-        chair_tilt: Of the struts from the vertical to which tips are swung behind, in [rad].
-        stand_reach: To which they are brought in front of who stands, in [rad].
-        stand_ahead: Way in front of the shoulder of a tip that stands there, in [m].
-        stand_slack: By which it may stand elsewhere in [m].
         still_ticks: For how long no leg has swung where somebody stands.
-        chair_push: On each crutch while the person rises or sits down, in [N].
-        chair_turn: Moment of each shoulder that draws the body forwards meanwhile in [N m].
-        risen: Length of the struts after rising in [m].
-        seated: After sitting down in [m].
-        chair_ticks: For how long they go there.
-        straightening: Way of a tick by which they grow when the person stands over them, in [m].
+        chair_ticks: For how long the struts go to the length of risen or of seated arms.
+        stand_ahead: Way in front of the shoulder of a tip where who stands has it, in [m].
     """
 
-    lean: float
-    push: float
-    push_per_lean: float
-    push_per_rate: float
-    turn: float
-    stiffness: float
-    damping: float
-    turning_stiffness: float
-    turning_damping: float
-    swing_stiffness: float
-    swing_damping: float
+    arms: ArmParameters
+    weight: float
+    longest: float
     yielding: float
-    lift_ahead: float
-    reach: float
-    clearance: float
     swing_ticks: int
     planted_ticks: int
-    lowering: float
-    touch: float
-    longest: float
-    chair_tilt: float
-    stand_reach: float
-    stand_ahead: float
-    stand_slack: float
     still_ticks: int
-    chair_push: float
-    chair_turn: float
-    risen: float
-    seated: float
     chair_ticks: int
-    straightening: float
+    stand_ahead: float
+
+
+def new_policy(arms: ArmParameters, weight: float, longest: float) -> ArmPolicy:
+    """What a person does who has some weight in [N], and arms and crutches of some length in [m]."""
+    return ArmPolicy(
+        arms,
+        weight,
+        longest,
+        yielding=first_order_gain(TICK, arms.yielding),
+        swing_ticks=max(1, round(arms.swing / TICK)),
+        planted_ticks=round(arms.planted / TICK),
+        still_ticks=round(arms.still / TICK),
+        chair_ticks=max(1, round(arms.chair_time / TICK)),
+        stand_ahead=longest * math.sin(arms.stand_reach),
+    )
 
 
 @dataclass(slots=True)
@@ -166,7 +140,7 @@ def move_arm(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float
             arm.doing, arm.since = LOWERED, 0
     elif arm.doing == LOWERED:
         _lower(policy, arm)
-        if load > policy.touch:
+        if load > policy.arms.touch:
             plant_crutch(policy, arm)
     elif sense.chair > 0.0 or arm.doing == BEHIND:
         _use_behind(policy, sense, arm, other, ahead, load)
@@ -174,19 +148,19 @@ def move_arm(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float
         _lean_on(policy, sense, arm, other)
         if not _may_lift(policy, sense, arm, other):
             return
-        if ahead < policy.lift_ahead:
-            _lift(policy, sense, arm, policy.reach)
-        elif _stands(policy, sense, arm, other) and abs(ahead - policy.stand_ahead) > policy.stand_slack:
-            _lift(policy, sense, arm, policy.stand_reach)
+        if ahead < policy.arms.lift_ahead:
+            _lift(policy, sense, arm, policy.arms.reach)
+        elif _stands(policy, sense, arm, other) and abs(ahead - policy.stand_ahead) > policy.arms.stand_slack:
+            _lift(policy, sense, arm, policy.arms.stand_reach)
 
 
 def _lower(policy: ArmPolicy, arm: Arm) -> None:
     """Lengthen the strut towards the ground; one that is too short for it is drawn nearer."""
-    grip = arm.grip
+    grip, way = arm.grip, policy.arms.lowering * TICK
     if grip.length < policy.longest:
-        grip.length = min(grip.length + policy.lowering, policy.longest)
+        grip.length = min(grip.length + way, policy.longest)
     else:
-        nearer = policy.lowering / policy.longest
+        nearer = way / policy.longest
         turn_grip(grip, grip.angle - (nearer if arm.reach > 0.0 else -nearer))
 
 
@@ -210,7 +184,7 @@ def _use_behind(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: fl
     # To sit down one is enough behind; the other one is leant on.
     readies = sense.chair == LEANS or (sense.chair == REACHES and other.doing == PLANTED)
     if readies and ahead > 0.0 and _may_lift(policy, sense, arm, other):
-        _lift(policy, sense, arm, -policy.chair_tilt)
+        _lift(policy, sense, arm, -policy.arms.chair_tilt)
         return
     if sense.chair == REACHES and arm.doing == PLANTED and ahead > 0.0:
         _lean_on(policy, sense, arm, other)  # until its turn comes
@@ -222,27 +196,29 @@ def _use_behind(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: fl
         _push_up(policy, sense, arm)
         return
     _push_forwards(policy, sense, arm, load)
-    if load < policy.touch and _may_lift(policy, sense, arm, other):
-        _lift(policy, sense, arm, policy.stand_reach)
+    if load < policy.arms.touch and _may_lift(policy, sense, arm, other):
+        _lift(policy, sense, arm, policy.arms.stand_reach)
 
 
 def _lean_on(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> None:
     """Push back on a crutch in front, with muscles that yield to what is slow."""
-    push = 0.0 if other.doing == BEHIND else policy.push
-    wanted = push + policy.push_per_lean * (sense.lean - policy.lean) + policy.push_per_rate * sense.lean_rate
+    habit, weight = policy.arms, policy.weight
+    push = 0.0 if other.doing == BEHIND else habit.push * weight
+    upright = habit.push_per_lean * weight * (sense.lean - habit.lean)
+    wanted = push + upright + habit.push_per_rate * weight * sense.lean_rate
     arm.grip.push = held(wanted, 0.0, arm.push_limit)
-    arm.grip.turn = -policy.turn
+    arm.grip.turn = -habit.turn
     _yield(policy, arm)
 
 
 def _push_forwards(policy: ArmPolicy, sense: Sense, arm: Arm, load: float) -> None:
     """Straighten the arm on a crutch behind until the hand feels no load, as the weight is over the feet."""
-    grip = arm.grip
-    grip.push = held(-policy.push_per_rate * sense.lean_rate, 0.0, arm.push_limit)
-    grip.turn = -policy.turn
-    grip.stiffness, grip.damping = policy.stiffness, policy.damping
-    if load >= policy.touch:
-        grip.length += policy.straightening
+    habit, grip = policy.arms, arm.grip
+    grip.push = held(-habit.push_per_rate * policy.weight * sense.lean_rate, 0.0, arm.push_limit)
+    grip.turn = -habit.turn
+    grip.stiffness, grip.damping = habit.stiffness, habit.damping
+    if load >= habit.touch:
+        grip.length += habit.straightening * TICK
     _give_way(policy, arm)
 
 
@@ -254,18 +230,16 @@ def _give_way(policy: ArmPolicy, arm: Arm) -> None:
 
 def _push_up(policy: ArmPolicy, sense: Sense, arm: Arm) -> None:
     """Rest the hand while sitting, push towards a length while rising or sitting down, else hold on."""
-    grip = arm.grip
+    habit, grip = policy.arms, arm.grip
+    grip.push = grip.turn = grip.stiffness = 0.0
     if sense.chair == SITS:
-        grip.push = grip.turn = grip.stiffness = 0.0
         return
-    grip.push, grip.turn = policy.chair_push, -policy.chair_turn
-    grip.stiffness, grip.damping = policy.stiffness, policy.damping
+    grip.stiffness, grip.damping = habit.stiffness, habit.damping
     if sense.chair == RISES or sense.chair == LOWERS:
+        grip.push, grip.turn = habit.chair_push * policy.weight, -habit.chair_turn
         share = blend_share(arm.since / policy.chair_ticks, BLEND_MINIMUM_JERK)
-        wanted = policy.risen if sense.chair == RISES else policy.seated
-        grip.length = blend(arm.first_length, wanted, share)
-    else:
-        grip.push = grip.turn = 0.0  # holds on
+        wanted = habit.risen_length if sense.chair == RISES else habit.seated_length
+        grip.length = blend(arm.first_length, wanted * policy.longest, share)
     _give_way(policy, arm)
 
 
@@ -282,9 +256,9 @@ def _lift(policy: ArmPolicy, sense: Sense, arm: Arm, reach: float) -> None:
     arm.doing, arm.since, arm.reach = SWUNG, 0, reach
     arm.first_angle = grip.angle - sense.lean
     grip.push = grip.turn = 0.0
-    grip.length = arm.length - policy.clearance
-    grip.stiffness = grip.turning_stiffness = policy.swing_stiffness
-    grip.damping = grip.turning_damping = policy.swing_damping
+    grip.length = arm.length - policy.arms.clearance
+    grip.stiffness = grip.turning_stiffness = policy.arms.swing_stiffness
+    grip.damping = grip.turning_damping = policy.arms.swing_damping
 
 
 def plant_crutch(policy: ArmPolicy, arm: Arm) -> None:
@@ -293,5 +267,5 @@ def plant_crutch(policy: ArmPolicy, arm: Arm) -> None:
     arm.doing, arm.since = PLANTED, 0
     grip.length = arm.length
     turn_grip(grip, grip.angle - arm.aside / arm.length)
-    grip.stiffness, grip.damping = policy.stiffness, policy.damping
-    grip.turning_stiffness, grip.turning_damping = policy.turning_stiffness, policy.turning_damping
+    grip.stiffness, grip.damping = policy.arms.stiffness, policy.arms.damping
+    grip.turning_stiffness, grip.turning_damping = policy.arms.turning_stiffness, policy.arms.turning_damping
