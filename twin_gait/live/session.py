@@ -199,14 +199,13 @@ class LiveSession:
             for place, error in known.items():
                 if place not in self._known:
                     raise MessageRefused(error)
-        numbers = loop_numbers(settings)
         if message.kind == "try":
             now = self.news.ask({"command": "moment"})
-            found = foresee(self._ahead, now["moment"], numbers)
+            found = foresee(self._ahead, now["moment"], settings)
             text, forecast = f"forecast of {text}: {found.text}", asdict(found)
             self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
             return
-        note = {"user": message.user, **change, "text": text}
+        note, numbers = {"user": message.user, **change, "text": text}, loop_numbers(settings)
         tick = self.news.ask({"command": "settings", "numbers": numbers, "note": note})["tick"]
         if settings.table != self.settings.table and self.book.recorder is not None:
             self.book.recorder.table(table_document(settings.table), tick)
