@@ -120,7 +120,7 @@ def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem
     journals.keep(Piece(rows=run.rows()[:0], over=True))
     journals.close()
     done = complete(journals.path)
-    assert done == [folder] and not journals.path.exists()
+    assert list(done) == [folder] and not journals.path.exists()
     assert read_run(folder).summary["duration_s"] == pytest.approx(1.4)
     with pytest.raises(RunDirectoryError, match="cannot be used"):
         complete(journals.path)
@@ -130,7 +130,7 @@ def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_pa
     _, journals = written(loaded, problem, tmp_path / "run")
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "mine.txt").write_text("mine")
-    assert complete(journals.path) == [tmp_path / "run-2"]
+    assert list(complete(journals.path)) == [tmp_path / "run-2"]
     assert [item.name for item in (tmp_path / "run").iterdir()] == ["mine.txt"]
 
 
@@ -160,7 +160,7 @@ def test_every_walk_of_a_journal_has_a_folder_and_only_the_last_is_drawn(
     _, journals = written(loaded, problem, tmp_path / "run", ticks=200)
     monkeypatch.setattr(finishing, "read_journal", lambda path: again(read_journal(path)))
     folders = [tmp_path / "run", tmp_path / "run-2", tmp_path / "run-3"]
-    assert complete(journals.path, pictures=True) == folders
+    assert list(complete(journals.path, pictures=True)) == folders
     assert drawn == [False, False, True]
 
 

@@ -657,8 +657,8 @@ def test_the_state_shows_what_differs_from_the_preset(finished):
 
 def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
     session, _, folder = finished
-    assert session.folders == [folder / "run", folder / "run-3"] and session.failure == ""
-    for path in session.folders:
+    assert list(session.summaries) == [folder / "run", folder / "run-3"] and session.failure == ""
+    for path in session.summaries:
         stored = read_run(path)
         assert stored.summary["status"] == "interrupted" and len(stored.run.log) > 200
         assert stored.run.experiment.duration == pytest.approx(len(stored.run.log) * 1e-3)
@@ -687,7 +687,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
     found = read_session(folder / "sessions", entry["id"])
     kept = [entry[name] for name in ("user", "experiment", "status", "versions")]
     assert kept == ["Ann", "bench_leg", "ended", 2]
-    assert entry["folders"] == list(map(str, session.folders)) and found["summary"] == session.summary
+    assert entry["folders"] == list(map(str, session.summaries)) and found["summary"] == session.summary
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
         item = logged[said[name].serial]
@@ -751,7 +751,7 @@ def test_nobody_reading_does_not_slow_the_loop_and_only_the_last_second_is_kept(
         asleep, abs=0.3
     )  # time did not stand still for the reader
     assert [item["serial"] for item in messages if item["kind"] == "answer"] == [2]
-    assert complete(journal_of(tmp_path / "run")) == [tmp_path / "run"]
+    assert list(complete(journal_of(tmp_path / "run"))) == [tmp_path / "run"]
 
 
 def test_an_end_of_input_ends_the_process_with_a_complete_journal(tmp_path):

@@ -185,7 +185,7 @@ def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
     if session.failure:
         raise RunDirectoryError(session.failure)
     if summary:
-        print("\n".join(report(summary, *session.folders)))
+        print("\n".join(report(summary, *session.summaries)))
     if news.death:
         print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
     if news.death or summary.get("status") == "diverged":

@@ -28,12 +28,12 @@ from pydantic import ConfigDict, TypeAdapter
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import write_atomically
+from twin_gait.files import plain, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
 from twin_gait.runs.folders import hold, journal_of, staged_directory
-from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
+from twin_gait.runs.record import RUN_DIRECTORY, write_run
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
@@ -193,12 +193,12 @@ def _pieces(stream: Any) -> Iterator[Piece]:
         yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})
 
 
-def complete(journal: Path, *, pictures: bool = False) -> list[Path]:
+def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, Any]]:
     """Make the run folders of walks out of their journal, which then goes.
 
     ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
-    and animation of the last walk, if that is short. Returns the folders. Raises RunDirectoryError if the
-    journal cannot be read or is still being written, or a folder cannot be made.
+    and animation of the last walk, if that is short. Returns the summaries by folder. Raises
+    RunDirectoryError if the journal cannot be read or is still being written, or a folder cannot be made.
     """
     with locked(journal):
         setup, columns, pieces = read_journal(journal)
@@ -207,15 +207,14 @@ def complete(journal: Path, *, pictures: bool = False) -> list[Path]:
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version writes; use the version that made it"
             )
-        walks, done = list(walks_in(pieces, problem.experiment.n_ticks)), list[Path]()
+        walks, done = list(walks_in(pieces, problem.experiment.n_ticks)), dict[Path, dict[str, Any]]()
         for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):
             run = walked_run(walk, problem)
             drawn = pictures and walk is walks[-1] and run.duration <= LONGEST_PICTURES
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
                 write_atomically(staging / CHANGES_FILE, _changes_table(walk.changes))
                 document = {**setup["document"], "duration_s": run.duration}
-                write_run(run, staging, document=document, pictures=drawn)
-            done.append(folder)
+                done[folder] = plain(write_run(run, staging, document=document, pictures=drawn))
         journal.unlink()
     return done
 
@@ -244,8 +243,3 @@ def walked_run(walk: Piece, problem: Problem) -> Run:
     walked = replace(problem, experiment=replace(experiment, duration=round(ticks * TICK, 3), faults=faults))
     result = EngineResult(walk.rows, walk.switches, walk.status, walk.reason, walk.trip)
     return run_of(walked, result, walk.wall_s)
-
-
-def summary_of(folder: Path) -> dict[str, Any]:
-    """Summary of a run folder."""
-    return dict(json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8")))

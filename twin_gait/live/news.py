@@ -99,15 +99,15 @@ class WalkNews:
         self._serial = 0
         self._lock = threading.Lock()
 
-    def start(self, setup: Mapping[str, Any]) -> Future[Answer]:
-        """Start the process; its answer to the set-up is on the way."""
+    def start(self, setup: Mapping[str, Any]) -> None:
+        """Start the process and wait until it walks; MessageRefused if it cannot."""
         # -P: what lies in the present folder is not ours to import.
         command = [sys.executable, "-P", "-m", "twin_gait.live.process"]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
         self._thread.start()
-        return self._send(setup)
+        self.ask(setup)
 
     @property
     def alive(self) -> bool:
@@ -134,9 +134,6 @@ class WalkNews:
         Raises ParameterError if the process is gone, or has not been started. Raises MessageRefused if it
         refuses the command.
         """
-        return answered(self._send(command))
-
-    def _send(self, command: Mapping[str, Any]) -> Future[Answer]:
         if self.process is None or self.process.stdin is None:
             raise ParameterError("the walk has not begun yet")
         with self._lock:
@@ -148,7 +145,10 @@ class WalkNews:
             except (OSError, ValueError) as error:
                 self._pending.pop(self._serial, None)
                 raise ParameterError("the walk has ended") from error
-        return coming
+        answer = coming.result()
+        if answer["refused"]:
+            raise MessageRefused(answer["refused"])
+        return answer
 
     # ------------------------------------------------------------------ what it says
 
@@ -181,6 +181,8 @@ class WalkNews:
             columns = dict(zip(names, rows.T, strict=True))
             for name in (f"{side}_phase" for side in self._layout.legs):
                 columns[name] = self._phases[columns[name].astype(int)]
+            if news["first"] == 0:
+                self._blocks.clear()  # a new walk
             block = Block(news["first"], news["tick"], columns, news["tripped"])
             self._blocks.append(block)
             self.on_block(block)
@@ -203,11 +205,3 @@ class WalkNews:
     def blocks(self) -> list[Block]:
         """The walk since the last call, in order; of a long time the last eight seconds."""
         return [self._blocks.popleft() for _ in range(len(self._blocks))]
-
-
-def answered(coming: Future[Answer]) -> Answer:
-    """Wait for an answer of the process, with the errors of :meth:`WalkNews.ask`."""
-    answer = coming.result()
-    if answer["refused"]:
-        raise MessageRefused(answer["refused"])
-    return answer

@@ -22,8 +22,8 @@ from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
 from twin_gait.live.forecast import Place, errors_of, foresee
-from twin_gait.live.journal import complete, summary_of
-from twin_gait.live.news import EventBook, WalkNews, answered
+from twin_gait.live.journal import complete
+from twin_gait.live.news import EventBook, WalkNews
 from twin_gait.live.protocol import DoAction, Message, MessageRefused, SetControl, State, Value, one_line
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.settings import Settings, loop_numbers
@@ -48,8 +48,7 @@ class LiveSession:
         panel: The controls that there are.
         settings: In force.
         controls: Of the panel with the present values.
-        folders: Run folders that have been written, at the end.
-        summary: Of the last walk, at the end; empty if it could not be written.
+        summaries: Of the walks by their run folders, which have been written, at the end.
         failure: Why a run folder could not be written; empty if it could.
     """
 
@@ -74,7 +73,7 @@ class LiveSession:
         has to be compiled first, which takes 10 to 20 s.
         """
         self.folder = Path(folder).expanduser().absolute()
-        self.folders, self.summary, self.failure = list[Path](), dict[str, Any](), ""
+        self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
         self._loaded, self.user, self._records = loaded, user, records
         self._force, self._pictures, self._can = force, pictures, can
         self._link: CanLink | None = None
@@ -115,7 +114,7 @@ class LiveSession:
                 self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
                 self.news.on_block = self._link.take
             setup = {"document": document, "folder": str(self.folder), "force": self._force}
-            answered(self.news.start(setup))
+            self.news.start(setup)
             self._worker.submit(self._prepare).add_done_callback(Future.result)
             if self._records is not None:
                 self.book.recorder = SessionRecorder(
@@ -135,16 +134,20 @@ class LiveSession:
         self._close_processes()
         try:
             if (journal := journal_of(self.folder)).exists():
-                self.folders = complete(journal, pictures=self._pictures)
+                self.summaries = complete(journal, pictures=self._pictures)
         except RunDirectoryError as error:
             self.failure = one_line(error)
             self.book.emit("note", f"the run folder could not be written: {self.failure}")
-        for folder in self.folders:
-            self.summary = summary_of(folder)
+        for folder in self.summaries:
             self.book.emit("note", f"the run is in {folder}")
         if self.book.recorder is not None:
-            self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.folders)
+            self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.summaries)
             self.book.recorder = None
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Of the last walk, at the end; empty if it could not be written."""
+        return next(reversed(self.summaries.values()), {})
 
     # ------------------------------------------------------------------ what pages ask for
 
@@ -235,8 +238,5 @@ class LiveSession:
 def _told(subject: str, before: Value | None, value: Value | None) -> str:
     if subject == EVERYTHING:
         return "everything as it began"
-    return f"{subject}: {_shown(before)} → {_shown(value)}"
-
-
-def _shown(value: Value | None) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value).lower() if value is not None else "?"
+    shown = (f"{item:.4g}" if isinstance(item, float) else str(item) for item in (before, value))
+    return f"{subject}: {' → '.join(shown)}"
