@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from concurrent.futures import Future
+from contextlib import closing
 from types import SimpleNamespace
 
 import can
@@ -340,7 +341,8 @@ def walked(tmp_path_factory):
     listener = threading.Thread(target=listen)
     listener.start()
     loaded = load_experiment("bench_leg", ["duration_s=60"])
-    with LiveSession(loaded, folder, pictures=False, can="virtual:whole session") as session:
+    with closing(LiveSession(loaded, folder, pictures=False, can="virtual:whole session")) as session:
+        session.start()
 
         def until(name, response):
             end = time.monotonic() + 60.0

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -199,7 +200,8 @@ def test_the_loop_holds_the_last_rows_only_and_of_restarted_walks_nothing(proble
 def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded, tmp_path):
     database = tmp_path / "sessions"
     session = LiveSession(loaded, tmp_path / "run", user="Ann", records=database, pictures=False)
-    with session:
+    with closing(session):
+        session.start()
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         wait_for(lambda: session.news.frame["tick"] > changed.tick + MOST_LOST)
         os.kill(session.news.process.pid, signal.SIGKILL)

@@ -11,6 +11,7 @@ import sys
 import textwrap
 import time
 from collections import deque
+from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -601,7 +602,10 @@ def finished(tmp_path_factory):
     said = {}
     (folder / "run-2").mkdir()  # somebody else's
     (folder / "run-table-1.yaml").write_text(EARLIER)
-    with LiveSession(loaded, folder / "run", user="Ann", records=database, pictures=False) as session:
+    with closing(
+        LiveSession(loaded, folder / "run", user="Ann", records=database, pictures=False)
+    ) as session:
+        session.start()
         said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
         said["unsafe"] = say(session, kind="set", control="middle_stance.hip.gain", value=0.95)
@@ -734,7 +738,7 @@ def real_time_is_allowed():
     return True
 
 
-def test_nobody_reading_does_not_slow_the_loop_and_only_the_last_second_is_kept(tmp_path):
+def test_nobody_reading_does_not_slow_the_loop(tmp_path):
     with begin(tmp_path / "run") as process:
         walking = time.monotonic()
         time.sleep(2.5)  # the pipe is full after a tenth of a second
@@ -744,12 +748,10 @@ def test_nobody_reading_does_not_slow_the_loop_and_only_the_last_second_is_kept(
         messages = [json.loads(line) for line in process.stdout]
     frames = [item for item in messages if item["kind"] == "news"]
     ticks = [item["tick"] for item in frames]
-    assert np.diff(ticks).max() > 1000  # what nobody read was left out
-    assert frames[-1]["status"] == "ended"
+    assert np.diff(ticks).max() == BLOCK_TICKS and frames[-1]["status"] == "ended"
     lost = frames[-1]["deadlines"]["lost_s"]
-    assert ticks[-1] * 1e-3 + lost == pytest.approx(
-        asleep, abs=0.3
-    )  # time did not stand still for the reader
+    # Time did not stand still for the reader.
+    assert ticks[-1] * 1e-3 + lost == pytest.approx(asleep, abs=0.3)
     assert [item["serial"] for item in messages if item["kind"] == "answer"] == [2]
     assert list(complete(journal_of(tmp_path / "run"))) == [tmp_path / "run"]
 

@@ -16,7 +16,7 @@ from typing import Any
 from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
-from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import private_files
 from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
@@ -126,9 +126,6 @@ def walk_live(arguments: argparse.Namespace) -> int:
     options.check_port(arguments.port)
     if arguments.can is not None and live.can_link.leaves_machine(arguments.can):
         print(f"{arguments.can}: set points go out; no board that obeys them may hang on it", file=sys.stderr)
-    longest = live.protocol.LONGEST_NAME
-    if len(arguments.user) > longest or not arguments.user.isprintable():
-        raise ParameterError(f"--user: expected at most {longest} printable characters")
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
     with private_files():
         session = live.session.LiveSession(

@@ -144,10 +144,6 @@ class Panel:
         rows = build_problem(settings.experiment).phase_rows  # with damping ratios resolved
         return shown | {name: float(rows[place]) for name, place in self._dampings.items()}
 
-    def value_of(self, settings: Settings, name: str) -> Value | None:
-        """Value of a control; None if there is none of the name."""
-        return next((item.value for item in self.controls(settings) if item.name == name), None)
-
     def _own_bindings(self) -> Iterator[Binding]:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
         experiment = self.preset.experiment

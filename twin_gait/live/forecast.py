@@ -1,12 +1,10 @@
 """What is said of a change before it is applied: by the rules of ``twin-gait check``, and by a look ahead.
 
 For that the present moment of the walk is run ahead, outside of its process. The numbers of the change fade
-in as they would in the walk, which knows nothing of it; it is run on for ``LEAST`` ticks and as much longer
-as ``BUDGET`` allows.
+in as they would in the walk, which knows nothing of it.
 """
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,9 +24,7 @@ from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import Outcome
 
-HORIZON = 20_000  # ticks that are looked ahead at most
-LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
-BUDGET = 0.15  # [s] of computing after which the look ahead ends where it is
+HORIZON = 10_000  # ticks that are looked ahead: five strides; a change that fells does so by then
 HELD_TICKS = 2_000  # ticks of a hold that are looked at: a wearer who falls in it has fallen by then
 PIECE_TICKS = 250  # that are run at a time
 ENDINGS = {EventKind.TRIP: "trips", EventKind.FALL: "falls", EventKind.DIVERGENCE: "diverges"}
@@ -66,17 +62,11 @@ class Forecast:
     saturated_share: float
 
 
-def foresee(
-    run: SteppedRun,
-    moment: Mapping[str, Any],
-    settings: Settings,
-    *,
-    now: Callable[[], float] = time.perf_counter,
-) -> Forecast:
+def foresee(run: SteppedRun, moment: Mapping[str, Any], settings: Settings) -> Forecast:
     """Run a moment ahead with other settings.
 
-    ``run`` of the same experiment; what it did before is forgotten; ``moment`` of another one; ``now``: time
-    in [s], for the budget. Returns the forecast; of a walk that is over, that of a new start.
+    ``run`` of the same experiment; what it did before is forgotten; ``moment`` of another one. Returns the
+    forecast; of a walk that is over, that of a new start.
     """
     run.go_on_from(moment)
     over = run.trip is not None or run.status is not RunStatus.COMPLETED
@@ -84,7 +74,10 @@ def foresee(
     if over:
         run.restart()
     first = run.tick
-    _run_ahead(run, now)
+    while run.status is RunStatus.COMPLETED and run.tick - first < HORIZON:
+        if run.trip is not None and run.tick - run.trip.tick >= HELD_TICKS:
+            break
+        run.advance(PIECE_TICKS)
     switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
     # Whatever tripped: the legs are looked at to the end.
     walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
@@ -102,15 +95,6 @@ def foresee(
         rmse_deg={joint: finite_or_none(value) for joint, value in off.items()},
         saturated_share=max(item["saturated_share"] for side in sides for item in side["joints"].values()),
     )
-
-
-def _run_ahead(run: SteppedRun, now: Callable[[], float]) -> None:
-    first, until = run.tick, now() + BUDGET
-    while run.status is RunStatus.COMPLETED and (done := run.tick - first) < HORIZON:
-        held = run.trip is not None and run.tick - run.trip.tick >= HELD_TICKS
-        if held or (done >= LEAST and now() > until):
-            return
-        run.advance(PIECE_TICKS)
 
 
 def _told(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[str, bool]:

@@ -69,34 +69,32 @@ _SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
 
 
 def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
-    """Put pieces together: one piece for every walk of which there is a tick."""
-    own: list[Piece] = []
+    """Put pieces together: one piece for every walk of which there is a tick.
+
+    One that nothing has ended before its time is marked as interrupted, with the reason.
+    """
+    walks: list[list[Piece]] = [[]]
     for piece in pieces:
-        own.append(piece)
+        walks[-1].append(piece)
         if piece.over:
-            yield from _walk_of(own, longest)
-            own = []
-    yield from _walk_of(own, longest)
-
-
-def _walk_of(pieces: Sequence[Piece], longest: int) -> Iterator[Piece]:
-    """One that nothing has ended before its time is marked as interrupted, with the reason."""
-    ticks = sum(len(piece.rows) for piece in pieces)
-    if ticks == 0:
-        return
-    last = pieces[-1]
-    status, reason = last.status, last.reason
-    if status is RunStatus.COMPLETED and ticks < longest:
-        how = "stopped at" if last.over else "the process of the walk died; it is kept up to"
-        status, reason = RunStatus.INTERRUPTED, f"{how} {ticks * TICK:.3f} s"
-    yield replace(
-        last,
-        rows=np.concatenate([piece.rows for piece in pieces]),
-        switches=tuple(item for piece in pieces for item in piece.switches),
-        changes=tuple(item for piece in pieces for item in piece.changes),
-        status=status,
-        reason=reason,
-    )
+            walks.append([])
+    for walk in walks:
+        ticks = sum(len(piece.rows) for piece in walk)
+        if ticks == 0:
+            continue
+        last = walk[-1]
+        status, reason = last.status, last.reason
+        if status is RunStatus.COMPLETED and ticks < longest:
+            how = "stopped at" if last.over else "the process of the walk died; it is kept up to"
+            status, reason = RunStatus.INTERRUPTED, f"{how} {ticks * TICK:.3f} s"
+        yield replace(
+            last,
+            rows=np.concatenate([piece.rows for piece in walk]),
+            switches=tuple(item for piece in walk for item in piece.switches),
+            changes=tuple(item for piece in walk for item in piece.changes),
+            status=status,
+            reason=reason,
+        )
 
 
 @contextlib.contextmanager

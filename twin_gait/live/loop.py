@@ -33,38 +33,35 @@ Command = Mapping[str, Any]
 class BlockClock:
     """When the next block is to begin, and how late the blocks so far were finished.
 
-    Block n of a stretch without a pause begins n periods after its start and is to be finished one period
-    later. The caller asks the time; nothing here does.
+    A block is to be finished a period after its time, when that of the next begins. The caller asks the time;
+    nothing here does.
     """
 
     def __init__(self) -> None:
         """Begin without any block."""
         self.statistics = DeadlineStatistics()  # of all blocks so far
-        self._start: float | None = None
-        self._number = 0
+        self._due: float | None = None  # time of the next block; None for as soon as it is waited for
 
     def wait(self, now: float) -> float:
         """Time until the next block may begin.
 
         ``now``: present time in [s]. Returns time in [s]; 0 if the block is due. A loop that is more than
-        ``CATCH_UP`` behind begins a new stretch; the time that it gives up is counted as lost, and the blocks
+        ``CATCH_UP`` behind goes on from now; the time that it gives up is counted as lost, and the blocks
         that belonged there as late.
         """
-        if self._start is None:
-            self._start, self._number = now, 0
-        behind = now - (self._start + self._number * PERIOD)
+        behind = 0.0 if self._due is None else now - self._due
         if behind > CATCH_UP:
             self.statistics.lost_s += behind
-            self._start, self._number = now, 0
             self._count(behind, round(behind / PERIOD))
-            return 0.0
-        return max(0.0, -behind)
+        if self._due is None or behind > CATCH_UP:
+            self._due = now
+        return max(0.0, self._due - now)
 
     def finished(self, now: float) -> None:
         """Count a block. ``now``: time in [s] at which it was finished."""
-        assert self._start is not None  # a block is waited for before it is finished
-        self._number += 1
-        self._count(max(0.0, now - (self._start + self._number * PERIOD)), 1)
+        assert self._due is not None  # a block is waited for before it is finished
+        self._due += PERIOD
+        self._count(max(0.0, now - self._due), 1)
 
     def _count(self, lateness: float, blocks: int) -> None:
         counted = self.statistics
@@ -73,8 +70,8 @@ class BlockClock:
         counted.worst_ms = max(counted.worst_ms, 1e3 * lateness)
 
     def pause(self) -> None:
-        """Let the next block begin a new stretch: time until then is nobody's loss."""
-        self._start = None
+        """Let the next block begin whenever it is waited for: time until then is nobody's loss."""
+        self._due = None
 
 
 @dataclass(kw_only=True)

@@ -30,38 +30,29 @@ from twin_gait.simulation.problem import build_problem
 
 SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
 REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
-MOST_NEWS = 100  # kept for who does not read: a second
 
 
 class Sender:
-    """Writes messages in a thread of its own: the loop never waits for a pipe.
-
-    All messages are kept in order, but for news, of which those of a second are.
-    """
+    """Writes messages in a thread of its own: the loop never waits for a pipe."""
 
     def __init__(self, stream: IO[str]) -> None:
         """Begin with nothing to write."""
-        self._stream, self._called = stream, False
-        self._answers, self._news = deque[Mapping[str, Any]](), deque[Mapping[str, Any]](maxlen=MOST_NEWS)
+        self._stream = stream
         self._thread = ThreadPoolExecutor(1, "sender")
 
     def send(self, message: Mapping[str, Any]) -> None:
         """Take a message; returns at once."""
-        (self._news if message["kind"] == "news" else self._answers).append(message)
-        if not self._called:
-            self._called = True
-            self._thread.submit(self._write).add_done_callback(Future.result)  # prints what is not expected
+        self._thread.submit(self._write, message).add_done_callback(
+            Future.result
+        )  # prints what is unexpected
 
     def close(self) -> None:
         """Write what is left, as far as anybody reads it."""
         self._thread.shutdown()
 
-    def _write(self) -> None:
-        self._called = False
+    def _write(self, message: Mapping[str, Any]) -> None:
         with contextlib.suppress(OSError, ValueError):  # the reader has gone
-            for messages in (self._answers, self._news):
-                while messages:
-                    self._stream.write(dump(messages.popleft()) + "\n")
+            self._stream.write(dump(message) + "\n")
             self._stream.flush()
 
 

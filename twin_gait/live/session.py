@@ -38,7 +38,7 @@ CHECKED = ("revert", "save")
 class LiveSession:
     """One live session; all methods may be called from any thread and none waits for the walk.
 
-    Use it as a context manager: leaving it ends the walk and writes its run folder.
+    :meth:`close` it whatever happens: that ends the walk and writes its run folder.
 
     Attributes:
         folder: Run folder of the first walk.
@@ -88,15 +88,6 @@ class LiveSession:
 
     # ------------------------------------------------------------------ beginning and end
 
-    def __enter__(self) -> LiveSession:
-        """Start."""
-        self.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """End."""
-        self.close()
-
     def start(self) -> None:
         """Start the process and wait until it walks.
 
@@ -108,30 +99,23 @@ class LiveSession:
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self._force)
         document, name = self._loaded.document, self._loaded.experiment.name
-        with contextlib.ExitStack() as undo:
-            undo.callback(self._close_processes)
-            if self._can is not None:
-                self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
-                self.news.on_block = self._link.take
-            setup = {"document": document, "folder": str(self.folder), "force": self._force}
-            self.news.start(setup)
-            self._worker.submit(self._prepare).add_done_callback(Future.result)
-            if self._records is not None:
-                self.book.recorder = SessionRecorder(
-                    self._records, user=self.user, experiment=name, document=document, folder=self.folder
-                )
-            undo.pop_all()
+        if self._can is not None:
+            self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
+            self.news.on_block = self._link.take
+        self.news.start({"document": document, "folder": str(self.folder), "force": self._force})
+        self._worker.submit(self._prepare).add_done_callback(Future.result)
+        if self._records is not None:
+            self.book.recorder = SessionRecorder(
+                self._records, user=self.user, experiment=name, document=document, folder=self.folder
+            )
 
-    def _close_processes(self) -> None:
+    def close(self) -> None:
+        """End the walk, write the run folders, and close the record."""
         if self._link is not None:
             self._link.close()
         self.news.close()
         for worker in (self._worker, self._hands):
             worker.shutdown(cancel_futures=True)
-
-    def close(self) -> None:
-        """End the walk, write the run folders, and close the record."""
-        self._close_processes()
         try:
             if (journal := journal_of(self.folder)).exists():
                 self.summaries = complete(journal, pictures=self._pictures)
@@ -176,11 +160,11 @@ class LiveSession:
         try:
             if isinstance(message, SetControl):
                 settings = self.panel.set(self.settings, message.control, message.value)
-                self._turn(message, settings, message.control, message.value)
+                self._turn(message, settings, message.control)
             elif message.action == "revert":
                 name = str(values_of(self._actions, message)["control"])
                 settings = self.panel.revert(self.settings, name)
-                self._turn(message, settings, name, self.panel.value_of(settings, name))
+                self._turn(message, settings, name)
             elif message.action == "save":
                 self._save(message)
             else:
@@ -193,9 +177,13 @@ class LiveSession:
         self._known = errors_of(self.settings)
         self._ahead = SteppedRun(self.panel.problem)
 
-    def _turn(self, message: Message, settings: Settings, name: str, value: Value | None) -> None:
+    def _turn(self, message: Message, settings: Settings, name: str) -> None:
         """Hold new settings to the rules, and hand them to the walk, or only foresee what they would do."""
-        before, known = self.panel.value_of(self.settings, name), self._known
+        controls, known = self.panel.controls(settings), self._known
+        before, value = (
+            next((item.value for item in shown if item.name == name), None)
+            for shown in (self.controls, controls)
+        )
         text, change = _told(name, before, value), {"subject": name, "before": before, "value": value}
         if settings.driving != self.settings.driving:
             known = errors_of(settings)
@@ -212,7 +200,7 @@ class LiveSession:
         tick = self.news.ask({"command": "settings", "numbers": numbers, "note": note})["tick"]
         if settings.table != self.settings.table and self.book.recorder is not None:
             self.book.recorder.table(table_document(settings.table), tick)
-        self.settings, self._known, self.controls = settings, known, self.panel.controls(settings)
+        self.settings, self._known, self.controls = settings, known, controls
         self.book.answer(message, "applied", text, tick=tick, **change)
 
     def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
