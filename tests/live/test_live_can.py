@@ -341,7 +341,9 @@ def walked(tmp_path_factory):
     listener = threading.Thread(target=listen)
     listener.start()
     loaded = load_experiment("bench_leg", ["duration_s=60"])
-    with closing(LiveSession(loaded, folder, pictures=False, can="virtual:whole session")) as session:
+    with closing(
+        LiveSession(loaded=loaded, folder=folder, pictures=False, can="virtual:whole session")
+    ) as session:
         session.start()
 
         def until(name, response):

@@ -109,7 +109,7 @@ def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_f
 @pytest.mark.slow
 def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(tmp_path):
     loaded = load_experiment("treadmill", ["duration_s=60"])
-    with closing(LiveSession(loaded, tmp_path / "run", pictures=False)) as session:
+    with closing(LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False)) as session:
         session.start()
         name, value = FALLS[0]
         wait_for(lambda: session.news.frame)

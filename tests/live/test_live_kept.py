@@ -199,7 +199,9 @@ def test_the_loop_holds_the_last_rows_only_and_of_restarted_walks_nothing(proble
 @pytest.mark.slow
 def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded, tmp_path):
     database = tmp_path / "sessions"
-    session = LiveSession(loaded, tmp_path / "run", user="Ann", records=database, pictures=False)
+    session = LiveSession(
+        loaded=loaded, folder=tmp_path / "run", user="Ann", records=database, pictures=False
+    )
     with closing(session):
         session.start()
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
@@ -254,7 +256,7 @@ PARENT = """
     from twin_gait.live.session import LiveSession
 
     loaded = load_experiment("bench_leg", ["duration_s=60"])
-    session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
+    session = LiveSession(loaded=loaded, folder=Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
     session.start()
     print(session.news.process.pid, flush=True)
     serial = 0
@@ -314,5 +316,5 @@ def test_a_walk_that_was_killed_is_completed_by_name(loaded, problem, tmp_path, 
 def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded, problem, tmp_path):
     written(loaded, problem, tmp_path / "run")
     with pytest.raises(RunDirectoryError, match="exists"):
-        LiveSession(loaded, tmp_path / "run", pictures=False).start()
+        LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False).start()
     assert read_run(tmp_path / "run").summary["duration_s"] == pytest.approx(1.4)

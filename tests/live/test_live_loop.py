@@ -73,9 +73,9 @@ def test_messages_are_read_as_they_were_meant():
         ("", "expected JSON"),
         ("[" * 3000, "expected JSON"),
         (b"\x81\xa4kind", "expected JSON"),
-        ("[]", "expected an object"),
-        ('"set"', "expected an object"),
-        ('{"kind": "get", "id": "1"}', "message: expected an object of kind set, try or do, got"),
+        ("[]", "expected keys and values"),
+        ('"set"', "expected keys and values"),
+        ('{"kind": "get", "id": "1"}', "kind: input should be 'set' or 'try', got 'get'"),
         ('{"kind": "set", "id": "", "control": "a", "value": 1}', "id: expected a text of 1 to 64"),
         ('{"kind": "set", "id": 1, "control": "a", "value": 1}', "id: expected a text"),
         ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', "control: expected a text"),
@@ -603,7 +603,7 @@ def finished(tmp_path_factory):
     (folder / "run-2").mkdir()  # somebody else's
     (folder / "run-table-1.yaml").write_text(EARLIER)
     with closing(
-        LiveSession(loaded, folder / "run", user="Ann", records=database, pictures=False)
+        LiveSession(loaded=loaded, folder=folder / "run", user="Ann", records=database, pictures=False)
     ) as session:
         session.start()
         said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
@@ -776,7 +776,8 @@ PARENT = """
     from twin_gait.configuration import load_experiment
     from twin_gait.live.session import LiveSession
 
-    session = LiveSession(load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1]), pictures=False)
+    loaded, folder = load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1])
+    session = LiveSession(loaded=loaded, folder=folder, pictures=False)
     session.start()
     print(session.news.process.pid, flush=True)
     time.sleep(60)
@@ -808,7 +809,7 @@ def gone(pid):
 def test_a_set_up_that_cannot_be_used_is_told_in_one_line(tmp_path):
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     broken = replace(loaded, document={**loaded.document, "duration_s": -1})
-    session = LiveSession(broken, tmp_path / "run", pictures=False)
+    session = LiveSession(loaded=broken, folder=tmp_path / "run", pictures=False)
     with pytest.raises(MessageRefused, match=r"duration"):
         session.start()
     session.close()

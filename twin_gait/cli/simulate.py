@@ -129,8 +129,8 @@ def walk_live(arguments: argparse.Namespace) -> int:
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
     with private_files():
         session = live.session.LiveSession(
-            loaded,
-            arguments.out or default_folder(f"{loaded.experiment.name}-live"),
+            loaded=loaded,
+            folder=arguments.out or default_folder(f"{loaded.experiment.name}-live"),
             user=arguments.user,
             force=arguments.force,
             pictures=not arguments.no_pictures,

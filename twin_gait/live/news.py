@@ -188,7 +188,7 @@ class WalkNews:
             self.on_block(block)
         before, self._book.tick, self.status = self.status, max(news["tick"] - 1, 0), news["status"]
         self.frame = {**news, "tick": self._book.tick}
-        if self.status != before and self.status in _ENDINGS and before not in ("starting", "ended"):
+        if self.status != before and self.status in _ENDINGS:
             told = [event["text"] for event in news["events"]]
             self._book.emit("note", "; ".join([*told, f"{self.status}: start again to walk"]))
 

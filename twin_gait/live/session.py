@@ -11,7 +11,7 @@ import contextlib
 import itertools
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,14 +35,14 @@ from twin_gait.runs.record import RUN_DIRECTORY
 CHECKED = ("revert", "save")
 
 
+@dataclass(kw_only=True, eq=False)
 class LiveSession:
     """One live session; all methods may be called from any thread and none waits for the walk.
 
-    :meth:`close` it whatever happens: that ends the walk and writes its run folder.
+    :meth:`start` starts the process of the walk. :meth:`close` it whatever happens: that ends the walk and
+    writes its run folder.
 
     Attributes:
-        folder: Run folder of the first walk.
-        user: Whose session it is.
         book: Events of the session.
         news: The process of the walk, and what is known of its walks.
         panel: The controls that there are.
@@ -52,38 +52,28 @@ class LiveSession:
         failure: Why a run folder could not be written; empty if it could.
     """
 
-    def __init__(
-        self,
-        loaded: LoadedExperiment,
-        folder: Path,
-        *,
-        user: str = "",
-        force: bool = False,
-        pictures: bool = True,
-        records: Path | None = None,
-        can: str | None = None,
-        on_compile: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Prepare the session; :meth:`start` starts the process.
+    loaded: LoadedExperiment  # its duration is the longest time of a walk
+    folder: Path  # run folder of the first walk
+    user: str = ""  # whose session it is
+    force: bool = False  # whether an existing run folder may be replaced
+    pictures: bool = True  # whether to draw figures and animation at the end
+    records: Path | None = None  # folder of the record of sessions, or None to keep no record
+    can: str | None = None  # bus that the walk is put on, as open_bus takes it; None for none
+    # called if the walk has to be compiled first, which takes 10 to 20 s
+    on_compile: Callable[[], None] = lambda: None
 
-        ``loaded``: experiment; its duration is the longest time of a walk; ``force``: whether an existing run
-        folder may be replaced; ``pictures``: whether to draw figures and animation at the end; ``records``:
-        folder of the record of sessions, or None to keep no record; ``can``: bus that the walk is put on, as
-        :func:`~twin_gait.live.can_link.open_bus` takes it; None for none; ``on_compile``: called if the walk
-        has to be compiled first, which takes 10 to 20 s.
-        """
-        self.folder = Path(folder).expanduser().absolute()
+    def __post_init__(self) -> None:
+        """Prepare the session."""
+        self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
-        self._loaded, self.user, self._records = loaded, user, records
-        self._force, self._pictures, self._can = force, pictures, can
         self._link: CanLink | None = None
         self.book = EventBook()
-        self.panel = Panel(loaded.experiment)
+        self.panel = Panel(self.loaded.experiment)
         self.settings: Settings = self.panel.preset
         self.controls = self.panel.controls(self.settings)
         self._known: Mapping[Place, str] = {}
         self._actions = tuple(action_specs(self.panel.problem))
-        self.news = WalkNews(self.book, self.panel.problem, on_compile=on_compile)
+        self.news = WalkNews(self.book, self.panel.problem, on_compile=self.on_compile)
         self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ beginning and end
@@ -97,16 +87,16 @@ class LiveSession:
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
-        check_target(self.folder, RUN_DIRECTORY, force=self._force)
-        document, name = self._loaded.document, self._loaded.experiment.name
-        if self._can is not None:
-            self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
+        check_target(self.folder, RUN_DIRECTORY, force=self.force)
+        document, name = self.loaded.document, self.loaded.experiment.name
+        if self.can is not None:
+            self._link = CanLink(self.can, self.panel.problem, book=self.book, submit=self.submit)
             self.news.on_block = self._link.take
-        self.news.start({"document": document, "folder": str(self.folder), "force": self._force})
+        self.news.start({"document": document, "folder": str(self.folder), "force": self.force})
         self._worker.submit(self._prepare).add_done_callback(Future.result)
-        if self._records is not None:
+        if self.records is not None:
             self.book.recorder = SessionRecorder(
-                self._records, user=self.user, experiment=name, document=document, folder=self.folder
+                self.records, user=self.user, experiment=name, document=document, folder=self.folder
             )
 
     def close(self) -> None:
@@ -118,7 +108,7 @@ class LiveSession:
             worker.shutdown(cancel_futures=True)
         try:
             if (journal := journal_of(self.folder)).exists():
-                self.summaries = complete(journal, pictures=self._pictures)
+                self.summaries = complete(journal, pictures=self.pictures)
         except RunDirectoryError as error:
             self.failure = one_line(error)
             self.book.emit("note", f"the run folder could not be written: {self.failure}")
@@ -150,7 +140,7 @@ class LiveSession:
         """The panel with its present values."""
         table = self.panel.problem.table
         return State(
-            experiment=self._loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
+            experiment=self.loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
             controls=self.controls, actions=self._actions,
         )  # fmt: skip
 
@@ -179,17 +169,14 @@ class LiveSession:
 
     def _turn(self, message: Message, settings: Settings, name: str) -> None:
         """Hold new settings to the rules, and hand them to the walk, or only foresee what they would do."""
-        controls, known = self.panel.controls(settings), self._known
+        controls, known = self.panel.controls(settings), errors_of(settings)
         before, value = (
-            next((item.value for item in shown if item.name == name), None)
-            for shown in (self.controls, controls)
+            {item.name: item.value for item in shown}.get(name) for shown in (self.controls, controls)
         )
         text, change = _told(name, before, value), {"subject": name, "before": before, "value": value}
-        if settings.driving != self.settings.driving:
-            known = errors_of(settings)
-            for place, error in known.items():
-                if place not in self._known:
-                    raise MessageRefused(error)
+        for place, error in known.items():
+            if place not in self._known:
+                raise MessageRefused(error)
         if message.kind == "try":
             now = self.news.ask({"command": "moment"})
             found = foresee(self._ahead, now["moment"], settings)
