@@ -112,7 +112,7 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
     with closing(LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False)) as session:
         session.start()
         name, value = FALLS[0]
-        wait_for(lambda: session.news.frame)
+        wait_for(lambda: session.news.frame["tick"])
         told = say(session, kind="try", control=name, value=value)
         assert told.response == "forecast" and told.forecast["bad"] and told.subject == name
         assert told.forecast["text"] in told.text

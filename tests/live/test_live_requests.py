@@ -91,9 +91,7 @@ def test_an_unknown_request_is_never_heard(run):
 def test_the_loop_answers_a_page_at_once_and_the_block_is_the_rest_of_ten_ticks(run):
     run.restart()
     sent, clock = [], iter(np.arange(0.0, 100.0, 0.005).tolist())
-    commands = [
-        {"command": "request", "request": name, "serial": number} for number, name in enumerate(NAMES)
-    ]
+    commands = [{"command": "request", "request": name} for name in NAMES]
     loop = LiveLoop(
         run=run,
         now=lambda: next(clock),
@@ -104,7 +102,7 @@ def test_the_loop_answers_a_page_at_once_and_the_block_is_the_rest_of_ten_ticks(
         longest=100,
     )
     loop.walk()
-    answers = {item["serial"]: item for item in sent if item["kind"] == "answer"}
+    answers = [item for item in sent if item["kind"] == "answer"]
     assert answers[0]["tick"] == 0
     assert [item["tick"] for item in sent if item["kind"] == "news"][:2] == [10, 20]
     assert answers[0]["text"] == "walk: standing → walk_manual" and not answers[0]["refused"]

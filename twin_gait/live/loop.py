@@ -174,7 +174,7 @@ class LiveLoop:
     def _take_commands(self) -> None:
         """Obey what has come and answer it; what was obeyed is noted among the changes of the walk."""
         while (command := self.commands()) is not None:
-            answer = {"kind": "answer", "serial": command.get("serial", 0), "refused": "", "text": ""}
+            answer: dict[str, Any] = {"kind": "answer", "refused": "", "text": ""}
             try:
                 answer |= self._obey(command)
             except TwinGaitError as error:

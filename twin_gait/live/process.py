@@ -81,7 +81,7 @@ def main() -> None:
     os.dup2(2, 1)  # whatever else is printed must not run into the messages
     try:
         setup = json.loads(sys.stdin.readline())
-        answer = {"kind": "answer", "serial": setup["serial"], "refused": ""}
+        answer = {"kind": "answer", "refused": ""}
         try:
             loop, journal = _laid_out(setup, sender)
         except TwinGaitError as error:
