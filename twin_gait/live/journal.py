@@ -1,8 +1,8 @@
 """Live walks in pieces, their journal, a stream of Arrow batches, and the run folders that become of it.
 
-The loop keeps nothing of a walk but its last rows. Every half second it hands over a piece that is complete
+The loop keeps nothing of a walk but its last rows. After every block it hands over a piece that is complete
 in itself (rows, switches, changes, how the walk stands), so that the pieces up to any moment are the walk up
-to it. Each is appended as one batch: the rows of the log as columns, the rest as the batch's own metadata.
+to it. Those of half a second are one batch: the rows of the log as columns, the rest as its own metadata.
 The set-up stands in the schema, so that the file is all that is needed to make the run folders, whoever
 is left to do so; a batch that a kill has cut short is left out. Whoever writes or completes a journal holds a
 lock on it, which the system takes back from the dead.
@@ -41,6 +41,7 @@ from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import run_of
 from twin_gait.worlds.faults import Fault
 
+BATCH_TICKS = 500  # in a batch: a kill loses no more than this and what waits to be written
 CHANGES_FILE = "live_changes.csv"
 CHANGE_COLUMNS = ("tick", "time_s", "user", "subject", "before", "value", "text")
 # Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
@@ -68,33 +69,33 @@ _PIECE = TypeAdapter(Piece)
 _SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
 
 
+def joined(pieces: Sequence[Piece]) -> Piece:
+    """Several pieces as one."""
+    return replace(
+        pieces[-1],
+        rows=np.concatenate([piece.rows for piece in pieces]),
+        switches=tuple(item for piece in pieces for item in piece.switches),
+        changes=tuple(item for piece in pieces for item in piece.changes),
+    )
+
+
 def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
     """Put pieces together: one piece for every walk of which there is a tick.
 
     One that nothing has ended before its time is marked as interrupted, with the reason.
     """
-    walks: list[list[Piece]] = [[]]
+    parts: list[list[Piece]] = [[]]
     for piece in pieces:
-        walks[-1].append(piece)
+        parts[-1].append(piece)
         if piece.over:
-            walks.append([])
-    for walk in walks:
-        ticks = sum(len(piece.rows) for piece in walk)
-        if ticks == 0:
-            continue
-        last = walk[-1]
-        status, reason = last.status, last.reason
-        if status is RunStatus.COMPLETED and ticks < longest:
-            how = "stopped at" if last.over else "the process of the walk died; it is kept up to"
-            status, reason = RunStatus.INTERRUPTED, f"{how} {ticks * TICK:.3f} s"
-        yield replace(
-            last,
-            rows=np.concatenate([piece.rows for piece in walk]),
-            switches=tuple(item for piece in walk for item in piece.switches),
-            changes=tuple(item for piece in walk for item in piece.changes),
-            status=status,
-            reason=reason,
-        )
+            parts.append([])
+    for walk in (joined(part) for part in parts if part):
+        ticks = len(walk.rows)
+        if ticks and walk.status is RunStatus.COMPLETED and ticks < longest:
+            how = "stopped at" if walk.over else "the process of the walk died; it is kept up to"
+            yield replace(walk, status=RunStatus.INTERRUPTED, reason=f"{how} {ticks * TICK:.3f} s")
+        elif ticks:
+            yield walk
 
 
 @contextlib.contextmanager
@@ -140,6 +141,7 @@ class Journal:
         self._held.enter_context(locked(self.path))
         file = self._held.enter_context(pa.OSFile(str(self.path), "wb"))
         self._stream: Any = self._held.enter_context(pa.ipc.new_stream(file, schema, options=options))
+        self._waiting: list[Piece] = []
         self._thread = ThreadPoolExecutor(1, "journal")
 
     def keep(self, piece: Piece) -> None:
@@ -154,13 +156,20 @@ class Journal:
             self._held.close()
 
     def _write(self, piece: Piece) -> None:
-        """Write a piece; what cannot be written any more is told once, and the session goes on."""
+        """Write pieces if they are a batch, or the time stands still.
+
+        What cannot be written any more is told once, and the session goes on.
+        """
         if self._stream is None:
             return
+        self._waiting.append(piece)
+        if len(piece.rows) and not piece.over and sum(len(item.rows) for item in self._waiting) < BATCH_TICKS:
+            return
+        whole, self._waiting = joined(self._waiting), []
         try:
-            columns = [pa.array(column) for column in np.ascontiguousarray(piece.rows.T)]
+            columns = [pa.array(column) for column in np.ascontiguousarray(whole.rows.T)]
             batch = pa.RecordBatch.from_arrays(columns, names=self._columns)
-            news = _PIECE.dump_json(piece, exclude={"rows"})
+            news = _PIECE.dump_json(whole, exclude={"rows"})
             self._stream.write_batch(batch, custom_metadata={_NEWS: news})
         except (OSError, pa.ArrowException) as error:
             self._stream = None

@@ -25,7 +25,6 @@ BLOCK_TICKS = 10
 PERIOD = BLOCK_TICKS * TICK  # [s]
 LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
 CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
-PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
 
 Command = Mapping[str, Any]
 
@@ -83,7 +82,7 @@ class LiveLoop:
     sleep: Callable[[float], None]  # waits for a time in [s]
     commands: Callable[[], Command | None]  # gives the next command, or None; returns at once
     send: Callable[[Mapping[str, Any]], None]  # takes news or an answer; returns at once
-    keep: Callable[[Piece], None]  # takes the next piece of the walk, its last one marked; returns at once
+    keep: Callable[[Piece], None]  # takes what is new in the walk, its last piece marked; returns at once
     longest: int  # ticks of a walk
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
@@ -96,7 +95,7 @@ class LiveLoop:
     def _begin(self) -> None:
         """Begin a walk."""
         self._began = self.now()
-        self._kept = self._switches = self._told = 0  # ticks and switches handed over, ticks sent
+        self._told = self._switches = 0  # ticks and switches handed over
 
     # ------------------------------------------------------------------ the loop
 
@@ -110,11 +109,7 @@ class LiveLoop:
                 self.clock.pause()
                 self.sleep(PERIOD)
             self._ended = self._ended or self.run.tick >= self.longest
-            new = self.run.tick - self._kept
-            if new >= PIECE_TICKS or ((new or self._changes) and not self._moving):
-                self._keep_piece()
-        self._keep_piece(over=True)
-        self._send_news()
+        self._hand_over(over=True)
 
     @property
     def status(self) -> str:
@@ -142,29 +137,23 @@ class LiveLoop:
             return  # for commands that came meanwhile
         run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self.longest - run.tick))
         self.clock.finished(self.now())
-        self._send_news()
-        run.forget_rows(self._kept - 1)  # a look at the last row is always possible
+        self._hand_over()
+        run.forget_rows(self._told - 1)  # a look at the last row is always possible
 
-    # ------------------------------------------------------------------ what is handed over
-
-    def _keep_piece(self, *, over: bool = False) -> None:
-        run = self.run
+    def _hand_over(self, *, over: bool = False) -> None:
+        """Keep what is new in the walk, and send it with how the walk stands."""
+        run, first, trip = self.run, self._told, self.run.trip
         piece = Piece(
-            rows=run.rows(self._kept), switches=run.switches(self._switches), changes=tuple(self._changes),
-            faults=run.injected, status=run.status, reason=run.reason, trip=run.trip,
+            rows=run.rows(first), switches=run.switches(self._switches), changes=tuple(self._changes),
+            faults=run.injected, status=run.status, reason=run.reason, trip=trip,
             wall_s=self.now() - self._began, over=over,
         )  # fmt: skip
-        self._kept, self._changes = run.tick, []
+        self._told, self._changes = run.tick, []
         self._switches += len(piece.switches)
         self.keep(piece)
-
-    def _send_news(self) -> None:
-        """Send how the walk stands, and the rows of the log since the last time."""
-        run, first = self.run, self._told
-        self._told, trip = run.tick, run.trip
         self.send(
             {"kind": "news", "first": first, "tick": run.tick, "status": self.status,
-             "rows": base64.b64encode(np.ascontiguousarray(run.rows(first))).decode(),
+             "rows": base64.b64encode(np.ascontiguousarray(piece.rows)).decode(),
              "events": event_entries(run.events), "deadlines": asdict(self.clock.statistics),
              "tripped": "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"}
         )  # fmt: skip
@@ -185,7 +174,7 @@ class LiveLoop:
                 self._changes.append(note)
             self.send(answer)
             if not self._moving:  # else the next block tells how it stands
-                self._send_news()
+                self._hand_over()
 
     def _obey(self, command: Command) -> dict[str, Any]:
         """Obey a command; gives what its answer has to tell, in words as ``text``."""
@@ -235,7 +224,7 @@ class LiveLoop:
 
     def _restart(self) -> None:
         if self.run.tick > 0:
-            self._keep_piece(over=True)
+            self._hand_over(over=True)
         self.run.restart()
         self.paused = False
         self._begin()
