@@ -96,7 +96,7 @@ def test_a_frame_of_another_length_is_refused():
         ("vcan0", "expected INTERFACE:CHANNEL"),
         ("socketcan:", "expected INTERFACE:CHANNEL"),
         ("carrier_pigeon:can0", r"cannot be opened \(.*carrier_pigeon"),
-        ("udp_multicast:1.2.3.4", r"cannot be opened \(.*\); is the channel up\?"),
+        ("udp_multicast:1.2.3.4", r"cannot be opened \(.*\); .* of a channel that is up"),
         ("socketcan:no_such_can", "cannot be opened"),
     ],
 )
@@ -118,7 +118,8 @@ def test_the_command_refuses_a_wrong_bus_before_it_makes_a_folder(tmp_path, caps
     command = ["live", "bench_leg", "--no-browser", "--no-record", "--port", "0", "--out", str(out)]
     assert main([*command, "--can", name]) == 2
     said = capsys.readouterr().err
-    assert f"CAN bus {name!r}: expected INTERFACE:CHANNEL" in said and "set points" not in said
+    assert f"CAN bus {name!r}: cannot be opened" in said and "expected INTERFACE:CHANNEL" in said
+    assert "set points" not in said
     assert not list(tmp_path.iterdir())
 
 

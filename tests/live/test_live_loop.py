@@ -359,7 +359,8 @@ class Rig:
         self.time, self.sent, self.pieces, self.taken = 0.0, [], [[]], []
         self.longest = longest
         self.script = deque(sorted(script, key=lambda item: item[0]))
-        self.run = SteppedRun(problem)
+        shorter = replace(problem.experiment, duration=longest * 1e-3)
+        self.run = SteppedRun(replace(problem, experiment=shorter))
         self._working, advance = working, self.run.advance
 
         def working_advance(ticks):
@@ -374,7 +375,6 @@ class Rig:
             commands=self.next_command,
             send=self.sent.append,
             keep=self.keep,
-            longest=longest,
         )
 
     def keep(self, piece):

@@ -122,8 +122,6 @@ def walk_live(arguments: argparse.Namespace) -> int:
     from twin_gait.experiment import LONGEST_RUN
 
     options.check_port(arguments.port)
-    if arguments.can is not None and live.can_link.leaves_machine(arguments.can):
-        print(f"{arguments.can}: set points go out; no board that obeys them may hang on it", file=sys.stderr)
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
     # What a terminal that closes or a system that stops sends ends it in order, as Ctrl-C does.
     with private_files(), terminal.stop_on_interrupt(signal.SIGTERM, signal.SIGHUP) as should_stop:
@@ -150,6 +148,9 @@ async def _serve(
     page = live.page.LivePage(session, port=arguments.port)
     try:
         await asyncio.to_thread(session.start)
+        if arguments.can is not None and live.can_link.leaves_machine(arguments.can):
+            warning = "set points go out; no board that obeys them may hang on it"
+            print(f"{arguments.can}: {warning}", file=sys.stderr)
         view.announce(page.url, browser=not arguments.no_browser)
         while session.news.alive and not should_stop():
             page.update()

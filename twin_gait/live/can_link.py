@@ -75,25 +75,17 @@ def open_bus(name: str) -> can.BusABC:
         import can
     except ImportError as error:
         raise MissingOptionalDependency("python-can", "can", "a CAN bus") from error
-    interface, channel = _place_of(name)
+    interface, _, channel = name.partition(":")
     try:
         return can.Bus(channel, interface, **OPTIONS.get(interface, {}))
     except Exception as error:  # drivers raise what they like
-        reason = one_line(error)
-        raise ParameterError(f"CAN bus {name!r}: cannot be opened ({reason}); is the channel up?") from error
-
-
-def _place_of(name: str) -> tuple[str, str]:
-    interface, _, channel = name.partition(":")
-    if not interface or not channel:
-        example = "such as udp_multicast:239.74.163.2 or socketcan:vcan0"
-        raise ParameterError(f"CAN bus {name!r}: expected INTERFACE:CHANNEL, {example}")
-    return interface, channel
+        wanted = "expected INTERFACE:CHANNEL, such as udp_multicast:239.74.163.2, of a channel that is up"
+        raise ParameterError(f"CAN bus {name!r}: cannot be opened ({one_line(error)}); {wanted}") from error
 
 
 def leaves_machine(name: str) -> bool:
-    """Whether frames on a bus may reach other devices than this machine; raises as :func:`open_bus`."""
-    interface, channel = _place_of(name)
+    """Whether frames on a bus may reach other devices than this machine."""
+    interface, _, channel = name.partition(":")
     return interface not in ("virtual", "udp_multicast") and not channel.startswith("vcan")
 
 

@@ -59,18 +59,16 @@ def action_specs(problem: Problem) -> Iterator[ActionSpec]:
     feet = tuple(f"{side}_{FOOT}" for side in problem.sides if problem.experiment.scenario.grounded)
     requests = () if modes is None else tuple(modes.requests)
     kinds = tuple(map(str, FaultKind))
-    choices = {"joint": joints, "kind": kinds, "place": ("", *joints, *feet), "request": requests}
-    without = {"step"} if modes is not None else set()  # steps are the modes'
-    without |= set() if requests else {"request"}
+    offered = {"joint": joints, "kind": kinds, "place": ("", *joints, *feet), "request": requests}
+    own: dict[str, dict[str, Any]] = {"torque": {"least": -limit, "largest": limit}}
+    for name, choices in offered.items():
+        own[name] = {"choices": choices, "value": next(iter(choices), "")}
     for action, shown in _SHOWN["actions"].items():
-        if action not in without:
-            fields = []
-            for name, field in shown.get("fields", {}).items():
-                own: dict[str, Any] = {"least": -limit, "largest": limit} if name == "torque" else {}
-                if field["kind"] == "choice":
-                    own = {"choices": choices[name], "value": choices[name][0]}
-                fields.append(Control(name=name, **field, **own))
-            yield ActionSpec(action, shown["group"], shown["label"], shown["help"], tuple(fields))
+        if action == ("step" if requests else "request"):  # steps are the modes'
+            continue
+        given = shown.get("fields", {})
+        fields = tuple(Control(name=name, **field, **own.get(name, {})) for name, field in given.items())
+        yield ActionSpec(action=action, **{**shown, "fields": fields})
 
 
 class Quantity(NamedTuple):

@@ -83,11 +83,11 @@ class LiveLoop:
     commands: Callable[[], Command | None]  # gives the next command, or None; returns at once
     send: Callable[[Mapping[str, Any]], None]  # takes news or an answer; returns at once
     keep: Callable[[Piece], None]  # takes what is new in the walk, its last piece marked; returns at once
-    longest: int  # ticks of a walk
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
         """Begin with nothing handed over."""
+        self._longest = self.run.problem.experiment.n_ticks
         self._ended = self.paused = False
         self._changes: list[Mapping[str, Any]] = []  # that have not been handed over
         self._begin()
@@ -108,7 +108,7 @@ class LiveLoop:
             else:
                 self.clock.pause()
                 self.sleep(PERIOD)
-            self._ended = self._ended or self.run.tick >= self.longest
+            self._ended = self._ended or self.run.tick >= self._longest
         self._hand_over(over=True)
 
     @property
@@ -135,7 +135,7 @@ class LiveLoop:
         if wait > 0.0:
             self.sleep(wait)
             return  # for commands that came meanwhile
-        run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self.longest - run.tick))
+        run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self._longest - run.tick))
         self.clock.finished(self.now())
         self._hand_over()
         run.forget_rows(self._told - 1)  # a look at the last row is always possible
@@ -209,8 +209,7 @@ class LiveLoop:
                 return {"text": f"fault {command['fault'].partition('@')[0]}"}
             case "step":
                 if not run.waiting():
-                    way_out = "switch steps by hand on, and wait for the status"
-                    raise ParameterError(f"step: no leg waits for one; {way_out}")
+                    raise ParameterError("step: no leg waits for one; switch steps by hand on, and wait")
                 run.release()
         return {"text": name}
 
@@ -219,8 +218,6 @@ class LiveLoop:
         held = self.run.trip is not None and name != "request"
         if held or self.run.status is not RunStatus.COMPLETED:
             raise ParameterError(f"{name}: the walk is over; start again")
-        if name == "request" and self.status == "paused":
-            raise ParameterError("request: the time stands still; let it go on")
 
     def _restart(self) -> None:
         if self.run.tick > 0:

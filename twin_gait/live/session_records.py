@@ -13,13 +13,13 @@ import json
 import os
 from collections import deque
 from collections.abc import Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.files import private_files
+from twin_gait.files import private_files, write_new
 from twin_gait.live.protocol import Event
 from twin_gait.runs.folders import hold
 
@@ -62,19 +62,18 @@ class SessionRecorder:
         self.failure = ""  # why nothing is recorded any more
         self._waiting: deque[str] = deque()
         self._thread = ThreadPoolExecutor(1, "session recorder")
+        began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
+        line = _line({**began, "folders": [str(folder)]})
         try:
             with private_files():
                 records.mkdir(parents=True, exist_ok=True)
-                for self.session in itertools.count(max(_numbers(records), default=0) + 1):
-                    with contextlib.suppress(FileExistsError):  # another session begins in this moment
-                        self._file = _file(records, self.session).open("x", encoding="utf-8")
-                        break
+                numbers = itertools.count(max(_numbers(records), default=0) + 1)
+                path = write_new((_file(records, number) for number in numbers), line)
+                self._file = path.open("a", encoding="utf-8")
             fcntl.flock(self._file, fcntl.LOCK_EX)
         except OSError as error:
             raise _unusable(records, error) from error
-        began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
-        # Before anybody lists the session.
-        self._put({**began, "folders": [str(folder)]}).result()
+        self.session = int(path.stem)
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
@@ -92,9 +91,9 @@ class SessionRecorder:
         with contextlib.suppress(OSError):
             self._file.close()
 
-    def _put(self, entry: Mapping[str, Any]) -> Future[None]:
-        self._waiting.append(json.dumps(entry, ensure_ascii=False) + "\n")
-        return self._thread.submit(self._write)
+    def _put(self, entry: Mapping[str, Any]) -> None:
+        self._waiting.append(_line(entry))
+        self._thread.submit(self._write)
 
     def _write(self) -> None:
         """Write all that waits, which may be nothing by now."""
@@ -104,6 +103,10 @@ class SessionRecorder:
             os.fsync(self._file.fileno())
         except OSError as error:
             self.failure = error.strerror or str(error)
+
+
+def _line(entry: Mapping[str, Any]) -> str:
+    return json.dumps(entry, ensure_ascii=False) + "\n"
 
 
 def _file(folder: Path, session: int) -> Path:
