@@ -154,12 +154,7 @@ class Rig:
         self.panel, self.book, self.asked = panel, EventBook(), []
         self.coming = []
         self.bus = can.Bus(name, "virtual")
-        self.link = CanLink(
-            f"virtual:{name}",
-            panel.problem,
-            book=self.book,
-            submit=self.submit,
-        )
+        self.link = CanLink(f"virtual:{name}", self)
 
     def submit(self, message):
         self.asked.append(message)

@@ -90,7 +90,7 @@ class LiveSession:
         check_target(self.folder, RUN_DIRECTORY, force=self.force)
         document, name = self.loaded.document, self.loaded.experiment.name
         if self.can is not None:
-            self._link = CanLink(self.can, self.panel.problem, book=self.book, submit=self.submit)
+            self._link = CanLink(self.can, self)
             self.news.on_block = self._link.take
         self.news.start({"document": document, "folder": str(self.folder), "force": self.force})
         self._worker.submit(self._prepare).add_done_callback(Future.result)

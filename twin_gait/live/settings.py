@@ -50,9 +50,7 @@ class Settings:
         for side, phase in self.monitor.items():
             joints = {name: replace(joint, **without) for name, joint in phase.joints.items()}
             everywhere[side] = dict.fromkeys(self.table.phases, PhaseParameters(joints=joints))
-        own = everywhere if len(everywhere) > 1 else {}
-        common = next(iter(everywhere.values()))
-        table = replace(self.table, phases=common, side_phases=own, scaling=Scaling())
+        table = replace(self.table, side_phases=everywhere, scaling=Scaling())
         return replace(self.experiment, table=table)
 
 
