@@ -86,12 +86,12 @@ class LiveFigure:
         legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in codes.items()}
         self.window.apply(self._scene.state_at(Motion(now, posture, legs, self._names, row), 0))
         self._move_belt(columns)
-        values = {side: leg_values(row, side) for side in self._shown}
-        numbers = [
-            {key: float(values[side][key][0]) for key in keys} | {"phase": codes[side]}
-            for side, keys in self._shown.items()
-        ]
-        sample = {"time": float(now[0]), "legs": numbers, "curves": self._curves(columns, ticks)}
+        numbers, curves = [], []
+        for side, keys in self._shown.items():
+            values = leg_values(columns, side)
+            numbers.append({key: float(values[key][-1]) for key in keys} | {"phase": codes[side]})
+            curves.append({key: _curve(ticks, values[key]) for key in keys})
+        sample = {"time": float(now[0]), "legs": numbers, "curves": curves}
         mode = {"mode": int(row[MODE][0])} if MODE in row else {}
         self.window.sample({**sample, **mode, "events": list(events)})
 
@@ -102,18 +102,12 @@ class LiveFigure:
             offset = surroundings.belt_offset(self._travelled)
             self.window.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
 
-    def _curves(self, columns: Mapping[str, np.ndarray], ticks: np.ndarray) -> list[dict[str, Any]]:
-        """Times in [s] and values of every curve of every leg."""
-        curves: list[dict[str, Any]] = []
-        for side, keys in self._shown.items():
-            values = leg_values(columns, side)
-            own = {}
-            for key in keys:
-                rows, found = extremes(values[key][:, None])
-                times = np.round(TICK * ticks[rows.ravel()], 3).tolist()
-                own[key] = {"times": times, "values": list(map(finite_or_none, found.ravel().tolist()))}
-            curves.append(own)
-        return curves
+
+def _curve(ticks: np.ndarray, values: np.ndarray) -> dict[str, list[float | None]]:
+    """Times in [s] and values of the points that show a curve truly."""
+    rows, found = (part.ravel() for part in extremes(values[:, None]))
+    times = np.round(TICK * ticks[rows], 3).tolist()
+    return {"times": times, "values": list(map(finite_or_none, found.tolist()))}
 
 
 class StopHandler(Guarded):
