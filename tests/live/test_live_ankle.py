@@ -50,7 +50,7 @@ def test_the_monitor_drives_the_ankle(panel: Panel) -> None:
     asked = panel.set(driving, "monitor.right.ankle.torque", -3.0)
     assert loop_numbers(asked)["target_torque"] == [0.0] * 5 + [-3.0]
     loose = panel.set(panel.preset, "monitor.left.ankle.damping", 0.0)
-    assert loose.monitor[Side.LEFT, JointName.ANKLE].damping == 0.0
+    assert loose.monitor[Side.LEFT].joints["ankle"].damping == 0.0
     assert errors_of(panel.preset) == {}
 
 

@@ -807,6 +807,7 @@ def test_nothing_is_left_when_the_command_is_gone(tmp_path: Path, number: int) -
     try:
         loop = children(walk.process.pid)
         assert loop, "the walk has a process of its own"
+        time.sleep(1.0)  # of walking
         walk.end(number)
     finally:
         walk.close()

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from concurrent.futures import Future
+from contextlib import closing
 from types import SimpleNamespace
 
 import can
@@ -95,7 +96,7 @@ def test_a_frame_of_another_length_is_refused():
         ("vcan0", "expected INTERFACE:CHANNEL"),
         ("socketcan:", "expected INTERFACE:CHANNEL"),
         ("carrier_pigeon:can0", r"cannot be opened \(.*carrier_pigeon"),
-        ("udp_multicast:1.2.3.4", r"cannot be opened \(.*\); is the channel up\?"),
+        ("udp_multicast:1.2.3.4", r"cannot be opened \(.*\); .* of a channel that is up"),
         ("socketcan:no_such_can", "cannot be opened"),
     ],
 )
@@ -117,7 +118,8 @@ def test_the_command_refuses_a_wrong_bus_before_it_makes_a_folder(tmp_path, caps
     command = ["live", "bench_leg", "--no-browser", "--no-record", "--port", "0", "--out", str(out)]
     assert main([*command, "--can", name]) == 2
     said = capsys.readouterr().err
-    assert f"CAN bus {name!r}: expected INTERFACE:CHANNEL" in said and "set points" not in said
+    assert f"CAN bus {name!r}: cannot be opened" in said and "expected INTERFACE:CHANNEL" in said
+    assert "set points" not in said
     assert not list(tmp_path.iterdir())
 
 
@@ -152,12 +154,7 @@ class Rig:
         self.panel, self.book, self.asked = panel, EventBook(), []
         self.coming = []
         self.bus = can.Bus(name, "virtual")
-        self.link = CanLink(
-            f"virtual:{name}",
-            panel.problem,
-            book=self.book,
-            submit=self.submit,
-        )
+        self.link = CanLink(f"virtual:{name}", self)
 
     def submit(self, message):
         self.asked.append(message)
@@ -340,7 +337,10 @@ def walked(tmp_path_factory):
     listener = threading.Thread(target=listen)
     listener.start()
     loaded = load_experiment("bench_leg", ["duration_s=60"])
-    with LiveSession(loaded, folder, pictures=False, can="virtual:whole session") as session:
+    with closing(
+        LiveSession(loaded=loaded, folder=folder, pictures=False, can="virtual:whole session")
+    ) as session:
+        session.start()
 
         def until(name, response):
             end = time.monotonic() + 60.0

@@ -11,7 +11,6 @@ from twin_gait.configuration import load_experiment
 from twin_gait.control import TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import stepping
-from twin_gait.live.settings import first_settings, loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.simulation.problem import build_problem
@@ -33,6 +32,11 @@ def treadmill():
 
 def column(run, name, first=0):
     return run.rows(first)[:, run.layout.names.index(name)]
+
+
+def change(run, fade_ticks=stepping.FADE_TICKS, **numbers):
+    """Set some of the numbers of a run, and leave the others."""
+    run.set({**run.numbers, **numbers}, fade_ticks=fade_ticks)
 
 
 def minimum_jerk(s):
@@ -103,7 +107,7 @@ def test_new_parameters_fade_in_by_the_minimum_jerk_law_tick_by_tick(bench):
     changed = bench.phase_rows.copy()
     changed[:, :, :8] *= 1.25
     first, phase = run.tick, phase_codes(run, "right")[-1]
-    run.set_phase_rows(changed, fade_ticks=40)
+    change(run, 40, phase_rows=changed.tolist())
     run.advance(60)
     same = phase_codes(run, "right")[first:] == phase
     shares = minimum_jerk(np.arange(1, 61) / 40)
@@ -123,7 +127,7 @@ def test_new_parameters_reach_phases_that_come_later_and_change_the_walk(bench):
     changed = bench.phase_rows.copy()
     changed[:, :, 4] *= 1.1
     plain, run = SteppedRun(bench), SteppedRun(bench)
-    run.set_phase_rows(changed, fade_ticks=0)
+    change(run, 0, phase_rows=changed.tolist())
     plain.advance(4000)
     run.advance(4000)
     assert run.trip is None
@@ -141,7 +145,7 @@ def test_a_table_set_at_the_start_walks_as_an_experiment_with_that_table():
     )
     theirs = build_problem(small.experiment)
     run = SteppedRun(build_problem(load_experiment("bench_leg", ["duration_s=3"]).experiment))
-    run.set_phase_rows(theirs.phase_rows, fade_ticks=0)
+    change(run, 0, phase_rows=theirs.phase_rows.tolist())
     run.restart()
     run.advance(3000)
     assert log_table(run.rows(), run.layout, theirs.table).equals(simulate(small.experiment).log)
@@ -149,9 +153,8 @@ def test_a_table_set_at_the_start_walks_as_an_experiment_with_that_table():
 
 def test_higher_thresholds_make_a_leg_wait_and_leave_other_runs_of_the_problem_alone(bench):
     late, plain = SteppedRun(bench), SteppedRun(bench)
-    numbers = loop_numbers(first_settings(bench.experiment))
-    later = [{**item, "threshold": item["threshold"] + 0.02} for item in numbers["comparisons"]]
-    late.set({**numbers, "comparisons": later})
+    later = [{**item, "threshold": item["threshold"] + 0.02} for item in late.numbers["comparisons"]]
+    change(late, comparisons=later)
     for run in (late, plain, after := SteppedRun(bench)):
         run.advance(1500)
     assert late.switches()[0].tick > plain.switches()[0].tick
@@ -161,7 +164,7 @@ def test_higher_thresholds_make_a_leg_wait_and_leave_other_runs_of_the_problem_a
 def test_target_torque_is_added_to_the_command(bench):
     run = SteppedRun(bench)
     run.advance(200)
-    run.fade("target_torque", np.array([0.0, -3.0]), 100)
+    change(run, 100, target_torque=[0.0, -3.0])
     run.advance(150)
     seen = column(run, "right_knee_target_torque_Nm", 200)
     np.testing.assert_allclose(seen, -3.0 * minimum_jerk(np.arange(1, 151) / 100), atol=1e-12)
@@ -211,12 +214,12 @@ def test_belt_and_support_change_what_the_feet_feel(treadmill):
     run = SteppedRun(treadmill)
     run.advance(300)
     force = column(run, "support_force_N")
-    run.fade("support_force", 0.5 * treadmill.world.support_force, 50)
+    change(run, 50, support_force=0.5 * treadmill.world.support_force)
     run.advance(200)
     spring = column(run, "support_force_N")[-1] + 90.0 * column(run, "pelvis_velocity_m_per_s")[-1]
     assert spring == pytest.approx(0.5 * treadmill.world.support_force, rel=1e-9)
     assert force[0] == pytest.approx(treadmill.world.support_force)
-    run.fade("belt_speed", 0.0, 100)
+    change(run, 100, belt_speed=0.0)
     run.advance(1500)
     hips = (
         column(run, "left_hip_angle_rad", run.tick - 300),
@@ -253,7 +256,7 @@ def test_a_fault_that_does_not_fit_and_one_too_many_are_refused(bench):
 def test_a_held_leg_waits_until_it_is_let_go_and_waits_again_after_that_step(bench):
     held = bench.table.phase_index(LATE_STANCE)
     run = SteppedRun(bench)
-    run.hold_phase(held)
+    change(run, held_phase=held)
     while not run.waiting() and run.tick < 4000:
         run.advance(10)
     assert run.waiting() == (0,)
@@ -261,14 +264,13 @@ def test_a_held_leg_waits_until_it_is_let_go_and_waits_again_after_that_step(ben
     assert (phase_codes(run, "right")[-1], run.trip) == (held, None)
     let_go = run.tick
     run.release()
-    assert run.waiting() == ()
     run.advance(20)
     assert bench.table.phase_names[phase_codes(run, "right")[-1]] == SWING_FLEXION
     run.advance(5000)
     assert run.waiting() == (0,)
     left = [item.tick for item in run.switches() if item.source == LATE_STANCE]
     assert len(left) == 1 and let_go <= left[0] < let_go + 20
-    run.hold_phase(None)
+    change(run, held_phase=None)
     run.advance(500)
     assert phase_codes(run, "right")[-1] != held
 
@@ -296,7 +298,7 @@ def test_a_walk_that_has_fallen_runs_no_further():
     run = SteppedRun(build_problem(load_experiment("treadmill", unwatched).experiment))
     rows = run.problem.phase_rows.copy()
     rows[:, :, [0, 1, 4, 5]] = 0.0  # legs without springs and dampers
-    run.set_phase_rows(rows, fade_ticks=0)
+    change(run, 0, phase_rows=rows.tolist())
     run.advance(5000)
     fell = run.tick
     assert run.status is RunStatus.FELL and fell < 5000
@@ -312,8 +314,7 @@ def test_another_run_goes_on_from_a_moment_bit_for_bit_and_the_first_does_not_no
     changed = treadmill.phase_rows * 1.02
     for one in (undisturbed, run):
         one.advance(1700)
-        one.set_phase_rows(changed)
-        one.fade("belt_speed", 0.4)
+        change(one, phase_rows=changed.tolist(), belt_speed=0.4)
         one.push(1, 5.0, 150)
         one.advance(100)  # in the middle of the fades and of the push
     other.advance(333)
@@ -329,7 +330,7 @@ def test_another_run_goes_on_from_a_moment_bit_for_bit_and_the_first_does_not_no
 def test_a_step_by_hand_that_was_let_go_is_let_go_in_the_copy_too(bench):
     run, other = SteppedRun(bench), SteppedRun(bench)
     late = bench.table.phase_index(LATE_STANCE)
-    run.hold_phase(late)
+    change(run, held_phase=late)
     while not run.waiting():
         run.advance(10)
     run.release()

@@ -58,7 +58,7 @@ def test_the_folder_of_a_killed_run_is_found_and_offered(
 
     assert main(["sessions", "clean", command]) == 1  # nobody is there to agree
     shown = capsys.readouterr().out
-    assert f"{killed}  3.0 MB" in shown and "--yes" in shown and killed.exists()
+    assert str(killed) in shown and "--yes" in shown and killed.exists()
     assert main(["sessions", "clean", "--yes", command]) == 0
     assert [path.name for path in killed.parent.iterdir()] == ["b"]
     assert main(["sessions", "clean"]) == 0

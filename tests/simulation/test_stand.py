@@ -246,7 +246,7 @@ def test_another_speed_in_a_walk_in_pieces_keeps_the_ramps():
     experiment = replace(experiment, table=replace(experiment.table, scaling=Scaling()))
     slower = 0.8 * experiment.scenario.belt_speed
     run = SteppedRun(build_problem(experiment))
-    run.fade("belt_speed", slower, 0)
+    run.set({**run.numbers, "belt_speed": slower}, fade_ticks=0)
     run.advance(3000)
     whole = simulate(replace(experiment, scenario=replace(experiment.scenario, belt_speed=slower)))
     assert log_table(run.rows(), run.layout, experiment.table).equals(whole.log)

@@ -44,8 +44,7 @@ def _records(arguments: argparse.Namespace) -> Path:
 def list_sessions(arguments: argparse.Namespace) -> int:
     """One line per session, the newest first."""
     entries = live.session_records.list_sessions(_records(arguments), arguments.user)
-    nobody = "no sessions" if arguments.user is None else f"no sessions of {arguments.user}"
-    answer(arguments, [line_of(entry) for entry in entries] or [nobody], entries)
+    answer(arguments, [line_of(entry) for entry in entries] or ["no sessions"], entries)
     return DONE
 
 
@@ -93,8 +92,7 @@ def clean(arguments: argparse.Namespace) -> int:
         raise RunDirectoryError(f"{folder}: no such folder")
     found = folders.abandoned(folder)
     for path in found:
-        size = sum(item.stat().st_size for item in path.rglob("*") if item.is_file())
-        print(f"{path}  {size / 1e6:.1f} MB")
+        print(path)
         if arguments.yes:
             shutil.rmtree(path)
     if not found:

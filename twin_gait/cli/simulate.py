@@ -10,19 +10,17 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
-from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import private_files
 from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
-
-_ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def add_parser(commands: Any) -> None:
@@ -127,16 +125,12 @@ def walk_live(arguments: argparse.Namespace) -> int:
     from twin_gait.experiment import LONGEST_RUN
 
     options.check_port(arguments.port)
-    if arguments.can is not None and live.can_link.leaves_machine(arguments.can):
-        print(f"{arguments.can}: set points go out; no board that obeys them may hang on it", file=sys.stderr)
-    longest = live.protocol.LONGEST_NAME
-    if len(arguments.user) > longest or not arguments.user.isprintable():
-        raise ParameterError(f"--user: expected at most {longest} printable characters")
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
-    with private_files():
+    # What a terminal that closes or a system that stops sends ends it in order, as Ctrl-C does.
+    with private_files(), terminal.stop_on_interrupt(signal.SIGTERM, signal.SIGHUP) as should_stop:
         session = live.session.LiveSession(
-            loaded,
-            arguments.out or default_folder(f"{loaded.experiment.name}-live"),
+            loaded=loaded,
+            folder=arguments.out or default_folder(f"{loaded.experiment.name}-live"),
             user=arguments.user,
             force=arguments.force,
             pictures=not arguments.no_pictures,
@@ -144,35 +138,26 @@ def walk_live(arguments: argparse.Namespace) -> int:
             can=arguments.can,
             on_compile=terminal.note_compilation,
         )
-        interrupted = asyncio.run(_serve(session, arguments))
-    return _finish(session, interrupted and loaded.experiment.duration < LONGEST_RUN)
+        asyncio.run(_serve(session, arguments, should_stop))
+    return _finish(session, should_stop() and loaded.experiment.duration < LONGEST_RUN)
 
 
-async def _serve(session: live.session.LiveSession, arguments: argparse.Namespace) -> bool:
-    """Serve the pages until the run ends or somebody ends it; True in the second case.
-
-    Ctrl-C, and what a terminal that closes or a system that stops sends, end it in order; a second one ends
-    the program at once.
-    """
+async def _serve(
+    session: live.session.LiveSession, arguments: argparse.Namespace, should_stop: Callable[[], bool]
+) -> None:
+    """Serve the pages until the run ends or somebody ends it."""
     import asyncio
 
-    loop, ended = asyncio.get_running_loop(), asyncio.Event()
-
-    def end() -> None:
-        ended.set()
-        for number in _ENDINGS:
-            loop.remove_signal_handler(number)
-
-    for number in _ENDINGS:
-        loop.add_signal_handler(number, end)
     page = live.page.LivePage(session, port=arguments.port)
     try:
         await asyncio.to_thread(session.start)
+        if arguments.can is not None and live.can_link.leaves_machine(arguments.can):
+            warning = "set points go out; no board that obeys them may hang on it"
+            print(f"{arguments.can}: {warning}", file=sys.stderr)
         view.announce(page.url, browser=not arguments.no_browser)
-        while session.news.alive and not ended.is_set():
+        while session.news.alive and not should_stop():
             page.update()
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(ended.wait(), live.page.PERIOD)
+            await asyncio.sleep(live.page.PERIOD)
         page.update()
         await asyncio.sleep(live.page.PERIOD)  # so that the pages hear how it ended
     finally:
@@ -180,7 +165,6 @@ async def _serve(session: live.session.LiveSession, arguments: argparse.Namespac
         terminal.note_line("writing the run directory")
         await asyncio.to_thread(session.close)
         terminal.clear_line()
-    return ended.is_set()
 
 
 def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
@@ -188,7 +172,7 @@ def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
     if session.failure:
         raise RunDirectoryError(session.failure)
     if summary:
-        print("\n".join(report(summary, *session.folders)))
+        print("\n".join(report(summary, *session.summaries)))
     if news.death:
         print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
     if news.death or summary.get("status") == "diverged":

@@ -48,8 +48,8 @@ def note_abandoned(out: Path | None) -> None:
 
 
 @contextmanager
-def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into a request to stop; a second one ends the program at once."""
+def stop_on_interrupt(*others: int) -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C, or one of other signals, into a request to stop; a second ends at once."""
     asked = False
 
     def handle(number: int, frame: object) -> None:
@@ -58,11 +58,12 @@ def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         asked = True
 
-    previous = signal.signal(signal.SIGINT, handle)
+    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, *others)}
     try:
         yield lambda: asked
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

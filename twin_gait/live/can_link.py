@@ -11,7 +11,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +20,16 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import bus_frames, messages_of
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.loop import PERIOD
-from twin_gait.live.news import Block, EventBook
-from twin_gait.live.protocol import Message, MessageRefused, SetControl, Value, one_line
+from twin_gait.live.news import Block
+from twin_gait.live.protocol import MessageRefused, SetControl, Value, one_line
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters import NetworkParameters
-from twin_gait.simulation.problem import Problem
 
 if TYPE_CHECKING:
     import can
+
+    from twin_gait.live.session import LiveSession
 
 
 MODE = "mode"
@@ -75,49 +76,34 @@ def open_bus(name: str) -> can.BusABC:
         import can
     except ImportError as error:
         raise MissingOptionalDependency("python-can", "can", "a CAN bus") from error
-    interface, channel = _place_of(name)
+    interface, _, channel = name.partition(":")
     try:
         return can.Bus(channel, interface, **OPTIONS.get(interface, {}))
     except Exception as error:  # drivers raise what they like
-        reason = one_line(error)
-        raise ParameterError(f"CAN bus {name!r}: cannot be opened ({reason}); is the channel up?") from error
-
-
-def _place_of(name: str) -> tuple[str, str]:
-    interface, _, channel = name.partition(":")
-    if not interface or not channel:
-        example = "such as udp_multicast:239.74.163.2 or socketcan:vcan0"
-        raise ParameterError(f"CAN bus {name!r}: expected INTERFACE:CHANNEL, {example}")
-    return interface, channel
+        wanted = "expected INTERFACE:CHANNEL, such as udp_multicast:239.74.163.2, of a channel that is up"
+        raise ParameterError(f"CAN bus {name!r}: cannot be opened ({one_line(error)}); {wanted}") from error
 
 
 def leaves_machine(name: str) -> bool:
-    """Whether frames on a bus may reach other devices than this machine; raises as :func:`open_bus`."""
-    interface, channel = _place_of(name)
+    """Whether frames on a bus may reach other devices than this machine."""
+    interface, _, channel = name.partition(":")
     return interface not in ("virtual", "udp_multicast") and not channel.startswith("vcan")
 
 
 class CanLink:
     """Puts a live walk on a bus, and takes commands from it."""
 
-    def __init__(
-        self,
-        name: str,
-        problem: Problem,
-        *,
-        book: EventBook,
-        submit: Callable[[Message], Future[None] | None],
-    ) -> None:
+    def __init__(self, name: str, session: LiveSession) -> None:
         """Open the bus, and begin to send and to listen.
 
-        ``name``: as in :func:`open_bus`; ``book``: hears what is wrong; ``submit``: takes a message as from a
-        page, and gives what is done when it has been answered.
+        ``name``: as in :func:`open_bus`; ``session``: takes messages as from a page, and hears what is wrong.
         """
+        problem = session.panel.problem
         self._messages = messages_of(problem.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in asked}  # what a monitor sends
         self._body_weight = problem.world.body_weight
-        self._book, self._submit = book, submit
+        self._book, self._submit = session.book, session.submit
         self._blocks: deque[Block] = deque()
         self.take = self._blocks.append  # takes a block of the walk; returns at once
         self._due: deque[tuple[float, can.Message]] = deque()

@@ -6,9 +6,8 @@ at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,11 +15,12 @@ import yaml
 
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
-from twin_gait.live.settings import HELD_PHASE, MODES, Place, Settings, first_settings, places
+from twin_gait.live.settings import HELD_PHASE, MODES, Settings, changed_at, first_settings, found_at
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import FOOT, FaultKind
 
 EVERYTHING = "all"
@@ -59,18 +59,16 @@ def action_specs(problem: Problem) -> Iterator[ActionSpec]:
     feet = tuple(f"{side}_{FOOT}" for side in problem.sides if problem.experiment.scenario.grounded)
     requests = () if modes is None else tuple(modes.requests)
     kinds = tuple(map(str, FaultKind))
-    choices = {"joint": joints, "kind": kinds, "place": ("", *joints, *feet), "request": requests}
-    without = {"step"} if modes is not None else set()  # steps are the modes'
-    without |= set() if requests else {"request"}
+    offered = {"joint": joints, "kind": kinds, "place": ("", *joints, *feet), "request": requests}
+    own: dict[str, dict[str, Any]] = {"torque": {"least": -limit, "largest": limit}}
+    for name, choices in offered.items():
+        own[name] = {"choices": choices, "value": next(iter(choices), "")}
     for action, shown in _SHOWN["actions"].items():
-        if action not in without:
-            fields = []
-            for name, field in shown.get("fields", {}).items():
-                own: dict[str, Any] = {"least": -limit, "largest": limit} if name == "torque" else {}
-                if field["kind"] == "choice":
-                    own = {"choices": choices[name], "value": choices[name][0]}
-                fields.append(Control(name=name, **field, **own))
-            yield ActionSpec(action, shown["group"], shown["label"], shown["help"], tuple(fields))
+        if action == ("step" if requests else "request"):  # steps are the modes'
+            continue
+        given = shown.get("fields", {})
+        fields = tuple(Control(name=name, **field, **own.get(name, {})) for name, field in given.items())
+        yield ActionSpec(action=action, **{**shown, "fields": fields})
 
 
 class Quantity(NamedTuple):
@@ -80,7 +78,7 @@ class Quantity(NamedTuple):
     unit: str  # of the control
     scale: float  # SI value of one unit
     step: float  # of the control, in its unit
-    field: str  # of an impedance and of a joint of the monitor
+    field: str  # of an impedance; no torque is one
 
 
 QUANTITIES = {
@@ -88,7 +86,7 @@ QUANTITIES = {
     "damping": Quantity("damping b", "Nms/rad", 1.0, 0.5, "damping"),
     "equilibrium": Quantity("equilibrium θ0", "deg", _DEGREE, 0.5, "equilibrium_angle"),
     "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
-    "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "target_torque"),
+    "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, ""),
 }
 
 
@@ -96,19 +94,19 @@ class Binding(NamedTuple):
     """A control and what it sets."""
 
     control: Control  # but for its values
-    read: Callable[[Settings], Any]  # what it shows, in SI
-    write: Callable[[Settings, Any], Settings]  # settings with another value of it, in SI
+    path: str  # in the settings, as :func:`~twin_gait.live.settings.found_at` takes it
     scale: float = 1.0  # SI value of one unit of the control
 
     def shown(self, settings: Settings) -> Value:
         """Value of the control."""
-        value: Value = self.read(settings)
+        value: Value = found_at(settings, self.path)
         return float(value or 0.0) / self.scale if self.control.kind == "number" else value
 
     def turned(self, settings: Settings, value: Value) -> Settings:
         """Settings with another value of the control."""
         number = self.control.kind == "number"
-        return self.write(settings, float(value) * self.scale if number else value)
+        turned: Settings = changed_at(settings, self.path, float(value) * self.scale if number else value)
+        return turned
 
 
 class Panel:
@@ -124,9 +122,9 @@ class Panel:
         self.preset: Settings = first_settings(experiment)
         self.problem: Problem = build_problem(experiment)
         self._stops = build_case(experiment.table, experiment).limits
-        self._places = tuple(places(self.preset, self.problem.sides))
-        of_joints = (binding for place in self._places for binding in self._joint_bindings(place))
-        self._bindings = {item.control.name: item for item in (*self._own_bindings(), *of_joints)}
+        self._dampings: dict[str, tuple[int, int, int]] = {}  # of the table, where phase_rows has them
+        bindings = (*self._own_bindings(), *self._table_bindings(), *self._monitor_bindings())
+        self._bindings = {item.control.name: item for item in bindings}
         self._begun = self._values(self.preset)
 
     # ------------------------------------------------------------------ drawing
@@ -141,50 +139,59 @@ class Panel:
 
     def _values(self, settings: Settings) -> dict[str, Value]:
         shown = {name: binding.shown(settings) for name, binding in self._bindings.items()}
-        problem = build_problem(settings.experiment)
-        return shown | {
-            f"{place.name}.damping": place.damping(problem) for place in self._places if place.phase
-        }
-
-    def value_of(self, settings: Settings, name: str) -> Value | None:
-        """Value of a control; None if there is none of the name."""
-        return next((item.value for item in self.controls(settings) if item.name == name), None)
+        rows = build_problem(settings.experiment).phase_rows  # with damping ratios resolved
+        return shown | {name: float(rows[place]) for name, place in self._dampings.items()}
 
     def _own_bindings(self) -> Iterator[Binding]:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
         experiment = self.preset.experiment
-        yield Binding(
-            Control(name="mode", choices=MODES, **_SHOWN["controls"]["mode"]),
-            lambda settings: settings.mode,
-            lambda settings, value: replace(settings, mode=value),
-        )
+        yield Binding(Control(name="mode", choices=MODES, **_SHOWN["controls"]["mode"]), "mode")
         if HELD_PHASE in experiment.table.phases and experiment.modes is None:
-            yield Binding(
-                Control(name="manual", **_SHOWN["controls"]["manual"]),
-                lambda settings: settings.manual,
-                lambda settings, value: replace(settings, manual=value),
-            )
+            yield Binding(Control(name="manual", **_SHOWN["controls"]["manual"]), "manual")
         for item in experiment.scenario.adjustments:
             control = Control(
                 name=item.name, label=item.label, group="walk", kind="number", unit=item.unit,
                 least=item.least, largest=item.largest, step=item.step, help=item.help,
             )  # fmt: skip
-            yield Binding(control, partial(_adjustment, item.name), partial(_adjusted, item.name), item.scale)
+            yield Binding(control, f"experiment.scenario.{item.place}", item.scale)
 
-    def _joint_bindings(self, place: Place) -> Iterator[Binding]:
-        """All quantities that can be set in a place."""
-        record, group = place.record(self.preset), "table" if place.phase else "monitor"
-        for name, quantity in QUANTITIES.items():
-            if not hasattr(record, quantity.field):
+    def _table_bindings(self) -> Iterator[Binding]:
+        """Of every phase and joint; phases that differ on a side have controls of their own."""
+        table, sides = self.preset.table, self.problem.sides
+        for number, phase in enumerate(table.phases):
+            own = [side for side in sides if phase in table.side_phases.get(side, {})]
+            common = [side for side in sides if side not in own][:1]
+            for place, joint in enumerate(table.joints):
+                for side in (*common, *own):
+                    only = side if side in own else None
+                    phases = f"side_phases.{only}" if only else "phases"
+                    name = f"{only}.{phase}.{joint}" if only else f"{phase}.{joint}"
+                    path = f"experiment.table.{phases}.{phase}.joints.{joint}"
+                    column = COLUMNS_PER_JOINT * place + DAMPING
+                    self._dampings[f"{name}.damping"] = sides.index(side), number, column
+                    yield from self._joint_bindings(name, path, joint, side=only, phase=phase)
+
+    def _monitor_bindings(self) -> Iterator[Binding]:
+        for side, phase in self.preset.monitor.items():
+            for joint in phase.joints:
+                path = f"monitor.{side}.joints.{joint}"
+                yield from self._joint_bindings(f"monitor.{side}.{joint}", path, joint, side=side)
+
+    def _joint_bindings(
+        self, name: str, path: str, joint: str, *, side: Side | None, phase: str | None = None
+    ) -> Iterator[Binding]:
+        """All quantities of an impedance at a path, and of the monitor the torque beside it."""
+        for quantity, shown in QUANTITIES.items():
+            if not shown.field and phase is not None:
                 continue
-            least, largest = self.range_of(name, JointName(place.joint))
+            least, largest = self.range_of(quantity, JointName(joint))
             control = Control(
-                name=f"{place.name}.{name}", label=quantity.label, group=group, kind="number",
-                unit=quantity.unit, least=least, largest=largest, step=quantity.step,
-                phase=place.phase, joint=place.joint, side=place.side,
+                name=f"{name}.{quantity}", label=shown.label, group="table" if phase else "monitor",
+                kind="number", unit=shown.unit, least=least, largest=largest, step=shown.step,
+                phase=phase, joint=joint, side=side,
             )  # fmt: skip
-            read, write = partial(place.read, quantity.field), partial(place.write, quantity.field)
-            yield Binding(control, read, write, quantity.scale)
+            place = f"{path}.{shown.field}" if shown.field else f"torques.{side}_{joint}"
+            yield Binding(control, place, shown.scale)
 
     def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
         """Least and largest value of a quantity of a joint, in the unit of the control.
@@ -193,8 +200,9 @@ class Panel:
         Stiffness: the published range, or what the table has if that is more. Damping: twice what the table
         has.
         """
-        there = [place for place in self._places if place.phase and place.joint == joint]
-        own = [place.record(self.preset) for place in there]
+        table = self.preset.table
+        sides = (table.phases, *table.side_phases.values())
+        own = [phase.joints[joint] for phases in sides for phase in phases.values()]
         if quantity == "equilibrium":
             angles = (*self._stops[joint], *(item.equilibrium_angle for item in own))
             return min(angles) / _DEGREE, max(angles) / _DEGREE
@@ -207,8 +215,8 @@ class Panel:
         stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
         if quantity == "stiffness":
             return 0.0, stiffness
-        damping = max(place.damping(self.problem) for place in there)
-        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * damping))
+        column = COLUMNS_PER_JOINT * table.joints.index(joint) + DAMPING
+        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * self.problem.phase_rows[..., column].max()))
 
     # ------------------------------------------------------------------ setting
 
@@ -239,13 +247,3 @@ class Panel:
         for name, value in changes.items():
             settings = self._bindings[name].turned(settings, value)
         return settings
-
-
-def _adjustment(name: str, settings: Settings) -> float:
-    """Value of an adjustment of the world, in SI."""
-    return next(item.value for item in settings.experiment.scenario.adjustments if item.name == name)
-
-
-def _adjusted(name: str, settings: Settings, value: float) -> Settings:
-    scenario = settings.experiment.scenario.adjusted(name, value)
-    return replace(settings, experiment=replace(settings.experiment, scenario=scenario))

@@ -1,12 +1,10 @@
 """What is said of a change before it is applied: by the rules of ``twin-gait check``, and by a look ahead.
 
 For that the present moment of the walk is run ahead, outside of its process. The numbers of the change fade
-in as they would in the walk, which knows nothing of it; it is run on for ``LEAST`` ticks and as much longer
-as ``BUDGET`` allows.
+in as they would in the walk, which knows nothing of it.
 """
 
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,20 +16,18 @@ from twin_gait.checking.finding import Rule, Severity
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import Piece, walked_run
-from twin_gait.live.settings import WALK, LoopNumbers, Settings
+from twin_gait.live.settings import WALK, Settings, loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import LegRecord, leg_record
-from twin_gait.measures.outcome import gait_verdict
+from twin_gait.measures.outcome import EventKind, gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import Outcome
-from twin_gait.worlds.world import BELT_SPEED
 
-HORIZON = 20_000  # ticks that are looked ahead at most
-LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
-BUDGET = 0.15  # [s] of computing after which the look ahead ends where it is
+HORIZON = 10_000  # ticks that are looked ahead: five strides; a change that fells does so by then
 HELD_TICKS = 2_000  # ticks of a hold that are looked at: a wearer who falls in it has fallen by then
 PIECE_TICKS = 250  # that are run at a time
+ENDINGS = {EventKind.TRIP: "trips", EventKind.FALL: "falls", EventKind.DIVERGENCE: "diverges"}
 
 # Rules that k, b, θ0 and G can break; an error of one of them refuses a change. The phases of the monitor's
 # controls are all alike: there is nothing to leave, and no switch to jump at.
@@ -59,7 +55,6 @@ class Forecast:
 
     text: str  # in one sentence
     bad: bool  # whether the wearer falls or hangs, the monitor trips, the walk stalls or the state diverges
-    horizon_s: float  # how far ahead was looked, in [s]
     # mean deviation of both sides from the reference by joint in [deg] RMS, from the second stride on; None
     # where there is no reference or no stride
     rmse_deg: Mapping[str, float | None]
@@ -67,83 +62,54 @@ class Forecast:
     saturated_share: float
 
 
-def foresee(
-    run: SteppedRun,
-    moment: Mapping[str, Any],
-    numbers: LoopNumbers,
-    *,
-    now: Callable[[], float] = time.perf_counter,
-) -> Forecast:
+def foresee(run: SteppedRun, moment: Mapping[str, Any], settings: Settings) -> Forecast:
     """Run a moment ahead with other settings.
 
-    ``run`` of the same experiment; what it did before is forgotten; ``moment`` of another one; ``now``: time
-    in [s], for the budget. Returns the forecast; of a walk that is over, that of a new start.
+    ``run`` of the same experiment; what it did before is forgotten; ``moment`` of another one. Returns the
+    forecast; of a walk that is over, that of a new start.
     """
     run.go_on_from(moment)
     over = run.trip is not None or run.status is not RunStatus.COMPLETED
-    run.set(numbers)
+    run.set(loop_numbers(settings))
     if over:
         run.restart()
     first = run.tick
-    _run_ahead(run, now)
-    ends, ahead = _endings(run, first), f"for the {(run.tick - first) * TICK:.0f} s looked ahead"
-    shown = _shown(run, first, numbers)
+    while run.status is RunStatus.COMPLETED and run.tick - first < HORIZON:
+        if run.trip is not None and run.tick - run.trip.tick >= HELD_TICKS:
+            break
+        run.advance(PIECE_TICKS)
+    switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
+    # Whatever tripped: the legs are looked at to the end.
+    walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
+    shown = walked_run(walk, replace(run.problem, experiment=settings.experiment))
     records = _records(shown, first)
     sides = [summarise_side(shown, record, 1) for record in records]
-    verdict, bad = gait_verdict(records), bool(ends)
-    if ends:
-        told = ends
-    elif not (numbers["watching"] and records[0].steady):
-        told = f"does not fall {ahead}"
-    elif run.waiting():
-        told = f"waits for a step {ahead}"
-    elif verdict.outcome is Outcome.WALKED:
-        told = f"walks on {ahead}"
-    else:
-        told, bad = f"{verdict.outcome} {ahead}: {verdict.reason}", True
+    text, bad = _told(run, first, records)
     off = {
         joint: float(np.mean([side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]))
         for joint in sides[0]["joints"]
     }
     return Forecast(
-        text=f"after a new start {told}" if over else told,
+        text=f"after a new start {text}" if over else text,
         bad=bad,
-        horizon_s=len(shown.log) * TICK,
         rmse_deg={joint: finite_or_none(value) for joint, value in off.items()},
         saturated_share=max(item["saturated_share"] for side in sides for item in side["joints"].values()),
     )
 
 
-def _run_ahead(run: SteppedRun, now: Callable[[], float]) -> None:
-    first, until = run.tick, now() + BUDGET
-    while run.status is RunStatus.COMPLETED and (done := run.tick - first) < HORIZON:
-        held = run.trip is not None and run.tick - run.trip.tick >= HELD_TICKS
-        if held or (done >= LEAST and now() > until):
-            return
-        run.advance(PIECE_TICKS)
-
-
-def _endings(run: SteppedRun, first: int) -> str:
-    """How a walk ended after a first tick, in words; of one that goes on nothing."""
-    found = []
-    if run.trip is not None:
-        found.append(f"trips after {(run.trip.tick - first) * TICK:.1f} s ({run.trip.text})")
-    if run.status is not RunStatus.COMPLETED:
-        what = {RunStatus.FELL: "falls", RunStatus.DIVERGED: "diverges"}[run.status]
-        found.append(f"{what} after {(run.tick - first) * TICK:.1f} s")
-    return " and ".join(found)
-
-
-def _shown(run: SteppedRun, first: int, numbers: LoopNumbers) -> Run:
-    """What was looked ahead, as a run that begins with its first tick."""
-    problem, speed = run.problem, numbers["belt_speed"]
-    experiment = problem.experiment
-    if speed and experiment.scenario.adjusts(BELT_SPEED):
-        experiment = replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
-    switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
-    # Whatever tripped: the legs are looked at to the end.
-    walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
-    return walked_run(walk, replace(problem, experiment=experiment))
+def _told(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[str, bool]:
+    """What becomes of a walk after a first tick, in one sentence, and whether that is bad."""
+    endings = [event for event in run.events if event.kind in ENDINGS]
+    if endings:
+        times = (f"{ENDINGS[event.kind]} after {event.time - first * TICK:.1f} s" for event in endings)
+        return " and ".join(times) + (f" ({run.trip.text})" if run.trip else ""), True
+    ahead = f"for the {(run.tick - first) * TICK:.0f} s looked ahead"
+    if not (run.numbers["watching"] and records[0].steady) or run.waiting():
+        return f"does not fall {ahead}", False
+    outcome, reason = gait_verdict(records)
+    if outcome is Outcome.WALKED:
+        return f"walks on {ahead}", False
+    return f"{outcome} {ahead}: {reason}", True
 
 
 def _records(shown: Run, first: int) -> list[LegRecord]:

@@ -1,8 +1,8 @@
 """Live walks in pieces, their journal, a stream of Arrow batches, and the run folders that become of it.
 
-The loop keeps nothing of a walk but its last rows. Every half second it hands over a piece that is complete
+The loop keeps nothing of a walk but its last rows. After every block it hands over a piece that is complete
 in itself (rows, switches, changes, how the walk stands), so that the pieces up to any moment are the walk up
-to it. Each is appended as one batch: the rows of the log as columns, the rest as the batch's own metadata.
+to it. Those of half a second are one batch: the rows of the log as columns, the rest as its own metadata.
 The set-up stands in the schema, so that the file is all that is needed to make the run folders, whoever
 is left to do so; a batch that a kill has cut short is left out. Whoever writes or completes a journal holds a
 lock on it, which the system takes back from the dead.
@@ -28,17 +28,18 @@ from pydantic import ConfigDict, TypeAdapter
 from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import write_atomically
+from twin_gait.files import plain, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
 from twin_gait.runs.folders import hold, journal_of, staged_directory
-from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
+from twin_gait.runs.record import RUN_DIRECTORY, write_run
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.worlds.faults import Fault
 
+BATCH_TICKS = 500  # in a batch: a kill loses no more than this and what waits to be written
 CHANGES_FILE = "live_changes.csv"
 CHANGE_COLUMNS = ("tick", "time_s", "user", "subject", "before", "value", "text")
 # Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
@@ -66,35 +67,33 @@ _PIECE = TypeAdapter(Piece)
 _SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
 
 
-def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
-    """Put pieces together: one piece for every walk of which there is a tick."""
-    own: list[Piece] = []
-    for piece in pieces:
-        own.append(piece)
-        if piece.over:
-            yield from _walk_of(own, longest)
-            own = []
-    yield from _walk_of(own, longest)
-
-
-def _walk_of(pieces: Sequence[Piece], longest: int) -> Iterator[Piece]:
-    """One that nothing has ended before its time is marked as interrupted, with the reason."""
-    ticks = sum(len(piece.rows) for piece in pieces)
-    if ticks == 0:
-        return
-    last = pieces[-1]
-    status, reason = last.status, last.reason
-    if status is RunStatus.COMPLETED and ticks < longest:
-        how = "stopped at" if last.over else "the process of the walk died; it is kept up to"
-        status, reason = RunStatus.INTERRUPTED, f"{how} {ticks * TICK:.3f} s"
-    yield replace(
-        last,
+def joined(pieces: Sequence[Piece]) -> Piece:
+    """Several pieces as one."""
+    return replace(
+        pieces[-1],
         rows=np.concatenate([piece.rows for piece in pieces]),
         switches=tuple(item for piece in pieces for item in piece.switches),
         changes=tuple(item for piece in pieces for item in piece.changes),
-        status=status,
-        reason=reason,
     )
+
+
+def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
+    """Put pieces together: one piece for every walk of which there is a tick.
+
+    One that nothing has ended before its time is marked as interrupted, with the reason.
+    """
+    parts: list[list[Piece]] = [[]]
+    for piece in pieces:
+        parts[-1].append(piece)
+        if piece.over:
+            parts.append([])
+    for walk in (joined(part) for part in parts if part):
+        ticks = len(walk.rows)
+        if ticks and walk.status is RunStatus.COMPLETED and ticks < longest:
+            how = "stopped at" if walk.over else "the process of the walk died; it is kept up to"
+            yield replace(walk, status=RunStatus.INTERRUPTED, reason=f"{how} {ticks * TICK:.3f} s")
+        elif ticks:
+            yield walk
 
 
 @contextlib.contextmanager
@@ -140,6 +139,7 @@ class Journal:
         self._held.enter_context(locked(self.path))
         file = self._held.enter_context(pa.OSFile(str(self.path), "wb"))
         self._stream: Any = self._held.enter_context(pa.ipc.new_stream(file, schema, options=options))
+        self._waiting: list[Piece] = []
         self._thread = ThreadPoolExecutor(1, "journal")
 
     def keep(self, piece: Piece) -> None:
@@ -154,13 +154,20 @@ class Journal:
             self._held.close()
 
     def _write(self, piece: Piece) -> None:
-        """Write a piece; what cannot be written any more is told once, and the session goes on."""
+        """Write pieces if they are a batch, or the time stands still.
+
+        What cannot be written any more is told once, and the session goes on.
+        """
         if self._stream is None:
             return
+        self._waiting.append(piece)
+        if len(piece.rows) and not piece.over and sum(len(item.rows) for item in self._waiting) < BATCH_TICKS:
+            return
+        whole, self._waiting = joined(self._waiting), []
         try:
-            columns = [pa.array(column) for column in np.ascontiguousarray(piece.rows.T)]
+            columns = [pa.array(column) for column in np.ascontiguousarray(whole.rows.T)]
             batch = pa.RecordBatch.from_arrays(columns, names=self._columns)
-            news = _PIECE.dump_json(piece, exclude={"rows"})
+            news = _PIECE.dump_json(whole, exclude={"rows"})
             self._stream.write_batch(batch, custom_metadata={_NEWS: news})
         except (OSError, pa.ArrowException) as error:
             self._stream = None
@@ -191,12 +198,12 @@ def _pieces(stream: Any) -> Iterator[Piece]:
         yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})
 
 
-def complete(journal: Path, *, pictures: bool = False) -> list[Path]:
+def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, Any]]:
     """Make the run folders of walks out of their journal, which then goes.
 
     ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
-    and animation of the last walk, if that is short. Returns the folders. Raises RunDirectoryError if the
-    journal cannot be read or is still being written, or a folder cannot be made.
+    and animation of the last walk, if that is short. Returns the summaries by folder. Raises
+    RunDirectoryError if the journal cannot be read or is still being written, or a folder cannot be made.
     """
     with locked(journal):
         setup, columns, pieces = read_journal(journal)
@@ -205,15 +212,14 @@ def complete(journal: Path, *, pictures: bool = False) -> list[Path]:
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version writes; use the version that made it"
             )
-        walks, done = list(walks_in(pieces, problem.experiment.n_ticks)), list[Path]()
+        walks, done = list(walks_in(pieces, problem.experiment.n_ticks)), dict[Path, dict[str, Any]]()
         for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):
             run = walked_run(walk, problem)
             drawn = pictures and walk is walks[-1] and run.duration <= LONGEST_PICTURES
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
                 write_atomically(staging / CHANGES_FILE, _changes_table(walk.changes))
                 document = {**setup["document"], "duration_s": run.duration}
-                write_run(run, staging, document=document, pictures=drawn)
-            done.append(folder)
+                done[folder] = plain(write_run(run, staging, document=document, pictures=drawn))
         journal.unlink()
     return done
 
@@ -243,8 +249,3 @@ def walked_run(walk: Piece, problem: Problem) -> Run:
     log, weight = log_table(walk.rows, log_layout(problem), problem.table), problem.world.body_weight
     ended = walk.switches, walk.status, walk.reason, walk.wall_s
     return Run(walked, problem.table, log, *ended, weight, walk.trip)
-
-
-def summary_of(folder: Path) -> dict[str, Any]:
-    """Summary of a run folder."""
-    return dict(json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8")))

@@ -25,7 +25,6 @@ BLOCK_TICKS = 10
 PERIOD = BLOCK_TICKS * TICK  # [s]
 LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
 CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
-PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
 
 Command = Mapping[str, Any]
 
@@ -33,38 +32,35 @@ Command = Mapping[str, Any]
 class BlockClock:
     """When the next block is to begin, and how late the blocks so far were finished.
 
-    Block n of a stretch without a pause begins n periods after its start and is to be finished one period
-    later. The caller asks the time; nothing here does.
+    A block is to be finished a period after its time, when that of the next begins. The caller asks the time;
+    nothing here does.
     """
 
     def __init__(self) -> None:
         """Begin without any block."""
         self.statistics = DeadlineStatistics()  # of all blocks so far
-        self._start: float | None = None
-        self._number = 0
+        self._due: float | None = None  # time of the next block; None for as soon as it is waited for
 
     def wait(self, now: float) -> float:
         """Time until the next block may begin.
 
         ``now``: present time in [s]. Returns time in [s]; 0 if the block is due. A loop that is more than
-        ``CATCH_UP`` behind begins a new stretch; the time that it gives up is counted as lost, and the blocks
+        ``CATCH_UP`` behind goes on from now; the time that it gives up is counted as lost, and the blocks
         that belonged there as late.
         """
-        if self._start is None:
-            self._start, self._number = now, 0
-        behind = now - (self._start + self._number * PERIOD)
+        behind = 0.0 if self._due is None else now - self._due
         if behind > CATCH_UP:
             self.statistics.lost_s += behind
-            self._start, self._number = now, 0
             self._count(behind, round(behind / PERIOD))
-            return 0.0
-        return max(0.0, -behind)
+        if self._due is None or behind > CATCH_UP:
+            self._due = now
+        return max(0.0, self._due - now)
 
     def finished(self, now: float) -> None:
         """Count a block. ``now``: time in [s] at which it was finished."""
-        assert self._start is not None  # a block is waited for before it is finished
-        self._number += 1
-        self._count(max(0.0, now - (self._start + self._number * PERIOD)), 1)
+        assert self._due is not None  # a block is waited for before it is finished
+        self._due += PERIOD
+        self._count(max(0.0, now - self._due), 1)
 
     def _count(self, lateness: float, blocks: int) -> None:
         counted = self.statistics
@@ -73,8 +69,8 @@ class BlockClock:
         counted.worst_ms = max(counted.worst_ms, 1e3 * lateness)
 
     def pause(self) -> None:
-        """Let the next block begin a new stretch: time until then is nobody's loss."""
-        self._start = None
+        """Let the next block begin whenever it is waited for: time until then is nobody's loss."""
+        self._due = None
 
 
 @dataclass(kw_only=True)
@@ -86,12 +82,12 @@ class LiveLoop:
     sleep: Callable[[float], None]  # waits for a time in [s]
     commands: Callable[[], Command | None]  # gives the next command, or None; returns at once
     send: Callable[[Mapping[str, Any]], None]  # takes news or an answer; returns at once
-    keep: Callable[[Piece], None]  # takes the next piece of the walk, its last one marked; returns at once
-    longest: int  # ticks of a walk
+    keep: Callable[[Piece], None]  # takes what is new in the walk, its last piece marked; returns at once
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
         """Begin with nothing handed over."""
+        self._longest = self.run.problem.experiment.n_ticks
         self._ended = self.paused = False
         self._changes: list[Mapping[str, Any]] = []  # that have not been handed over
         self._begin()
@@ -99,7 +95,7 @@ class LiveLoop:
     def _begin(self) -> None:
         """Begin a walk."""
         self._began = self.now()
-        self._kept = self._switches = self._told = 0  # ticks and switches handed over, ticks sent
+        self._told = self._switches = 0  # ticks and switches handed over
 
     # ------------------------------------------------------------------ the loop
 
@@ -112,12 +108,8 @@ class LiveLoop:
             else:
                 self.clock.pause()
                 self.sleep(PERIOD)
-            self._ended = self._ended or self.run.tick >= self.longest
-            new = self.run.tick - self._kept
-            if new >= PIECE_TICKS or ((new or self._changes) and not self._moving):
-                self._keep_piece()
-        self._keep_piece(over=True)
-        self._send_news()
+            self._ended = self._ended or self.run.tick >= self._longest
+        self._hand_over(over=True)
 
     @property
     def status(self) -> str:
@@ -143,31 +135,25 @@ class LiveLoop:
         if wait > 0.0:
             self.sleep(wait)
             return  # for commands that came meanwhile
-        run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self.longest - run.tick))
+        run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self._longest - run.tick))
         self.clock.finished(self.now())
-        self._send_news()
-        run.forget_rows(self._kept - 1)  # a look at the last row is always possible
+        self._hand_over()
+        run.forget_rows(self._told - 1)  # a look at the last row is always possible
 
-    # ------------------------------------------------------------------ what is handed over
-
-    def _keep_piece(self, *, over: bool = False) -> None:
-        run = self.run
+    def _hand_over(self, *, over: bool = False) -> None:
+        """Keep what is new in the walk, and send it with how the walk stands."""
+        run, first, trip = self.run, self._told, self.run.trip
         piece = Piece(
-            rows=run.rows(self._kept), switches=run.switches(self._switches), changes=tuple(self._changes),
-            faults=run.injected, status=run.status, reason=run.reason, trip=run.trip,
+            rows=run.rows(first), switches=run.switches(self._switches), changes=tuple(self._changes),
+            faults=run.injected, status=run.status, reason=run.reason, trip=trip,
             wall_s=self.now() - self._began, over=over,
         )  # fmt: skip
-        self._kept, self._changes = run.tick, []
+        self._told, self._changes = run.tick, []
         self._switches += len(piece.switches)
         self.keep(piece)
-
-    def _send_news(self) -> None:
-        """Send how the walk stands, and the rows of the log since the last time."""
-        run, first = self.run, self._told
-        self._told, trip = run.tick, run.trip
         self.send(
             {"kind": "news", "first": first, "tick": run.tick, "status": self.status,
-             "rows": base64.b64encode(np.ascontiguousarray(run.rows(first))).decode(),
+             "rows": base64.b64encode(np.ascontiguousarray(piece.rows)).decode(),
              "events": event_entries(run.events), "deadlines": asdict(self.clock.statistics),
              "tripped": "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"}
         )  # fmt: skip
@@ -177,7 +163,7 @@ class LiveLoop:
     def _take_commands(self) -> None:
         """Obey what has come and answer it; what was obeyed is noted among the changes of the walk."""
         while (command := self.commands()) is not None:
-            answer = {"kind": "answer", "serial": command.get("serial", 0), "refused": "", "text": ""}
+            answer: dict[str, Any] = {"kind": "answer", "refused": "", "text": ""}
             try:
                 answer |= self._obey(command)
             except TwinGaitError as error:
@@ -188,7 +174,7 @@ class LiveLoop:
                 self._changes.append(note)
             self.send(answer)
             if not self._moving:  # else the next block tells how it stands
-                self._send_news()
+                self._hand_over()
 
     def _obey(self, command: Command) -> dict[str, Any]:
         """Obey a command; gives what its answer has to tell, in words as ``text``."""
@@ -223,8 +209,7 @@ class LiveLoop:
                 return {"text": f"fault {command['fault'].partition('@')[0]}"}
             case "step":
                 if not run.waiting():
-                    way_out = "switch steps by hand on, and wait for the status"
-                    raise ParameterError(f"step: no leg waits for one; {way_out}")
+                    raise ParameterError("step: no leg waits for one; switch steps by hand on, and wait")
                 run.release()
         return {"text": name}
 
@@ -233,12 +218,10 @@ class LiveLoop:
         held = self.run.trip is not None and name != "request"
         if held or self.run.status is not RunStatus.COMPLETED:
             raise ParameterError(f"{name}: the walk is over; start again")
-        if name == "request" and self.status == "paused":
-            raise ParameterError("request: the time stands still; let it go on")
 
     def _restart(self) -> None:
         if self.run.tick > 0:
-            self._keep_piece(over=True)
+            self._hand_over(over=True)
         self.run.restart()
         self.paused = False
         self._begin()

@@ -8,7 +8,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
+from queue import SimpleQueue
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -86,8 +86,8 @@ class WalkNews:
 
     def __init__(self, book: EventBook, problem: Problem, *, on_compile: Callable[[], None]) -> None:
         """Prepare it. ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`."""
-        self.frame: Mapping[str, Any] = {}  # the newest news; empty before the first
-        self.status = "starting"  # what the walk does
+        # The newest news.
+        self.frame: Mapping[str, Any] = {"status": "starting", "tick": 0, "deadlines": {}, "events": []}
         self.death = ""  # how the process died
         self.on_block: Callable[[Block], None] = lambda block: None  # takes the walk, block by block
         self._book, self._on_compile = book, on_compile
@@ -95,19 +95,23 @@ class WalkNews:
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
         self.process: subprocess.Popen[str] | None = None  # None before the start
         self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
-        self._pending: dict[int, Future[Answer]] = {}
-        self._serial = 0
-        self._lock = threading.Lock()
+        self._answers: SimpleQueue[Answer] = SimpleQueue()
+        self._lock = threading.Lock()  # one asks at a time
 
-    def start(self, setup: Mapping[str, Any]) -> Future[Answer]:
-        """Start the process; its answer to the set-up is on the way."""
+    def start(self, setup: Mapping[str, Any]) -> None:
+        """Start the process and wait until it walks; MessageRefused if it cannot."""
         # -P: what lies in the present folder is not ours to import.
         command = [sys.executable, "-P", "-m", "twin_gait.live.process"]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
         self._thread.start()
-        return self._send(setup)
+        self.ask(setup)
+
+    @property
+    def status(self) -> str:
+        """What the walk does."""
+        return str(self.frame["status"])
 
     @property
     def alive(self) -> bool:
@@ -119,7 +123,7 @@ class WalkNews:
         if self.process is None:
             return
         assert self.process.stdin is not None and self.process.stdout is not None  # start() opened them
-        with self._lock, contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):
             self.process.stdin.close()
         try:
             self.process.wait(END_TIME)
@@ -134,21 +138,18 @@ class WalkNews:
         Raises ParameterError if the process is gone, or has not been started. Raises MessageRefused if it
         refuses the command.
         """
-        return answered(self._send(command))
-
-    def _send(self, command: Mapping[str, Any]) -> Future[Answer]:
         if self.process is None or self.process.stdin is None:
             raise ParameterError("the walk has not begun yet")
         with self._lock:
-            self._serial += 1
-            coming = self._pending[self._serial] = Future()
             try:
-                self.process.stdin.write(dump({**command, "serial": self._serial}) + "\n")
+                self.process.stdin.write(dump(command) + "\n")
                 self.process.stdin.flush()
             except (OSError, ValueError) as error:
-                self._pending.pop(self._serial, None)
                 raise ParameterError("the walk has ended") from error
-        return coming
+            answer = self._answers.get()
+        if answer["refused"]:
+            raise MessageRefused(answer["refused"])
+        return answer
 
     # ------------------------------------------------------------------ what it says
 
@@ -157,15 +158,12 @@ class WalkNews:
         for line in self.process.stdout:
             self._hear(json.loads(line))
         self._note_end(self.process.wait())
-        for coming in list(self._pending.values()):
-            coming.set_exception(ParameterError("the walk has ended"))
-        self._pending.clear()
+        self._answers.put({"refused": "the walk has ended"})  # for who waits for one
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         match message["kind"]:
             case "answer":
-                if (coming := self._pending.pop(message["serial"], None)) is not None:
-                    coming.set_result(message)
+                self._answers.put(message)
             case "news":
                 self._note_news(message)
             case "compiling":
@@ -181,12 +179,14 @@ class WalkNews:
             columns = dict(zip(names, rows.T, strict=True))
             for name in (name for name in names if name.endswith("_phase")):
                 columns[name] = self._phases[columns[name].astype(int)]
+            if news["first"] == 0:
+                self._blocks.clear()  # a new walk
             block = Block(news["first"], news["tick"], columns, news["tripped"])
             self._blocks.append(block)
             self.on_block(block)
-        before, self._book.tick, self.status = self.status, max(news["tick"] - 1, 0), news["status"]
+        before, self._book.tick = self.status, max(news["tick"] - 1, 0)
         self.frame = {**news, "tick": self._book.tick}
-        if self.status != before and self.status in _ENDINGS and before not in ("starting", "ended"):
+        if self.status != before and self.status in _ENDINGS:
             told = [event["text"] for event in news["events"]]
             self._book.emit("note", "; ".join([*told, f"{self.status}: start again to walk"]))
 
@@ -195,19 +195,9 @@ class WalkNews:
         if status != 0:
             how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
             self.death = f"the process of the walk died at {self._book.tick * TICK:.1f} s ({how})"
-            self.status = "died"
+            self.frame = {**self.frame, "status": "died"}
             self._book.emit("note", f"{self.death}; the walk is kept up to its last second")
-            if self.frame:  # the last frame tells the pages too
-                self.frame = {**self.frame, "status": self.status}
 
     def blocks(self) -> list[Block]:
         """The walk since the last call, in order; of a long time the last eight seconds."""
         return [self._blocks.popleft() for _ in range(len(self._blocks))]
-
-
-def answered(coming: Future[Answer]) -> Answer:
-    """Wait for an answer of the process, with the errors of :meth:`WalkNews.ask`."""
-    answer = coming.result()
-    if answer["refused"]:
-        raise MessageRefused(answer["refused"])
-    return answer

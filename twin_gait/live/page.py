@@ -54,7 +54,7 @@ class LiveFigure:
         self.mode: str | None = None
         self._scene = build_scene(self.window, model, drives=experiment.joints, **setting_of(experiment))
         self._names, self._modes = (*experiment.table.phase_names, HOLD), modes_of(experiment)
-        self._coordinates, self._travelled, self._next = state_columns(model)[0], 0.0, 0
+        self._coordinates, self._travelled = state_columns(model)[0], 0.0
         self.phases: dict[str, str | None] = dict.fromkeys(map(str, model.sides))
         self._shown = {
             side: [key for key in leg_columns(columns, side) if not key.endswith(_UNUSED)]
@@ -70,55 +70,44 @@ class LiveFigure:
 
     def show(self, blocks: Sequence[Block], events: Sequence[Mapping[str, Any]] = ()) -> None:
         """Move everything to the last tick of some blocks, and draw the curves on."""
-        row = {name: column[-1:] for name, column in blocks[-1].columns.items()}
+        ticks = np.concatenate([np.arange(block.first, block.end) for block in blocks])
+        columns = {
+            name: np.concatenate([block.columns[name] for block in blocks]) for name in blocks[-1].columns
+        }
+        row = {name: column[-1:] for name, column in columns.items()}
         held = row["safety_state"][0] == SafetyState.HOLD.code
         self.phases = {side: None if held else str(row[f"{side}_phase"][0]) for side in self.phases}
         self.mode = self._modes[int(row[MODE][0])] if self._modes else None
         posture = np.column_stack([row[name] for name in self._coordinates])
         if not np.isfinite(posture).all():
             return  # a walk that diverged stays as it was last seen
-        now = np.array([TICK * (blocks[-1].end - 1)])
+        now = TICK * ticks[-1:]
         codes = {side: self._names.index(self.phases[side] or HOLD) for side in self._shown}
         legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in codes.items()}
         self.window.apply(self._scene.state_at(Motion(now, posture, legs, self._names, row), 0))
-        self._move_belt(blocks)
-        values = {side: leg_values(row, side) for side in self._shown}
-        numbers = [
-            {key: float(values[side][key][0]) for key in keys} | {"phase": codes[side]}
-            for side, keys in self._shown.items()
-        ]
-        sample = {"time": float(now[0]), "legs": numbers, "curves": self._curves(blocks)}
+        self._move_belt(columns)
+        numbers, curves = [], []
+        for side, keys in self._shown.items():
+            values = leg_values(columns, side)
+            numbers.append({key: float(values[key][-1]) for key in keys} | {"phase": codes[side]})
+            curves.append({key: _curve(ticks, values[key]) for key in keys})
+        sample = {"time": float(now[0]), "legs": numbers, "curves": curves}
         mode = {"mode": int(row[MODE][0])} if MODE in row else {}
         self.window.sample({**sample, **mode, "events": list(events)})
 
-    def _move_belt(self, blocks: Sequence[Block]) -> None:
-        speeds = np.concatenate([block.columns.get("belt_speed_m_per_s", np.zeros(1)) for block in blocks])
+    def _move_belt(self, columns: Mapping[str, np.ndarray]) -> None:
+        speeds = columns.get("belt_speed_m_per_s", np.zeros(1))
         self._travelled += TICK * float(speeds.sum())
         if speeds.any():
             offset = surroundings.belt_offset(self._travelled)
             self.window.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
 
-    def _curves(self, blocks: Sequence[Block]) -> list[dict[str, Any]]:
-        """Times in [s] and values of every curve of every leg; no line where a block is missing."""
-        curves: list[dict[str, Any]] = []
-        for side, keys in self._shown.items():
-            times, values, expected = [], [], self._next
-            for block in blocks:
-                known = leg_values(block.columns, side)
-                rows, found = extremes(np.column_stack([known[key] for key in keys]))
-                if block.first != expected:
-                    times.append(np.full((1, len(keys)), block.first))
-                    values.append(np.full((1, len(keys)), np.nan))
-                times.append(block.first + rows)
-                values.append(found)
-                expected = block.end
-            when, what = np.round(TICK * np.concatenate(times), 3).T, np.concatenate(values).T
-            curves.append(
-                {key: {"times": when[k].tolist(), "values": list(map(finite_or_none, what[k].tolist()))}
-                 for k, key in enumerate(keys)}
-            )  # fmt: skip
-        self._next = blocks[-1].end
-        return curves
+
+def _curve(ticks: np.ndarray, values: np.ndarray) -> dict[str, list[float | None]]:
+    """Times in [s] and values of the points that show a curve truly."""
+    rows, found = (part.ravel() for part in extremes(values[:, None]))
+    times = np.round(TICK * ticks[rows], 3).tolist()
+    return {"times": times, "values": list(map(finite_or_none, found.tolist()))}
 
 
 class StopHandler(Guarded):

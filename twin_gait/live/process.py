@@ -30,39 +30,6 @@ from twin_gait.simulation.problem import build_problem
 
 SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
 REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
-MOST_NEWS = 100  # kept for who does not read: a second
-
-
-class Sender:
-    """Writes messages in a thread of its own: the loop never waits for a pipe.
-
-    All messages are kept in order, but for news, of which those of a second are.
-    """
-
-    def __init__(self, stream: IO[str]) -> None:
-        """Begin with nothing to write."""
-        self._stream, self._called = stream, False
-        self._answers, self._news = deque[Mapping[str, Any]](), deque[Mapping[str, Any]](maxlen=MOST_NEWS)
-        self._thread = ThreadPoolExecutor(1, "sender")
-
-    def send(self, message: Mapping[str, Any]) -> None:
-        """Take a message; returns at once."""
-        (self._news if message["kind"] == "news" else self._answers).append(message)
-        if not self._called:
-            self._called = True
-            self._thread.submit(self._write).add_done_callback(Future.result)  # prints what is not expected
-
-    def close(self) -> None:
-        """Write what is left, as far as anybody reads it."""
-        self._thread.shutdown()
-
-    def _write(self) -> None:
-        self._called = False
-        with contextlib.suppress(OSError, ValueError):  # the reader has gone
-            for messages in (self._answers, self._news):
-                while messages:
-                    self._stream.write(dump(messages.popleft()) + "\n")
-            self._stream.flush()
 
 
 def commands_from(stream: IO[str]) -> Callable[[], Mapping[str, Any] | None]:
@@ -83,41 +50,42 @@ def commands_from(stream: IO[str]) -> Callable[[], Mapping[str, Any] | None]:
 
 
 def main() -> None:
-    """Read the set-up and walk; the answer to the set-up says that the walk can begin, or why it cannot."""
+    """Read the set-up and walk; a thread of its own writes, so that the loop never waits for a pipe."""
     for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to the parent too, which ends us
         signal.signal(number, signal.SIG_IGN)
-    sender = Sender(os.fdopen(os.dup(1), "w", encoding="utf-8"))
+    stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # whatever else is printed must not run into the messages
+    with ThreadPoolExecutor(1, "sender") as sender:
+
+        def send(message: Mapping[str, Any]) -> None:
+            # What is not expected is printed.
+            sender.submit(_write, stream, message).add_done_callback(Future.result)
+
+        _walk(json.loads(sys.stdin.readline()), send)
+
+
+def _write(stream: IO[str], message: Mapping[str, Any]) -> None:
+    with contextlib.suppress(OSError, ValueError):  # the reader has gone
+        stream.write(dump(message) + "\n")
+        stream.flush()
+
+
+def _walk(setup: Mapping[str, Any], send: Callable[[Mapping[str, Any]], None]) -> None:
+    """Walk; the answer to the set-up says that the walk can begin, or why it cannot."""
     try:
-        setup = json.loads(sys.stdin.readline())
-        answer = {"kind": "answer", "serial": setup["serial"], "refused": ""}
-        try:
-            loop, journal = _laid_out(setup, sender)
-        except TwinGaitError as error:
-            sender.send({**answer, "refused": one_line(error)})
-            return
-        sender.send(answer)
-        go_before_others()
-        loop.walk()
-        journal.close()
-    finally:
-        sender.close()
-
-
-def _laid_out(setup: Mapping[str, Any], sender: Sender) -> tuple[LiveLoop, Journal]:
-    experiment = experiment_from_mapping(setup["document"], "experiment", Path())
-    run = SteppedRun(build_problem(experiment), on_compile=lambda: sender.send({"kind": "compiling"}))
-    journal = Journal(run.layout.names, setup, lambda text: sender.send({"kind": "unkept", "text": text}))
-    loop = LiveLoop(
-        run=run,
-        now=time.monotonic,
-        sleep=time.sleep,
-        commands=commands_from(sys.stdin),
-        send=sender.send,
-        keep=journal.keep,
-        longest=experiment.n_ticks,
-    )
-    return loop, journal
+        experiment = experiment_from_mapping(setup["document"], "experiment", Path())
+        run = SteppedRun(build_problem(experiment), on_compile=lambda: send({"kind": "compiling"}))
+        journal = Journal(run.layout.names, setup, lambda text: send({"kind": "unkept", "text": text}))
+    except TwinGaitError as error:
+        send({"kind": "answer", "refused": one_line(error)})
+        return
+    commands = commands_from(sys.stdin)
+    send({"kind": "answer", "refused": ""})
+    go_before_others()
+    LiveLoop(
+        run=run, now=time.monotonic, sleep=time.sleep, commands=commands, send=send, keep=journal.keep
+    ).walk()
+    journal.close()
 
 
 def go_before_others() -> None:

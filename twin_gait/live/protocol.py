@@ -96,10 +96,8 @@ def read_message(text: str | bytes) -> Message:
         data = json.loads(text)
     except (ValueError, RecursionError):
         raise MessageRefused("message: expected JSON") from None
-    kind = data.get("kind") if isinstance(data, dict) else None
-    if kind not in ("set", "try", "do"):
-        raise MessageRefused(f"message: expected an object of kind set, try or do, got {short(data)}")
-    schema: type[Message] = DoAction if kind == "do" else SetControl
+    does = isinstance(data, dict) and data.get("kind") == "do"
+    schema: type[Message] = DoAction if does else SetControl
     try:
         return validate(schema, data, "message")
     except ParameterFileError as error:

@@ -11,7 +11,7 @@ import contextlib
 import itertools
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,8 @@ from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
 from twin_gait.live.forecast import Place, errors_of, foresee
-from twin_gait.live.journal import complete, summary_of
-from twin_gait.live.news import EventBook, WalkNews, answered
+from twin_gait.live.journal import complete
+from twin_gait.live.news import EventBook, WalkNews
 from twin_gait.live.protocol import DoAction, Message, MessageRefused, SetControl, State, Value, one_line
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.settings import Settings, loop_numbers
@@ -35,68 +35,48 @@ from twin_gait.runs.record import RUN_DIRECTORY
 CHECKED = ("revert", "save")
 
 
+@dataclass(kw_only=True, eq=False)
 class LiveSession:
     """One live session; all methods may be called from any thread and none waits for the walk.
 
-    Use it as a context manager: leaving it ends the walk and writes its run folder.
+    :meth:`start` starts the process of the walk. :meth:`close` it whatever happens: that ends the walk and
+    writes its run folder.
 
     Attributes:
-        folder: Run folder of the first walk.
-        user: Whose session it is.
         book: Events of the session.
         news: The process of the walk, and what is known of its walks.
         panel: The controls that there are.
         settings: In force.
         controls: Of the panel with the present values.
-        folders: Run folders that have been written, at the end.
-        summary: Of the last walk, at the end; empty if it could not be written.
+        summaries: Of the walks by their run folders, which have been written, at the end.
         failure: Why a run folder could not be written; empty if it could.
     """
 
-    def __init__(
-        self,
-        loaded: LoadedExperiment,
-        folder: Path,
-        *,
-        user: str = "",
-        force: bool = False,
-        pictures: bool = True,
-        records: Path | None = None,
-        can: str | None = None,
-        on_compile: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Prepare the session; :meth:`start` starts the process.
+    loaded: LoadedExperiment  # its duration is the longest time of a walk
+    folder: Path  # run folder of the first walk
+    user: str = ""  # whose session it is
+    force: bool = False  # whether an existing run folder may be replaced
+    pictures: bool = True  # whether to draw figures and animation at the end
+    records: Path | None = None  # folder of the record of sessions, or None to keep no record
+    can: str | None = None  # bus that the walk is put on, as open_bus takes it; None for none
+    # called if the walk has to be compiled first, which takes 10 to 20 s
+    on_compile: Callable[[], None] = lambda: None
 
-        ``loaded``: experiment; its duration is the longest time of a walk; ``force``: whether an existing run
-        folder may be replaced; ``pictures``: whether to draw figures and animation at the end; ``records``:
-        folder of the record of sessions, or None to keep no record; ``can``: bus that the walk is put on, as
-        :func:`~twin_gait.live.can_link.open_bus` takes it; None for none; ``on_compile``: called if the walk
-        has to be compiled first, which takes 10 to 20 s.
-        """
-        self.folder = Path(folder).expanduser().absolute()
-        self.folders, self.summary, self.failure = list[Path](), dict[str, Any](), ""
-        self._loaded, self.user, self._records = loaded, user, records
-        self._force, self._pictures, self._can = force, pictures, can
+    def __post_init__(self) -> None:
+        """Prepare the session."""
+        self.folder = self.folder.expanduser().absolute()
+        self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
         self._link: CanLink | None = None
         self.book = EventBook()
-        self.panel = Panel(loaded.experiment)
+        self.panel = Panel(self.loaded.experiment)
         self.settings: Settings = self.panel.preset
         self.controls = self.panel.controls(self.settings)
         self._known: Mapping[Place, str] = {}
         self._actions = tuple(action_specs(self.panel.problem))
-        self.news = WalkNews(self.book, self.panel.problem, on_compile=on_compile)
+        self.news = WalkNews(self.book, self.panel.problem, on_compile=self.on_compile)
         self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ beginning and end
-
-    def __enter__(self) -> LiveSession:
-        """Start."""
-        self.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """End."""
-        self.close()
 
     def start(self) -> None:
         """Start the process and wait until it walks.
@@ -107,44 +87,41 @@ class LiveSession:
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
-        check_target(self.folder, RUN_DIRECTORY, force=self._force)
-        document, name = self._loaded.document, self._loaded.experiment.name
-        with contextlib.ExitStack() as undo:
-            undo.callback(self._close_processes)
-            if self._can is not None:
-                self._link = CanLink(self._can, self.panel.problem, book=self.book, submit=self.submit)
-                self.news.on_block = self._link.take
-            setup = {"document": document, "folder": str(self.folder), "force": self._force}
-            answered(self.news.start(setup))
-            self._worker.submit(self._prepare).add_done_callback(Future.result)
-            if self._records is not None:
-                self.book.recorder = SessionRecorder(
-                    self._records, user=self.user, experiment=name, document=document, folder=self.folder
-                )
-            undo.pop_all()
+        check_target(self.folder, RUN_DIRECTORY, force=self.force)
+        document, name = self.loaded.document, self.loaded.experiment.name
+        if self.can is not None:
+            self._link = CanLink(self.can, self)
+            self.news.on_block = self._link.take
+        self.news.start({"document": document, "folder": str(self.folder), "force": self.force})
+        self._worker.submit(self._prepare).add_done_callback(Future.result)
+        if self.records is not None:
+            self.book.recorder = SessionRecorder(
+                self.records, user=self.user, experiment=name, document=document, folder=self.folder
+            )
 
-    def _close_processes(self) -> None:
+    def close(self) -> None:
+        """End the walk, write the run folders, and close the record."""
         if self._link is not None:
             self._link.close()
         self.news.close()
         for worker in (self._worker, self._hands):
             worker.shutdown(cancel_futures=True)
-
-    def close(self) -> None:
-        """End the walk, write the run folders, and close the record."""
-        self._close_processes()
         try:
             if (journal := journal_of(self.folder)).exists():
-                self.folders = complete(journal, pictures=self._pictures)
+                self.summaries = complete(journal, pictures=self.pictures)
         except RunDirectoryError as error:
             self.failure = one_line(error)
             self.book.emit("note", f"the run folder could not be written: {self.failure}")
-        for folder in self.folders:
-            self.summary = summary_of(folder)
+        for folder in self.summaries:
             self.book.emit("note", f"the run is in {folder}")
         if self.book.recorder is not None:
-            self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.folders)
+            self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.summaries)
             self.book.recorder = None
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """Of the last walk, at the end; empty if it could not be written."""
+        return next(reversed(self.summaries.values()), {})
 
     # ------------------------------------------------------------------ what pages ask for
 
@@ -163,7 +140,7 @@ class LiveSession:
         """The panel with its present values."""
         table = self.panel.problem.table
         return State(
-            experiment=self._loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
+            experiment=self.loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
             controls=self.controls, actions=self._actions,
         )  # fmt: skip
 
@@ -173,11 +150,11 @@ class LiveSession:
         try:
             if isinstance(message, SetControl):
                 settings = self.panel.set(self.settings, message.control, message.value)
-                self._turn(message, settings, message.control, message.value)
+                self._turn(message, settings, message.control)
             elif message.action == "revert":
                 name = str(values_of(self._actions, message)["control"])
                 settings = self.panel.revert(self.settings, name)
-                self._turn(message, settings, name, self.panel.value_of(settings, name))
+                self._turn(message, settings, name)
             elif message.action == "save":
                 self._save(message)
             else:
@@ -190,27 +167,27 @@ class LiveSession:
         self._known = errors_of(self.settings)
         self._ahead = SteppedRun(self.panel.problem)
 
-    def _turn(self, message: Message, settings: Settings, name: str, value: Value | None) -> None:
+    def _turn(self, message: Message, settings: Settings, name: str) -> None:
         """Hold new settings to the rules, and hand them to the walk, or only foresee what they would do."""
-        before, known = self.panel.value_of(self.settings, name), self._known
+        controls, known = self.panel.controls(settings), errors_of(settings)
+        before, value = (
+            {item.name: item.value for item in shown}.get(name) for shown in (self.controls, controls)
+        )
         text, change = _told(name, before, value), {"subject": name, "before": before, "value": value}
-        if settings.driving != self.settings.driving:
-            known = errors_of(settings)
-            for place, error in known.items():
-                if place not in self._known:
-                    raise MessageRefused(error)
-        numbers = loop_numbers(settings)
+        for place, error in known.items():
+            if place not in self._known:
+                raise MessageRefused(error)
         if message.kind == "try":
             now = self.news.ask({"command": "moment"})
-            found = foresee(self._ahead, now["moment"], numbers)
+            found = foresee(self._ahead, now["moment"], settings)
             text, forecast = f"forecast of {text}: {found.text}", asdict(found)
             self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
             return
-        note = {"user": message.user, **change, "text": text}
+        note, numbers = {"user": message.user, **change, "text": text}, loop_numbers(settings)
         tick = self.news.ask({"command": "settings", "numbers": numbers, "note": note})["tick"]
         if settings.table != self.settings.table and self.book.recorder is not None:
             self.book.recorder.table(table_document(settings.table), tick)
-        self.settings, self._known, self.controls = settings, known, self.panel.controls(settings)
+        self.settings, self._known, self.controls = settings, known, controls
         self.book.answer(message, "applied", text, tick=tick, **change)
 
     def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
@@ -236,8 +213,5 @@ class LiveSession:
 def _told(subject: str, before: Value | None, value: Value | None) -> str:
     if subject == EVERYTHING:
         return "everything as it began"
-    return f"{subject}: {_shown(before)} → {_shown(value)}"
-
-
-def _shown(value: Value | None) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value).lower() if value is not None else "?"
+    shown = (f"{item:.4g}" if isinstance(item, float) else str(item) for item in (before, value))
+    return f"{subject}: {' → '.join(shown)}"

@@ -8,16 +8,18 @@ the dead: no end and no lock means killed.
 
 import contextlib
 import fcntl
+import itertools
 import json
 import os
 from collections import deque
 from collections.abc import Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from twin_gait.exceptions import TwinGaitError
+from twin_gait.files import private_files, write_new
 from twin_gait.live.protocol import Event
 from twin_gait.runs.folders import hold
 
@@ -60,54 +62,51 @@ class SessionRecorder:
         self.failure = ""  # why nothing is recorded any more
         self._waiting: deque[str] = deque()
         self._thread = ThreadPoolExecutor(1, "session recorder")
+        began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
+        line = _line({**began, "folders": [str(folder)]})
         try:
-            records.mkdir(parents=True, exist_ok=True, mode=0o700)
-            self.session, self._descriptor = _make(records)
+            with private_files():
+                records.mkdir(parents=True, exist_ok=True)
+                numbers = itertools.count(max(_numbers(records), default=0) + 1)
+                path = write_new((_file(records, number) for number in numbers), line)
+                self._file = path.open("a", encoding="utf-8")
+            fcntl.flock(self._file, fcntl.LOCK_EX)
         except OSError as error:
             raise _unusable(records, error) from error
-        began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
-        self._put({**began, "folders": [str(folder)]}).result()  # before anybody lists the session
+        self.session = int(path.stem)
 
     def event(self, event: Event) -> None:
         """Record an event: what was applied or refused, or a note."""
-        self._put({"event": {**vars(event), "at": _now()}})
+        self._put({"log": {**vars(event), "at": _now()}})
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
         """Record a version of the gait table and its first tick."""
-        self._put({"table": {"tick": tick, "document": dict(document)}})
+        self._put({"tables": {"tick": tick, "document": dict(document)}})
 
     def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> None:
         """Record how and in which tick the last walk ended, with its summary; wait until it is written."""
         end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
-        self._put({"end": {**end, "folders": list(map(str, folders))}})
+        self._put({**end, "folders": list(map(str, folders))})
         self._thread.shutdown()
-        os.close(self._descriptor)
+        with contextlib.suppress(OSError):
+            self._file.close()
 
-    def _put(self, entry: Mapping[str, Any]) -> Future[None]:
-        self._waiting.append(json.dumps(entry, ensure_ascii=False) + "\n")
-        return self._thread.submit(self._write)
+    def _put(self, entry: Mapping[str, Any]) -> None:
+        self._waiting.append(_line(entry))
+        self._thread.submit(self._write)
 
     def _write(self) -> None:
         """Write all that waits, which may be nothing by now."""
-        rest = memoryview("".join(self._waiting.popleft() for _ in range(len(self._waiting))).encode())
         try:
-            while rest:
-                rest = rest[os.write(self._descriptor, rest) :]
-            os.fsync(self._descriptor)
+            self._file.write("".join(self._waiting.popleft() for _ in range(len(self._waiting))))
+            self._file.flush()
+            os.fsync(self._file.fileno())
         except OSError as error:
             self.failure = error.strerror or str(error)
 
 
-def _make(folder: Path) -> tuple[int, int]:
-    """File of a new session, locked: its number and descriptor."""
-    number = max(_numbers(folder), default=0)
-    while True:  # another session may begin in this moment
-        number += 1
-        with contextlib.suppress(FileExistsError):
-            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL
-            descriptor = os.open(_file(folder, number), flags, 0o600)
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            return number, descriptor
+def _line(entry: Mapping[str, Any]) -> str:
+    return json.dumps(entry, ensure_ascii=False) + "\n"
 
 
 def _file(folder: Path, session: int) -> Path:
@@ -115,7 +114,9 @@ def _file(folder: Path, session: int) -> Path:
 
 
 def _numbers(folder: Path) -> list[int]:
-    return sorted(int(path.stem) for path in folder.glob("*.jsonl") if path.stem.isdecimal())
+    """Of the sessions that have begun."""
+    paths = [path for path in folder.glob("*.jsonl") if path.stem.isdecimal()]
+    return sorted(int(path.stem) for path in paths if path.stat().st_size)
 
 
 def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]:
@@ -126,11 +127,8 @@ def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]
     if not folder.is_dir():
         raise SessionError(f"{folder}: there is no record of sessions yet; twin-gait live makes one")
     entries = [read_session(folder, number) for number in reversed(_numbers(folder))]
-    return [
-        {key: value for key, value in item.items() if key not in _DETAILS}
-        for item in entries
-        if user is None or item["user"] == user
-    ]
+    chosen = [item for item in entries if user is None or item["user"] == user]
+    return [{key: value for key, value in item.items() if key not in _DETAILS} for item in chosen]
 
 
 def read_session(folder: Path, session: int) -> dict[str, Any]:
@@ -146,33 +144,24 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
     try:
         if (held := hold(path)) is not None:
             os.close(held)
-        text = path.read_bytes().decode(errors="replace")
+        text = path.read_text(encoding="utf-8", errors="replace")
     except FileNotFoundError:
-        text = f"{folder}: no session {session}; twin-gait sessions list shows all"
-        raise SessionError(text) from None
+        raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all") from None
     except OSError as error:
         raise _unusable(path, error) from error
+    found: dict[str, Any] = {"id": session, "status": GOING_ON if held is None else KILLED}
+    found |= {"ended": None, "tick": 0, "summary": {}, "tables": [], "log": []}
     try:
-        entries = [json.loads(line) for line in text[: text.rfind("\n") + 1].splitlines()]
-        empty = {"user": "", "experiment": "", "document": {}, "began": _now(), "folders": []}
-        first: dict[str, Any] = empty if not entries or "event" in entries[0] else entries[0]
-        of = {kind: [item[kind] for item in entries if kind in item] for kind in ("event", "table", "end")}
-        log, tables, end = of["event"], of["table"], (of["end"] or [{}])[0]
-        responses = [item["response"] for item in log]
-        return {
-            "id": session,
-            **{key: first[key] for key in empty},
-            "ended": end.get("ended"),
-            "status": end.get("status") or (GOING_ON if held is None else KILLED),
-            "tick": end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),
-            "folders": end.get("folders", first["folders"]),
-            "changes": responses.count("applied"),
-            "refusals": responses.count("refused"),
-            "versions": len(tables),
-            "summary": end.get("summary", {}),
-            "tables": tables,
-            "log": log,
-        }
+        for line in text.split("\n")[:-1]:
+            for key, value in json.loads(line).items():
+                if key in ("tables", "log"):
+                    found["tick"] = value["tick"]
+                    found[key].append(value)
+                else:
+                    found[key] = value
+        responses = [item["response"] for item in found["log"]]
+        found |= {"changes": responses.count("applied"), "refusals": responses.count("refused")}
+        return found | {"versions": len(found["tables"]), "began": found["began"]}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SessionError(f"{path}: is not the record of a session; move it away") from error
 

@@ -12,17 +12,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from twin_gait.control import Trip
+from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.live.fading import Fade, arrive, fade_anew
-from twin_gait.live.settings import LoopNumbers
+from twin_gait.live.settings import LoopNumbers, numbers_of
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -45,7 +44,7 @@ class SteppedRun:
         problem: The experiment as an engine needs it, as the walk began.
         layout: Names and positions of the log's columns.
         tick: Ticks that have been run.
-        held_phase: The phase that no leg leaves by itself, or None.
+        numbers: In force, or fading in.
         injected: Faults that have been injected, with their times.
     """
 
@@ -67,17 +66,17 @@ class SteppedRun:
         starts[len(experiment.faults) :] = NEVER
         self._episode["first_fault"] = starts.min()
         self._start = self._engine.store.copy()
+        self.numbers: LoopNumbers = numbers_of(problem)
         self._values = self._changeable()
-        self._fades: dict[str, Fade] = {}
+        # Values before a fade by name, its first tick, its length; None without one. JSON takes it as it is.
+        self._fade: tuple[dict[str, Any], int, int] | None = None
         self._push_ends = np.full(len(problem.joints), NEVER)
         self.injected: tuple[Fault, ...] = ()
         self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
-        self.held_phase: int | None = None
-        self._watching = True
-        self._belt_speed, self._belt_waits = float(problem.world.belt.cruise), False
+        self._belt_waits = False
 
     def _changeable(self) -> dict[str, np.ndarray]:
-        """What a caller may give other values for good, by name: what a restart keeps."""
+        """Where in the record the numbers stand that fade."""
         controller, model = self._episode["controller"], self.problem.world.model
         joints = controller["joints"]
         found = {
@@ -85,7 +84,6 @@ class SteppedRun:
             "gravity_shares": controller["legs"]["gravity_shares"],
             "target_torque": joints["target"],
             "belt_speed": self._engine.store["belt"]["cruise"],
-            "comparisons": controller["program"]["comparisons"],
         }
         if model.pelvis_index is not None:  # the wearer's hangs in the support
             hung = model.pelvis_index + self.problem.world.wearer_shift
@@ -122,17 +120,17 @@ class SteppedRun:
         rows = np.zeros((ticks, len(self.layout.names)))
         while self.tick < end and self.status is RunStatus.COMPLETED:
             self._let_belt_wait()
-            self._apply_fades()
+            self._apply_fade()
             over = self._push_ends <= self.tick
             self._episode["joints"]["push"][over], self._push_ends[over] = 0.0, NEVER
-            piece = ticks if self.held_phase is None else WAIT_TICKS
-            if self._fades or self._released:
+            piece = ticks if self.numbers["held_phase"] is None else WAIT_TICKS
+            if self._fade is not None:
                 piece = 1
             until = min(end, self.tick + piece, int(self._push_ends.min()))
             there = self._legs_in_held_phase()
             self.tick = self._engine.run_ticks(self.tick, until, rows, first)
-            if self._released and (there & ~self._legs_in_held_phase()).any():
-                self.hold_phase(self.held_phase)  # after the step that was let go the next one waits again
+            if (there & ~self._legs_in_held_phase()).any():
+                self._hold()  # after the step that was let go the next one waits again
         self._log.append((first, rows[: self.tick - first]))
         return self._log[-1][1]
 
@@ -141,18 +139,51 @@ class SteppedRun:
         waits = bool(self.waiting())
         if waits != self._belt_waits:
             self._belt_waits = waits
-            self.fade("belt_speed", 0.0 if waits else self._belt_speed, BELT_TICKS)
+            self._begin_fade(BELT_TICKS)
 
-    def _apply_fades(self) -> None:
-        going = {
-            name: fade for name, fade in self._fades.items() if fade.write(self.tick, self._values[name])
+    def _begin_fade(self, ticks: int) -> None:
+        self._fade = {name: values.tolist() for name, values in self._values.items()}, self.tick, ticks
+
+    def _targets(self) -> dict[str, Any]:
+        """What the numbers ask of the values that fade, by name."""
+        rows = np.array(self.numbers["phase_rows"])
+        by_joint = rows[..., :-1].reshape(*rows.shape[:2], -1, COLUMNS_PER_JOINT).swapaxes(1, 2)
+        return {
+            **self.numbers,
+            "setpoints": by_joint.reshape(self._values["setpoints"].shape),
+            "gravity_shares": rows[..., -1],
+            "belt_speed": 0.0 if self._belt_waits else self.numbers["belt_speed"],
         }
-        if "setpoints" in self._fades:
-            legs = self._episode["controller"]["legs"]
-            lengths = np.take_along_axis(legs["blend_ticks"], legs["phase"][:, None], axis=1)[:, 0]
-            # A leg whose own fade is over no longer reads the parameters of its phase.
-            arrive(self._episode, self.tick - legs["entry_tick"] > lengths)
-        self._fades = going
+
+    def _apply_fade(self) -> None:
+        if self._fade is None:
+            return
+        start, first, ticks = self._fade
+        share = blend_share((self.tick - first + 1) / max(ticks, 1), BLEND_MINIMUM_JERK)
+        target = self._targets()
+        for name, values in self._values.items():
+            old, new = np.array(start[name]), np.array(target[name])
+            values[...] = blend(old, new, share) if share < 1.0 else new  # type: ignore[arg-type]
+        if share == 1.0:
+            self._fade = None
+        legs = self._episode["controller"]["legs"]
+        lengths = np.take_along_axis(legs["blend_ticks"], legs["phase"][:, None], axis=1)[:, 0]
+        # A leg whose own fade is over no longer reads the parameters of its phase.
+        self._arrive(self.tick - legs["entry_tick"] > lengths)
+
+    def _arrive(self, chosen: np.ndarray) -> None:
+        """Give the chosen legs the parameters of their phases."""
+        controller = self._episode["controller"]
+        joints = controller["joints"].reshape(len(chosen), -1)
+        for leg, own, wanted in zip(controller["legs"], joints, chosen, strict=True):
+            if wanted:
+                own["blended"] = own["setpoints"][:, leg["phase"]]
+                leg["gravity"] = leg["gravity_shares"][leg["phase"]]
+
+    def _fade_anew(self) -> None:
+        """Let every leg fade from its present parameters."""
+        joints, legs = self._episode["controller"]["joints"], self._episode["controller"]["legs"]
+        joints["blend_start"], legs["gravity_start"] = joints["blended"], legs["gravity"]
 
     def rows(self, first: int = 0) -> np.ndarray:
         """The log from a tick on that has not been forgotten, shape ``(tick - first, n_columns)``."""
@@ -172,11 +203,10 @@ class SteppedRun:
         return {
             "tick": self.tick,
             "record": base64.b64encode(self._engine.store.tobytes()).decode(),
-            "fades": dict(self._fades),
+            "numbers": self.numbers,
+            "fade": self._fade,
             "push_ends": self._push_ends.tolist(),
-            "watching": self._watching,
-            "held": self.held_phase,
-            "belt": (self._belt_speed, self._belt_waits),
+            "belt_waits": self._belt_waits,
         }
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
@@ -184,48 +214,26 @@ class SteppedRun:
         self._engine.store[:] = np.frombuffer(base64.b64decode(moment["record"]), self._engine.store.dtype)
         self._engine.point_at_rows()  # addresses are those of a process
         self._episode["recording"]["n_switches"] = 0
-        self._fades = {name: Fade(*fade) for name, fade in moment["fades"].items()}
-        self._push_ends[:] = moment["push_ends"]
         self.tick, self._log = moment["tick"], []
-        self._watching, self.held_phase = moment["watching"], moment["held"]
-        self._belt_speed, self._belt_waits = moment["belt"]
+        self.numbers, self._belt_waits = moment["numbers"], moment["belt_waits"]
+        self._fade = moment["fade"]
+        self._push_ends[:] = moment["push_ends"]
 
-    def fade(self, name: str, target: ArrayLike, ticks: int = FADE_TICKS) -> None:
-        """Let numbers fade to others by the minimum-jerk law, in some ticks or, with 0, at once.
+    def set(self, numbers: LoopNumbers, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Let other numbers fade in by the minimum-jerk law, in some ticks or, with 0, at once.
 
-        ``name``: ``target_torque`` in [N m], added to the commands, shape ``(n_joints,)``; ``belt_speed`` in
-        [m] / [s], 0 to stop, with a profile that between its ramps; ``support_force`` in [N], where the
-        pelvis hangs in one.
+        ``numbers`` as :func:`~twin_gait.live.settings.numbers_of` has them. Parameters of the phases fade in
+        all phases at once, also in one whose own fade is over; thresholds change at once. As long as a phase
+        is held the monitor does not watch how long a leg stays.
         """
-        values = self._values[name]
-        shaped = np.broadcast_to(target, values.shape).tolist()
-        self._fades[name] = Fade(values.tolist(), shaped, self.tick, ticks)
-
-    def set_phase_rows(self, rows: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
-        """Give the phases other k, b, θ0, G and gravity shares, shaped as ``problem.phase_rows``.
-
-        They fade by the minimum-jerk law, in all phases at once, also in one whose own fade is over.
-        """
-        by_joint = rows[..., :-1].reshape(*rows.shape[:2], -1, COLUMNS_PER_JOINT).swapaxes(1, 2)
-        self.fade("setpoints", by_joint.reshape(self._values["setpoints"].shape), fade_ticks)
-        self.fade("gravity_shares", rows[..., -1], fade_ticks)
-
-    def set(self, numbers: LoopNumbers) -> None:
-        """Let new settings fade in; thresholds change at once."""
-        self.set_phase_rows(np.array(numbers["phase_rows"]))
+        held, self.numbers = self.numbers["held_phase"], numbers
         given = [entries(Comparison(**comparison)) for comparison in numbers["comparisons"]]
-        self._values["comparisons"][: len(given)] = given  # the record has room for more
-        self.fade("target_torque", numbers["target_torque"])
-        if numbers["support_force"] is not None:
-            self.fade("support_force", numbers["support_force"])
-        self._belt_speed = numbers["belt_speed"]
-        if not self._belt_waits:
-            self.fade("belt_speed", self._belt_speed)
-        self._watching = numbers["watching"]
-        if numbers["held_phase"] == self.held_phase:
-            self._note_phase_time_out()
-        else:
-            self.hold_phase(numbers["held_phase"])
+        program = self._episode["controller"]["program"]
+        program["comparisons"][: len(given)] = given  # the record has room for more
+        self._begin_fade(fade_ticks)
+        if numbers["held_phase"] != held:
+            self._hold()
+        self._note_phase_time_out()
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint of ``problem.joints`` for some ticks, in [N m], positive towards flexion."""
@@ -250,12 +258,10 @@ class SteppedRun:
     def request(self, name: str) -> Answer:
         """Ask the supervisor for something, run the next tick, which hears it, and give its answer.
 
-        Raises ParameterError if there are no modes, they know no such request, or too many wait.
+        ``name`` of a request that the modes know. Raises ParameterError if too many wait.
         """
         problem, modes, tick = self.problem, self.problem.experiment.modes, self.tick
-        if modes is None or name not in modes.requests:
-            known = "nothing" if modes is None else ", ".join(modes.requests)
-            raise ParameterError(f"request {name!r}: the modes answer {known}")
+        assert modes is not None  # else nothing is asked
         asked, supervisor = self._episode["requests"], self._episode["controller"]["supervisor"]
         free = np.flatnonzero(asked["tick"] < tick)
         if len(free) == 0 or tick in asked["tick"]:
@@ -268,48 +274,39 @@ class SteppedRun:
         found = answer_at(log, len(log) - 1, before, ticks, modes, problem.table, weight)
         return found._replace(tick=tick)
 
-    def hold_phase(self, phase: int | None) -> None:
-        """Let no leg leave a phase, by index, or with None let all of them go their way again.
-
-        As long as a phase is held the monitor does not watch how long a leg stays.
-        """
-        self.held_phase = phase
-        self.release()
-        if phase is not None:
-            self._episode["controller"]["program"]["minimum_ticks"][phase] = NEVER
-        self._note_phase_time_out()
-
     @property
-    def _released(self) -> bool:
-        """Whether a leg may leave the held phase."""
-        minimum = self._episode["controller"]["program"]["minimum_ticks"]
-        return self.held_phase is not None and bool(minimum[self.held_phase] != NEVER)
+    def _minimum_ticks(self) -> np.ndarray:
+        """How long a leg stays in a phase at least, by phase."""
+        return np.asarray(self._episode["controller"]["program"]["minimum_ticks"])
 
     def _legs_in_held_phase(self) -> np.ndarray:
-        return np.asarray(self._episode["controller"]["legs"]["phase"] == self.held_phase)
+        return np.asarray(self._episode["controller"]["legs"]["phase"] == self.numbers["held_phase"])
 
     def waiting(self) -> tuple[int, ...]:
         """Legs that stand in the held phase with an exit open."""
-        if self.held_phase is None or self._released:
-            return ()
         controller = self._episode["controller"]
         legs, rules = controller["legs"], controller["program"]["transitions"]
-        due = (rules["source"] == self.held_phase) & (legs["debounce"] >= rules["debounce_ticks"])
+        due = (rules["source"] == self.numbers["held_phase"]) & (legs["debounce"] >= rules["debounce_ticks"])
         return tuple(np.flatnonzero(self._legs_in_held_phase() & due.any(axis=1)).tolist())
 
     def release(self) -> None:
         """Let one leg leave the held phase, now or as soon as an exit opens."""
-        minimum = self._episode["controller"]["program"]["minimum_ticks"]
-        minimum[:] = self.problem.program.minimum_ticks
+        self._minimum_ticks[:] = self.problem.program.minimum_ticks
+
+    def _hold(self) -> None:
+        """Let no leg leave the held phase, or all legs go their way if there is none."""
+        self.release()
+        if self.numbers["held_phase"] is not None:
+            self._minimum_ticks[self.numbers["held_phase"]] = NEVER
 
     def _note_phase_time_out(self) -> None:
-        limits = self._episode["limits"]
-        before = limits["phase_ticks"]
-        limit = phase_time_out_ticks(self.problem) if self._watching and self.held_phase is None else NEVER
+        limits, numbers = self._episode["limits"], self.numbers
+        watched = numbers["watching"] and numbers["held_phase"] is None
+        before, limit = limits["phase_ticks"], phase_time_out_ticks(self.problem) if watched else NEVER
         limits["phase_ticks"] = limit
         if before == NEVER and limit < NEVER:  # the present phase of every leg begins anew
             self._episode["controller"]["legs"]["entry_tick"] = self.tick
-            fade_anew(self._episode)
+            self._fade_anew()
 
     def stop(self) -> None:
         """Trip the monitor by hand: from the next tick on the legs are held and lowered.
@@ -324,15 +321,12 @@ class SteppedRun:
         trip["tick"], trip["cause"], trip["part"] = self.tick, OPERATOR_TRIP, -1
 
     def restart(self) -> None:
-        """Go back to tick 0 with the present parameters; pushes and injected faults are forgotten."""
-        kept = {name: values.copy() for name, values in self._values.items()}
+        """Go back to tick 0 with the present numbers; pushes and injected faults are forgotten."""
         self._engine.store[:] = self._start
-        for name, values in self._values.items():
-            values[...] = self._fades[name].target if name in self._fades else kept[name]
-        if self._belt_waits:
-            self._values["belt_speed"][...], self._belt_waits = self._belt_speed, False
-        arrive(self._episode, np.ones(len(self.problem.sides)))
-        fade_anew(self._episode)
-        self.tick, self._log, self.injected, self._fades = 0, [], (), {}
+        self.tick, self._log, self.injected, self._belt_waits = 0, [], (), False
         self._push_ends[:] = NEVER
-        self.hold_phase(self.held_phase)
+        self._hold()
+        self.set(self.numbers, fade_ticks=0)
+        self._apply_fade()
+        self._arrive(np.ones(len(self.problem.sides)))
+        self._fade_anew()
