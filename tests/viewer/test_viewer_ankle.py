@@ -11,7 +11,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.news import Block
 from twin_gait.live.page import LiveFigure
 from twin_gait.measures.leg_record import driven_joints
-from twin_gait.runs.run_page import shown_run
+from twin_gait.report.walk_words import table_of_walk
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run
 from twin_gait.simulation.problem import build_problem
@@ -96,7 +96,7 @@ def test_live_curves_have_the_extremes_of_every_five_ticks_and_no_line_where_a_b
 
 def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:
     long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
-    rows = [row[0] for row in shown_run(long, summarise(long)).about["walk"]]
-    assert [row for row in rows if row.startswith("power of the ankle motor")]
+    rows = [row[0] for row in table_of_walk(summarise(long))]
+    assert [row for row in rows if row == "ankle motor power W"]
     run = simulate(load_experiment("treadmill", ["duration_s=8"]).experiment)
-    assert not [row[0] for row in shown_run(run, summarise(run)).about["walk"] if "ankle motor" in row[0]]
+    assert not [row[0] for row in table_of_walk(summarise(run)) if "ankle motor" in row[0]]

@@ -86,7 +86,7 @@ def view(arguments: argparse.Namespace) -> int:
         raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
     runs = [read_shown_run(path) for path in arguments.targets]
     moments = [] if arguments.at is None else [arguments.at]
-    longest = max(one.duration for one in runs)
+    longest = max(one.run.duration for one in runs)
     if not all(0.0 <= moment <= longest + 1e-9 for moment in moments):
         raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
     return _show(lambda: page_of(runs, moments=moments), arguments)

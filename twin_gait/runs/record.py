@@ -38,7 +38,8 @@ class StoredRun(NamedTuple):
     """A run read back from its directory."""
 
     run: Run  # as :func:`twin_gait.simulate` gave it back
-    summary: dict[str, Any]  # content of ``summary.json``
+    summary: Mapping[str, Any]  # content of ``summary.json``
+    name: str = ""  # of its directory
 
 
 def write_run(
@@ -68,9 +69,9 @@ def write_run(
         summary["accuracy"] = accuracy
     write_json(directory / SUMMARY_FILE, summary)
     if pictures:
-        from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
+        from twin_gait.runs.run_page import page_of  # takes its time; the figures are under way
 
-        write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run, summary)]))
+        write_atomically(directory / ANIMATION_FILE, page_of([StoredRun(run, summary)]))
         finish_drawing()
     return summary
 
@@ -172,7 +173,7 @@ def read_run(directory: Path) -> StoredRun:
     if summary.get("log_schema_version") != LOG_SCHEMA_VERSION:
         again = f"use that one, or run it anew: twin-gait simulate {directory / EXPERIMENT_FILE}"
         raise RunDirectoryError(f"{directory}: its log is of another version of the program; {again}")
-    return StoredRun(run, summary)
+    return StoredRun(run, summary, directory.absolute().name)
 
 
 def _trip_of(safety: Mapping[str, Any]) -> Trip | None:

@@ -56,7 +56,6 @@ class About(TypedDict, total=False):
         events: What befell the run.
         outcome: How it ended, in a word.
         walk: Table of the walk in texts, a head and rows.
-        network: Table of the bus, likewise.
         modes: Names of the operating modes in the order of their codes.
     """
 
@@ -66,7 +65,6 @@ class About(TypedDict, total=False):
     events: Iterable[RunEvent]
     outcome: str
     walk: Sequence[Sequence[str]]
-    network: Sequence[Sequence[str]]
     modes: Sequence[str]
 
 
