@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import yaml
@@ -20,6 +20,7 @@ from twin_gait.viewer.shapes import Shape
 if TYPE_CHECKING:
     from twin_gait.viewer.motion import Element, Motion
 
+T = TypeVar("T", float, np.ndarray)
 ROOT = "/meshcat/surroundings"
 TREADMILL = f"{ROOT}/treadmill"
 BELT = f"{TREADMILL}/belt"
@@ -170,7 +171,7 @@ def draw_rails(window: Window, hooks: np.ndarray) -> None:
     draw_mesh(window, f"{ROOT}/rails", shapes.merged(rails), MATERIALS["steel"])
 
 
-def belt_offset(way: float) -> float:
+def belt_offset(way: T) -> T:
     """How far the belt marks are behind where they were drawn when the belt has gone a way in [m].
 
     Returned along x in [m], between minus one spacing and 0.
