@@ -2,7 +2,6 @@
 
 import math
 import platform
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from importlib import metadata
@@ -16,7 +15,7 @@ from twin_gait.files import plain
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
-from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
+from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
 from twin_gait.report.walk_words import summary_of_traffic, with_units
@@ -24,11 +23,10 @@ from twin_gait.runs.leg_summary import reference_error, summarise_side
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 
 # Distributions whose version can change a number of a log, by the name that people know.
 NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
-SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
 # Names of the fields of a WalkPower.
 _POWERS = ("belt_W", "motors_W", "wearer_W", "guide_W", "guide_force_N", "carried_by_belt")
 
@@ -69,7 +67,6 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "strides_skipped": skip_strides,
         "sides": sides,
         **_walk(run, skip_strides),
-        "symmetry": _symmetry(sides),
         **battery_in_numbers(run),
         "safety": _safety(run),
         **({} if run.experiment.modes is None else {"requests_refused": " | ".join(run.refused)}),
@@ -80,14 +77,6 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     }
     found: dict[str, Any] = plain(summary)
     return found
-
-
-def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:
-    """Symmetry indices of the two legs, or None for one leg."""
-    if len(sides) < 2:
-        return None
-    left, right = sides[Side.LEFT], sides[Side.RIGHT]
-    return {name: symmetry_index(left[name], right[name]) for name in SYMMETRIES if name in left}
 
 
 def _walk(run: Run, skip: int) -> dict[str, Any]:
