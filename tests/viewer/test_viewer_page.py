@@ -503,7 +503,7 @@ def stand_in(folder: Path, script: str) -> str:
     [
         ("exit 0", "did not finish"),
         ("echo 'x \"twin_gait: WebGL is missing' >&2", "WebGL is missing"),
-        ("echo '\"twin_gait: ready' >&2", "no picture of 640x400"),
+        ("echo '\"twin_gait: ready' >&2", "no picture of 1600x1000"),
         ("sleep 30", "within 0.5 s"),
     ],
 )
@@ -513,9 +513,9 @@ def test_a_browser_that_draws_nothing_leaves_the_old_picture(
     monkeypatch.setenv(BROWSER_VARIABLE, stand_in(tmp_path, script))
     old = tmp_path / "old.png"
     old.write_bytes(b"old")
-    limit = 0.5 if "sleep" in script else 20.0
+    monkeypatch.setattr("twin_gait.viewer.picture.PATIENCE", 0.5 if "sleep" in script else 20.0)
     with pytest.raises(ViewerError, match=words) as caught:
-        take_picture("<html></html>", old, size=(640, 400), timeout=limit)
+        take_picture("<html></html>", old)
     assert "\n" not in str(caught.value)
     assert old.read_bytes() == b"old"
     assert find_browser() == str(tmp_path / "browser")

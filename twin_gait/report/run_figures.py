@@ -19,13 +19,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import usual_phases
-from twin_gait.measures.strides import (
-    PERCENT,
-    normalise_strides,
-    root_mean_square_error,
-    stride_count,
-    walks,
-)
+from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count, walks
 from twin_gait.measures.walk import pressure_curve
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report import canvas

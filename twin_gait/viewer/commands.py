@@ -141,8 +141,6 @@ def _buffers(shape: Shape) -> Command:
     }
     if shape.colours is not None:
         attributes["color"] = _array(shape.colours)
-    elif shape.opacity is not None:  # only where it differs, because it makes a part translucent
-        attributes["color"] = _array(np.insert(shape.opacity[:, None], [0, 0, 0], 1.0, axis=1))
     return {"attributes": attributes, "index": _array(shape.faces.reshape(-1, 1))}
 
 
@@ -162,11 +160,11 @@ def _surface(material: Material, shape: Shape) -> Command:
         "color": _integer(material.colour),
         "emissive": _integer([material.glow * value for value in material.colour]),
         "side": 2 if material.two_sided else 0,
-        "vertexColors": shape.opacity is not None or shape.colours is not None,
+        "vertexColors": shape.colours is not None,
     }
     if not chalk:
         surface |= {"roughness": material.roughness, "metalness": 0.0}
-    if material.opacity < 1.0 or shape.opacity is not None:
+    if material.opacity < 1.0 or (shape.colours is not None and shape.colours.shape[1] == 4):
         # Only front faces, and no depth: what lies behind a translucent part must stay visible.
         surface |= {"opacity": material.opacity, "transparent": True, "depthWrite": False, "side": 0}
     return surface

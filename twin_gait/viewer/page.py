@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
-from importlib.util import find_spec
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Required, TypedDict
 
@@ -41,9 +41,7 @@ _ARCS = (
 
 def viewer_folder() -> Path:
     """Folder of meshcat's viewer; finding it does not import meshcat."""
-    spec = find_spec("meshcat")
-    assert spec is not None and spec.submodule_search_locations is not None  # it is a dependency
-    return Path(spec.submodule_search_locations[0]) / "viewer"
+    return Path(str(distribution("meshcat").locate_file("meshcat/viewer")))
 
 
 class About(TypedDict, total=False):

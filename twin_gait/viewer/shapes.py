@@ -18,9 +18,8 @@ class Shape(NamedTuple):
     vertices: np.ndarray  # in [m], shape ``(n, 3)``
     normals: np.ndarray  # outward unit normals, shape ``(n, 3)``
     faces: np.ndarray  # indices of three vertices each, shape ``(m, 3)``
-    # opacity of each vertex, shape ``(n,)``, or None for that of the material
-    opacity: np.ndarray | None = None
-    # red, green and blue of each vertex from 0 to 1, shape ``(n, 3)``, or None for those of the material
+    # red, green, blue, and opacity where it differs, of each vertex from 0 to 1, shape ``(n, 3)`` or
+    # ``(n, 4)``; None for those of the material
     colours: np.ndarray | None = None
 
 

@@ -83,7 +83,8 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     disc = shapes.turned([(ring * radius, 0.0) for ring in np.linspace(1.0, 0.0, 9)], columns=48)
     share = np.linalg.norm(disc.vertices, axis=1) / radius
     opacity = np.clip((1.0 - share) / 0.6, 0.0, 1.0)
-    faded = disc._replace(opacity=opacity * opacity * (3.0 - 2.0 * opacity))
+    smooth = opacity * opacity * (3.0 - 2.0 * opacity)
+    faded = disc._replace(colours=np.insert(smooth[:, None], [0, 0, 0], 1.0, axis=1))
     draw_mesh(window, FLOOR, faded, MATERIALS["floor"], under_shadows=True)
     window.send(set_property(FLOOR, "position", [0.0, 0.0, height]))
     # Drawn before other translucent parts, which must not vanish behind it.
