@@ -63,8 +63,7 @@ class LiveFigure:
         title = f"twin_gait live · {experiment.name}"
         self.page = page_data(
             About(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
-            view=self._scene.view, phases=self._names,
-            shown=self._shown, arrows=bool(self._scene.arrows),
+            view=self._scene.view, phases=self._names, shown=self._shown,
         )  # fmt: skip
         self.window.send({"type": "page", "path": "", "page": self.page})
 

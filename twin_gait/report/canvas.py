@@ -28,7 +28,6 @@ from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, phase_colour
-from twin_gait.report.pages import render
 from twin_gait.report.walk_words import describe
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
@@ -121,16 +120,6 @@ def write_pictures(figures: Mapping[str, Figure], folder: Path) -> dict[str, byt
     for name, picture in pictures.items():
         write_atomically(folder / f"{name}.png", picture)
     return pictures
-
-
-def write_figures_page(
-    path: Path, figures: Mapping[str, Figure], title: str, subtitle: str, rows: Sequence[Sequence[str]]
-) -> None:
-    """Write figures into a folder beside a page that shows them under a table; its first row is the head."""
-    pictures = write_pictures(figures, path.with_name(FIGURES_FOLDER))
-    named = {readable(name): picture for name, picture in pictures.items()}
-    content = {"title": title, "subtitle": subtitle, "heads": rows[0], "rows": rows[1:], "pictures": named}
-    write_atomically(path, render("figures.html", content))
 
 
 def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLUTION) -> Path:

@@ -63,7 +63,6 @@ def recorded_run(
         view=scene.view,
         phases=motion.phase_names,
         shown={side: leg.curves for side, leg in motion.legs.items()},
-        arrows=bool(scene.arrows),
         duration=round(float(motion.times[-1]), 3),
         strides=_strides(log, model, motion),
         frames=packed(dump(_frames(motion)).encode("ascii")),

@@ -56,17 +56,11 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
 
 
 def draw_mesh(
-    window: Window,
-    path: str,
-    shape: Shape,
-    material: Material,
-    *,
-    casts: bool = False,
-    under_shadows: bool = False,
+    window: Window, path: str, shape: Shape, material: Material, *, casts: bool = False, shaded: bool = False
 ) -> None:
-    """Draw a mesh. ``casts``: whether it casts a shadow; ``under_shadows``: whether shadows fall on it."""
+    """Draw a mesh. ``casts``: whether it casts a shadow; ``shaded``: whether shadows fall on it."""
     window.send(set_object(path, shape, material))
-    window.send(set_property(f"{path}/<object>", "receiveShadow", under_shadows))
+    window.send(set_property(f"{path}/<object>", "receiveShadow", shaded))
     window.send(set_property(f"{path}/<object>", "castShadow", casts))
 
 

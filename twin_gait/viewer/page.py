@@ -30,12 +30,12 @@ PAGE_FOLDER = Path(__file__).with_name("page")
 FOOTNOTE = "Simulation, not a medical device"
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
 _INKS = "#ffffff", "#1b2430"
+_FORCE = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
+_ARROW = {"label": _FORCE, "colour": palette.GROUND_FORCE_COLOUR}
+_EXTENSION = f"Extension torque (longest from {FULL_TORQUE:.0f} N·m on)"
 _ARCS = (
     {"label": "Flexion torque", "colour": palette.FLEXION_COLOUR},
-    {
-        "label": f"Extension torque (longest from {FULL_TORQUE:.0f} N·m on)",
-        "colour": palette.EXTENSION_COLOUR,
-    },
+    {"label": _EXTENSION, "colour": palette.EXTENSION_COLOUR},
 )
 
 
@@ -73,7 +73,6 @@ def page_data(
     view: View,
     phases: Sequence[str] = (),
     shown: Mapping[Side, Iterable[str]] | None = None,
-    arrows: bool = False,
     **more: Any,
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
@@ -81,7 +80,6 @@ def page_data(
     ``mode``: ``recorded``, ``live`` or ``model``; ``shown``: names of the curves of each leg; ``more``: what
     they read in that mode only.
     """
-    arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
          "dark": palette.SIDE_COLOURS_ON_DARK[side], "shows": ["phase", *keys]}
@@ -103,7 +101,7 @@ def page_data(
             if any(name.endswith(f"_{key}") for leg in legs for name in leg["shows"])
         ],
         "legs": legs,
-        "arrow": {"label": arrow, "colour": palette.GROUND_FORCE_COLOUR} if arrows else None,
+        "arrow": _ARROW if any("force" in leg["shows"] for leg in legs) else None,
         "arcs": _ARCS if legs else (),
         "floor": FLOOR,  # what a dark page darkens
         "duration": None,  # in [s], unless there is no end

@@ -58,14 +58,10 @@ def draw_place(window: Window, name: str, *, placement: np.ndarray | None = None
         if "turned" in drawn:
             solids.append(shapes.moved(shapes.turned(drawn["turned"]), shapes.translation(drawn["at"])))
         whole, shaded = shapes.merged(solids), drawn.get("shaded", False)
-        draw_mesh(
-            window,
-            f"{ROOT}/{name}/{part}",
-            whole if placement is None else shapes.moved(whole, placement),
-            MATERIALS[drawn["material"]],
-            casts=not shaded,
-            under_shadows=shaded,
-        )
+        if placement is not None:
+            whole = shapes.moved(whole, placement)
+        path, material = f"{ROOT}/{name}/{part}", MATERIALS[drawn["material"]]
+        draw_mesh(window, path, whole, material, casts=not shaded, shaded=shaded)
 
 
 def _box(sides: Sequence[float | None], edge: float, floor: float = 0.0) -> Shape:
@@ -85,7 +81,7 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     opacity = np.clip((1.0 - share) / 0.6, 0.0, 1.0)
     smooth = opacity * opacity * (3.0 - 2.0 * opacity)
     faded = disc._replace(colours=np.insert(smooth[:, None], [0, 0, 0], 1.0, axis=1))
-    draw_mesh(window, FLOOR, faded, MATERIALS["floor"], under_shadows=True)
+    draw_mesh(window, FLOOR, faded, MATERIALS["floor"], shaded=True)
     window.send(set_property(FLOOR, "position", [0.0, 0.0, height]))
     # Drawn before other translucent parts, which must not vanish behind it.
     window.send(set_property(f"{FLOOR}/<object>", "renderOrder", -1))
@@ -105,7 +101,7 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
     draw_place(window, "treadmill")
     marks, width = np.arange(_FIRST_MARK, _LAST_MARK, BELT_MARK_SPACING), _BELT[3] - _BELT[2] - 0.04
     lines = [_line(x, 0.012, width) for x in marks]
-    draw_mesh(window, f"{BELT}/marks", shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
+    draw_mesh(window, f"{BELT}/marks", shapes.merged(lines), MATERIALS["mark"], shaded=True)
     draw_floor(window, -_DECK_HEIGHT - 0.9 * abs(np.sin(slope)))
 
 
@@ -156,7 +152,7 @@ def draw_walkway(window: Window, forward: int) -> Element:
     # A line each metre, every fifth twice as thick.
     metres = range(-_BEHIND, _MARKED + 1)
     lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP[3] - _STRIP[2]) for metre in metres]
-    draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
+    draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], shaded=True)
 
     def state(motion: Motion, frame: int) -> State:
         # The eye goes along: all else comes towards it, but for the floor.

@@ -23,7 +23,7 @@ import pyarrow as pa
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically, write_json, write_parquet
-from twin_gait.report.canvas import write_figures_page
+from twin_gait.report.canvas import FIGURES_FOLDER, write_pictures
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
 from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
 from twin_gait.simulation import RunStatus
@@ -34,7 +34,6 @@ from twin_gait.studies.workers import Workers
 
 TABLE_SCHEMA_VERSION = 1
 SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.json"
-REPORT_FILE = "report.html"
 PARTS_FOLDER = "parts"
 SWEEP = FolderKind("a sweep", SPEC_FILE)
 # Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
@@ -193,7 +192,7 @@ def run_sweep(
         }
         write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
-            write_report(sweep, table, directory)
+            write_figures(sweep, table, directory)
     return SweepResult(table, status, summary)
 
 
@@ -234,14 +233,9 @@ def _outcomes(table: pd.DataFrame) -> pd.Series:
     return table["outcome"].fillna(table["status"]).value_counts()
 
 
-def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
-    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
+def write_figures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
+    """Draw the table into ``figures/*.png``."""
     parameters = list(batch.setting_columns(sweep.design).values())
     title = sweep.document["name"].replace("_", " ")
     measures = (WALKED, *(sweep.document["measures"] or DEFAULT_MEASURES))
-    counts = _outcomes(table).items()
-    rows = [("outcome", "episodes", "share [%]")]
-    rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
-    figures = sweep_figures(table, parameters, measures, title)
-    subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)
+    write_pictures(sweep_figures(table, parameters, measures, title), directory / FIGURES_FOLDER)
