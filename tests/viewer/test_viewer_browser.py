@@ -20,8 +20,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.runs.record import StoredRun, write_run
-from twin_gait.runs.run_page import page_of, read_shown_run
+from twin_gait.runs.record import StoredRun, read_run, write_run
+from twin_gait.runs.run_page import page_of
 from twin_gait.runs.summary import summarise
 from twin_gait.viewer.animation import joint_entries, recorded_run, urdf_page
 from twin_gait.viewer.commands import Window
@@ -76,7 +76,7 @@ MEASURES = (("", "left", "right", "healthy"), ("stride time [s]", "2.08", "2.09"
 
 @pytest.fixture(scope="module")
 def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
-    shown = {name: read_shown_run(folder) for name, folder in runs.items()}
+    shown = {name: read_run(folder) for name, folder in runs.items()}
     folder = tmp_path_factory.mktemp("pages")
     for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
         (folder / f"{name}.html").write_text(page_of(chosen), encoding="utf-8")
@@ -136,7 +136,7 @@ def walk(browser: "playwright.Browser", pages: dict[str, Path]) -> Iterator[Open
 
 @pytest.fixture(scope="module")
 def log(runs: dict[str, Path]) -> pd.DataFrame:
-    return read_shown_run(runs["more"]).run.log
+    return read_run(runs["more"]).run.log
 
 
 def numbers_in(one: OpenPage) -> dict[tuple[str, str], float]:
@@ -175,7 +175,7 @@ def clock_of(one: OpenPage) -> float:
 
 @pytest.mark.slow
 def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
-    model = read_shown_run(runs["more"]).run.experiment.build_world().model
+    model = read_run(runs["more"]).run.experiment.build_world().model
     paths = {name: path for name, path in Figure(Window(), model.model).paths.items() if name != "universe"}
     one = walk
     seen = one(
@@ -262,7 +262,7 @@ def test_stepping_lands_on_the_transitions_of_the_run(walk: OpenPage, runs) -> N
 def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None:
     table = pd.read_csv(runs["more"] / "transitions.csv")
     switch = table[table["side"] == "right"].iloc[1]
-    experiment = read_shown_run(runs["more"]).run.experiment
+    experiment = read_run(runs["more"]).run.experiment
     scene = build_scene(Window(), experiment.build_world().model, patient=experiment.patient)
     colour = """(path) => twinGait.stage.viewer.scene_tree.find(
         path.split("/").filter((part) => part)).object.material.color.toArray()"""
@@ -532,7 +532,7 @@ def test_paper_gets_the_picture_the_numbers_and_the_whole_curves(opened, pages, 
 
 
 def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened, pages, runs) -> None:
-    logs = [read_shown_run(runs[name]).run.log for name in ("more", "less")]
+    logs = [read_run(runs[name]).run.log for name in ("more", "less")]
     one = opened(f"{pages['two'].as_uri()}#t=0.9", size=(1000, 700))
     one("player.seek(1.1)")
     clocks = one('[...document.querySelectorAll(".clock")].map((clock) => parseFloat(clock.textContent))')

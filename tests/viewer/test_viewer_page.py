@@ -42,7 +42,7 @@ from twin_gait.palette import (
     phase_colour,
 )
 from twin_gait.runs.record import StoredRun, read_run, write_run
-from twin_gait.runs.run_page import about, page_of, read_shown_run
+from twin_gait.runs.run_page import about, page_of
 from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import ROOT
@@ -96,7 +96,7 @@ def entries(phases: list[str]) -> list[dict]:
 
 
 def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run_folder: Path) -> None:
-    shown = read_shown_run(run_folder)
+    shown = read_run(run_folder)
     (entry,) = embedded(page_of([shown], moments=[1.2345]))["runs"]
     frames = frames_of(entry)
     transitions, log = pd.read_csv(run_folder / "transitions.csv"), shown.run.log
@@ -119,7 +119,7 @@ def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run
 def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
     run_folder: Path, frames_per_second: float
 ) -> None:
-    run = read_shown_run(run_folder).run
+    run = read_run(run_folder).run
     log, model = run.log, run.experiment.build_world().model
     curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
     values = leg_values(log, Side.RIGHT)
@@ -159,7 +159,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
     stored, summary, _ = read_run(tripped)
     trip = stored.trip
     assert trip is not None and 1.0 <= trip.time < 3.0
-    (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
+    (entry,) = embedded(page_of([read_run(tripped)]))["runs"]
     assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
     assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
     assert entry["outcome"] == stored.verdict.outcome == "held"
@@ -225,7 +225,7 @@ def test_two_runs_get_their_frames_at_the_same_moments(run_folder: Path, tmp_pat
     other.mkdir()
     settings = ["duration_s=1.5", "engine=pinocchio", "table.phases.late_stance.hip.equilibrium_deg=-9"]
     write_run(simulate(load_experiment("bench_leg", settings).experiment), other, pictures=False)
-    first, second = embedded(page_of([read_shown_run(run_folder), read_shown_run(other)]))["runs"]
+    first, second = embedded(page_of([read_run(run_folder), read_run(other)]))["runs"]
     long, short = frames_of(first)["times"], frames_of(second)["times"]
     assert set(short) - set(long) <= {1499}  # the last row of the shorter run
     assert [time for time in long if time < 1499] == [time for time in short if time < 1499]
@@ -328,7 +328,7 @@ def test_what_stands_together_differs_for_colour_blind_people(cone: str, meaning
 
 
 def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(run_folder: Path) -> None:
-    page = page_of([read_shown_run(run_folder)])
+    page = page_of([read_run(run_folder)])
     (entry,) = embedded(page)["runs"]
     (leg,) = entry["legs"]
     assert (leg["colour"], leg["dark"]) == (SIDE_COLOURS[Side.RIGHT], SIDE_COLOURS_ON_DARK[Side.RIGHT])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import textwrap
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -85,8 +84,6 @@ _ARROWS = "Solid: the guard opens. Dashed: time-out. Of those that leave a phase
 _NUMBERS = (
     "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation"
 )
-# Characters that XML 1.0 does not allow even as references.
-_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 class Way(NamedTuple):
@@ -126,7 +123,7 @@ def state_diagram_svg(table: StateTable) -> str:
         "said": list(_transition_lines(table)),
         "legend": _legend(table),
     }
-    return _FORBIDDEN.sub("\ufffd", render("state_diagram.svg", content)) + "\n"
+    return f"{render('state_diagram.svg', content)}\n"
 
 
 def arrows(table: StateTable, box_height: float) -> list[Arrow]:

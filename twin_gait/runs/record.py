@@ -170,6 +170,8 @@ def read_run(directory: Path) -> StoredRun:
         )
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
+    if log.empty:
+        raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows; run the simulation again")
     if summary.get("log_schema_version") != LOG_SCHEMA_VERSION:
         again = f"use that one, or run it anew: twin-gait simulate {directory / EXPERIMENT_FILE}"
         raise RunDirectoryError(f"{directory}: its log is of another version of the program; {again}")

@@ -1,14 +1,12 @@
 """Runs of any age as a page shows them: one alone, or two beside each other."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.report.walk_words import carried_by_belt, describe, table_of_walk
-from twin_gait.runs.record import LOG_FILE, StoredRun, read_run
+from twin_gait.runs.record import StoredRun
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
 from twin_gait.viewer.page import About, recorded_page
@@ -67,11 +65,3 @@ def setting_of(experiment: Experiment) -> Setting:
 def modes_of(experiment: Experiment) -> Sequence[str]:
     """Names of the operating modes in the order of their codes, or nothing."""
     return () if experiment.modes is None else tuple(experiment.modes.phases)
-
-
-def read_shown_run(directory: Path) -> StoredRun:
-    """Read a run to look at it."""
-    stored = read_run(directory)
-    if stored.run.log.empty:
-        raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
-    return stored

@@ -29,7 +29,6 @@ _SMALLEST_CAP = 0.045  # [m]
 _FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
 RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
 TRAILS = "/meshcat/trail"
-LONGEST_TRAIL = 60  # points; a stride with more frames is thinned
 MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
 FEWEST_POINTS = 4
 LOWEST_TRAIL = 0.008  # height of the path over the belt [m], so that it is seen
@@ -157,9 +156,8 @@ def trail_shape(
     ``names``: phases in the order of their codes. Returns the mesh with the colour of the phase at each
     point, or None if the point hardly moves.
     """
-    keep = np.unique(np.linspace(0, len(times) - 1, min(len(times), LONGEST_TRAIL)).round().astype(int))
     # Points at the place of the one before have no direction.
-    keep = keep[np.linalg.norm(np.diff(points[keep], axis=0, prepend=np.inf), axis=1) > _SHORTEST_STEP]
+    keep = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0, prepend=np.inf), axis=1) > _SHORTEST_STEP)
     if len(keep) < FEWEST_POINTS:
         return None
     tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
