@@ -115,12 +115,8 @@ def number_of(cell: Any, decimal: str = ".") -> float:
 
 def read_table(path: Path) -> LogTable:
     """Read a log file of one of the known formats, by the ending of its name."""
-    readers: dict[str, Callable[[Path], LogTable]] = {
-        ".parquet": _read_parquet,
-        ".csv": read_text_table,
-        ".mot": _read_storage,
-        ".sto": _read_storage,
-    }
+    readers: dict[str, Callable[[Path], LogTable]] = {".parquet": _read_parquet, ".csv": read_text_table}
+    readers |= {".mot": _read_storage, ".sto": _read_storage}
     reader = readers.get(path.suffix.lower())
     if not path.is_file():
         raise ParameterFileError(path, "", "no such log; expected a run directory or a file")

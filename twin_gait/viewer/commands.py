@@ -80,10 +80,7 @@ def set_property(path: str, name: str, value: Any) -> Command:
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
-_TRACK_KINDS = {
-    "position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool",
-    "material.color": "color",
-}  # fmt: skip
+_KINDS = {"quaternion": "quaternion", "visible": "bool", "material.color": "color"}  # of tracks; else vectors
 
 
 @dataclass(frozen=True)
@@ -101,10 +98,9 @@ def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
     clips: dict[str, list[Command]] = {}
     for track in tracks:
         times = (track.times * frames_per_second).tolist()
-        keys = [
-            dict(time=time, value=value) for time, value in zip(times, track.values.tolist(), strict=True)
-        ]
-        kind = _TRACK_KINDS[track.name]
+        pairs = zip(times, track.values.tolist(), strict=True)
+        keys = [{"time": time, "value": value} for time, value in pairs]
+        kind = _KINDS.get(track.name, "vector3")
         clips.setdefault(track.path, []).append({"name": f".{track.name}", "type": kind, "keys": keys})
     return {
         "type": "set_animation",
