@@ -146,11 +146,8 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
     laid: list[Arrow] = []
     for way in sorted(ways, key=lambda way: abs(way.source - way.target)):
         start, end = level(way.source, way), level(way.target, way)
-        taken = {
-            other.lane
-            for other in laid
-            if min(start, end) < max(other.start, other.end) and min(other.start, other.end) < max(start, end)
-        }
+        low, high = sorted((start, end))
+        taken = {other.lane for other in laid if low < max(other[:2]) and min(other[:2]) < high}
         lane = next(lane for lane in range(1, len(laid) + 2) if lane not in taken)
         laid.append(Arrow(start, end, lane, way.time_out, ", ".join(ways[way])))
     return laid

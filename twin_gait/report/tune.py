@@ -28,12 +28,8 @@ def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
 
     ``outcome``: content of ``tune.json``; ``pictures``: PNG of what :func:`draw_figures` draws, by its names.
     """
-    content = {
-        **_content(outcome),
-        "title": f"A gait table tuned to {outcome['wearer']}",
-        "pictures": pictures,
-    }
-    return render("tune.html", content)
+    title = f"A gait table tuned to {outcome['wearer']}"
+    return render("tune.html", {**_content(outcome), "title": title, "pictures": pictures})
 
 
 def summary(outcome: Outcome) -> list[str]:
@@ -52,10 +48,8 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
 
     ``outcome``: content of ``tune.json``; ``curves``: mean cycles in [deg] by joint; see :func:`draw_gait`.
     """
-    return {
-        "gait": draw_gait(curves),
-        "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
-    }
+    trade_offs = draw_trade_offs(outcome["trade_offs"], outcome["joints"])
+    return {"gait": draw_gait(curves), "trade_offs": trade_offs}
 
 
 def draw_gait(curves: Curves) -> Figure:

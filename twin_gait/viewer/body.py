@@ -61,10 +61,8 @@ def draw_wearer(
         if leg.ankle is not None:
             foot = np.diag([*[patient.height / _DRAWN_HEIGHT] * 3, 1.0])
             foot[1, 3] = ends[2]
-            placement = _axes(-shank) @ foot
-            figure.draw(
-                leg.ankle, "wearer_foot", shapes.packaged("wearer_foot", placement), MATERIALS["skin"]
-            )
+            shape = shapes.packaged("wearer_foot", _axes(-shank) @ foot)
+            figure.draw(leg.ankle, "wearer_foot", shape, MATERIALS["skin"])
     if trunk_joint is not None:
         _draw_on_trunk(figure, trunk_joint, patient, {"trunk": "cloth", "head": "skin"})
 

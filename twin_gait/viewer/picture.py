@@ -38,10 +38,8 @@ def find_browser() -> str:
     names = [named] if named else BROWSERS
     found = next(filter(None, map(shutil.which, names)), None)
     if found is None:
-        raise ViewerError(
-            f"a picture needs Chromium or Chrome, and none of {', '.join(names)} was found; install one, or "
-            f"name it in {BROWSER_VARIABLE}"
-        )
+        way_out = f"install one, or name it in {BROWSER_VARIABLE}"
+        raise ViewerError(f"a picture needs Chromium, and there is none of {', '.join(names)}; {way_out}")
     return found
 
 

@@ -1,7 +1,7 @@
 """The scene: a leg model, or any URDF, with what belongs around it, and what changes in it."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -205,10 +205,13 @@ def build_scene(
     trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
-    top, bottom = _extent(scene.figure, model.legs)
-    height = top - bottom
+    first, neutral = next(iter(model.legs)), pin.neutral(model.model)
+    hip, end = model.legs[first].hip, model.legs[first].items()[-1][1]
+    top = scene.figure.world_point(neutral, hip)
+    bottom = float(scene.figure.world_point(neutral, end, scene.figure.segment(end))[2])
+    height = float(top[2]) - bottom
     if around is Surroundings.STAND:
-        _surround_bench_leg(window, scene, model.legs, top, bottom)
+        _surround_bench_leg(window, scene, first, top, height)
         return scene
     if around is Surroundings.FLOOR:
         surroundings.draw_floor(window, bottom - 0.02)
@@ -264,31 +267,14 @@ def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, se
         scene.elements.append(surroundings.draw_chair(window, chair))
 
 
-def _surround_bench_leg(
-    window: Window, scene: Scene, legs: Mapping[Side, LegJoints], top: float, bottom: float
-) -> None:
+def _surround_bench_leg(window: Window, scene: Scene, side: Side, hip: np.ndarray, height: float) -> None:
     """Hang the leg clear of the floor, its column on the far side of the camera."""
-    ((side, leg),) = legs.items()
-    right = side is Side.RIGHT
-    height = top - bottom
-    floor = bottom - 0.22 * height
-    hip = scene.figure.world_point(pin.neutral(scene.figure.model), leg.hip)
-    surroundings.draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
+    floor, away = float(hip[2]) - 1.22 * height, -LEFT[side]
+    surroundings.draw_bench(window, floor, hip, far_side=away)
     x, y, z = RIGHT_SIDE
     scene.view = View(
-        (float(hip[0]) + 0.10 * height, float(hip[1]), 0.5 * (top + floor) + 0.08 * height),
+        (float(hip[0]) + 0.10 * height, float(hip[1]), floor + 0.69 * height),
         width=1.5 * height,
-        height=top - floor + 0.26 * height,
-        direction=(x, y if right else -y, z),
+        height=1.48 * height,
+        direction=(x, away * y, z),
     )
-
-
-def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, float]:
-    """Height of the hips and of the lowest point of the legs in the neutral posture, in [m]."""
-    neutral = pin.neutral(figure.model)
-    tops, bottoms = [], []
-    for leg in legs.values():
-        last = leg.items()[-1][1]
-        tops.append(float(figure.world_point(neutral, leg.hip)[2]))
-        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last))[2]))
-    return max(tops), min(bottoms)
