@@ -251,18 +251,14 @@ class MeasuredLeg:
         }
 
     def energy_at_switches(self, joint: JointName) -> dict[str, float]:
-        """What the switches put into the virtual spring of a joint, means over strides.
+        """What the switches put into the virtual spring of a joint on balance, mean over strides.
 
-        ``switch_energy_J`` is that on balance, and ``switch_energy_put_in_J`` leaves out the ticks in which
-        they take energy out. They are of the spring that the gait table asks for, also where a limit or
-        another controller keeps the motor from acting like it.
+        It is of the spring that the gait table asks for, also where a limit or another controller keeps the
+        motor from acting like it.
         """
         names = ("measured_angle_rad", "stiffness_Nm_per_rad", "equilibrium_rad")
         energy = switching.switching_energy(*(self.column(joint, name) for name in names))
-        balance, put_in = (
-            finite_mean(switching.sums_over(part, self.strides)) for part in (energy, np.maximum(energy, 0.0))
-        )
-        return {"switch_energy_J": balance, "switch_energy_put_in_J": put_in}
+        return {"switch_energy_J": finite_mean(switching.sums_over(energy, self.strides))}
 
     def jerk(self, joint: JointName) -> dict[str, float]:
         """Jerk of a joint over the strides, filtered as :mod:`twin_gait.measures.switching` says."""

@@ -128,16 +128,12 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
 
 
 def draw_chair(window: Window, chair: ChairParameters) -> Element:
-    """Draw a chair, hidden until it has a place."""
+    """Draw a chair; the log says where it stands."""
     draw_place(window, "chair")
     window.send(set_property(CHAIR, "scale", [chair.depth, 1.0, chair.height]))
-    window.send(set_property(CHAIR, "visible", False))
 
     def state(motion: Motion, frame: int) -> State:
-        if SEAT not in motion.columns:
-            return {}
-        place = [float(motion.columns[SEAT][frame]), 0.0, 0.0]
-        return {(CHAIR, "visible"): True, (CHAIR, "position"): place}
+        return {(CHAIR, "position"): [float(motion.columns[SEAT][frame]), 0.0, 0.0]}
 
     return state
 
