@@ -22,7 +22,7 @@ from twin_gait.live.settings import WALK, LoopNumbers, Settings
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
-from twin_gait.runs.leg_summary import summarise_side
+from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.world import BELT_SPEED
@@ -89,7 +89,7 @@ def foresee(
     ends, ahead = _endings(run, first), f"for the {(run.tick - first) * TICK:.0f} s looked ahead"
     shown = _shown(run, first, numbers)
     records = _records(shown, first)
-    sides = [summarise_side(shown, record, 1) for record in records]
+    sides = [MeasuredLeg(shown, record, 1).summary() for record in records]
     verdict, bad = gait_verdict(records), bool(ends)
     if ends:
         told = ends

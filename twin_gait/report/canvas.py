@@ -16,7 +16,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -59,13 +58,12 @@ def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequ
     """
     spells = phase_spells(phases)
     colours = [colour_of(spell.phase, names) for spell in spells]
-    edges = [(places[spell.start], places[min(spell.end, len(places) - 1)]) for spell in spells]
+    starts = places[[spell.start for spell in spells]]
+    bands = np.column_stack((starts, np.diff(starts, append=places[-1]))).tolist()
+    style: dict[str, Any] = {"facecolors": colours, "linewidth": 0, "zorder": 1}
     for bottom, opacity in ((0.0, BAND_OPACITY), (STRIP, STRIP_OPACITY)):
-        corners = [((left, bottom), (left, 1.0), (right, 1.0), (right, bottom)) for left, right in edges]
-        # One collection, because every patch is asked for the limits of its panel and drawn by itself.
-        bands = PolyCollection(corners, facecolors=colours, alpha=opacity, linewidth=0, zorder=1)
-        bands.set_transform(axes.get_xaxis_transform())
-        axes.add_collection(bands, autolim=False)
+        whole = axes.get_xaxis_transform()
+        axes.broken_barh(bands, (bottom, 1.0 - bottom), transform=whole, alpha=opacity, **style)
     axes.set_xlim(places[0], places[-1])
 
 
@@ -271,14 +269,15 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
     return list(axes.plot(PERCENT, angles, **style))
 
 
+Curves = Mapping[str, Mapping[str, np.ndarray]]  # by place and name, in [deg] at ``PERCENT``
+
+
 def draw_mean_cycles(
-    curves: Mapping[str, Mapping[str, np.ndarray]],
-    styles: Mapping[str, Mapping[str, Any]],
-    size: tuple[float, float],
+    curves: Curves, styles: Mapping[str, Mapping[str, Any]], size: tuple[float, float]
 ) -> Figure:
     """Draw mean cycles beside each other, a panel for each place.
 
-    ``curves``: of each place by name, in [deg] at ``PERCENT``; ``styles`` of the names; ``size`` in inches.
+    ``styles`` of the names; ``size`` in inches.
     """
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(1, len(curves), squeeze=False)[0]

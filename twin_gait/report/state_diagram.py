@@ -80,11 +80,6 @@ _HEADLINE, _LINE = 36.0, 16.0  # [px] of a box
 _BELOW = 26.0  # [px] between boxes
 _DIGITS = 4
 
-_ARROWS = "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins."
-_NUMBERS = (
-    "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation"
-)
-
 
 class Way(NamedTuple):
     """What one arrow stands for: the transitions between two phases that are time-outs, or are not."""
@@ -121,7 +116,7 @@ def state_diagram_svg(table: StateTable) -> str:
         "below": _BELOW,
         "arrows": arrows(table, height),
         "said": list(_transition_lines(table)),
-        "legend": _legend(table),
+        "hold": readable(table.hold) if isinstance(table, ModeTable) else "",
     }
     return f"{render('state_diagram.svg', content)}\n"
 
@@ -159,12 +154,6 @@ def _transition_lines(table: StateTable) -> Iterator[str]:
         way = f"{readable(item.source)} → {readable(item.target)}"
         text = f"{place}  {way}, {readable(item.cause)}: {condition_words(item)}"
         yield from textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent="     ")
-
-
-def _legend(table: StateTable) -> list[str]:
-    if isinstance(table, ModeTable):
-        return [_ARROWS, f"A trip of the safety monitor leads from every mode to {readable(table.hold)}."]
-    return [_ARROWS, _NUMBERS]
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:

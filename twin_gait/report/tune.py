@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from twin_gait.palette import BLACK, BLUE, GREY, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report import canvas
-from twin_gait.report.canvas import put_legend, style_panel
+from twin_gait.report.canvas import Curves, put_legend, style_panel
 from twin_gait.report.pages import lines, render
 from twin_gait.report.walk_words import amount
 from twin_gait.vocabulary import Side
@@ -19,7 +19,6 @@ from twin_gait.vocabulary import Side
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
 _COMPROMISES = "best compromises (Pareto front of the three)"
-Curves = Mapping[str, Mapping[str, np.ndarray]]
 Outcome = Mapping[str, Any]
 
 

@@ -19,35 +19,9 @@ from twin_gait.parameters import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import summary_of_errors, summary_of_leg
 from twin_gait.simulation.run import Run
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 
 SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
-
-
-def summarise_side(
-    run: Run, record: LegRecord, skip: int, measures: WalkMeasures | None = None
-) -> dict[str, Any]:
-    """Gait and effort of one leg, with ``measures`` of the walk on a belt; None or NaN if not defined."""
-    leg = MeasuredLeg(run, record, skip)
-    return {
-        **leg.by_contact(),
-        **leg.by_phase(),
-        **({} if measures is None else {"walk": summary_of_leg(measures)}),
-        **leg.errors(),
-        "joints": {str(joint): leg.joint(joint) for joint in record.angles},
-    }
-
-
-def side_in_brief(run: Run, side: Side) -> dict[str, Any]:
-    """The part of :func:`summarise_side` that a table of many runs holds."""
-    leg = MeasuredLeg(run, run.leg_record(side))
-    return {
-        **leg.by_contact(),
-        "strides_by_phase": len(leg.record.strides_by_phase(skip=0)),
-        "phases_in_order": leg.phases_in_order(),
-        "time_outs": len(leg.time_outs()),
-        "joints": {str(joint): leg.effort(joint) for joint in leg.record.angles},
-    }
 
 
 def continuous_current(actuator: ActuatorParameters) -> float:
@@ -87,6 +61,26 @@ class MeasuredLeg:
     def strides(self) -> np.ndarray:
         """Those that count, see :meth:`LegRecord.strides`."""
         return self.record.strides(skip=self.skip)
+
+    def summary(self, measures: WalkMeasures | None = None) -> dict[str, Any]:
+        """Gait and effort, with ``measures`` of the walk on a belt; None or NaN if not defined."""
+        return {
+            **self.by_contact(),
+            **self.by_phase(),
+            **({} if measures is None else {"walk": summary_of_leg(measures)}),
+            **self.errors(),
+            "joints": {str(joint): self.joint(joint) for joint in self.record.angles},
+        }
+
+    def in_brief(self) -> dict[str, Any]:
+        """The part of :meth:`summary` that a table of many runs holds."""
+        return {
+            **self.by_contact(),
+            "strides_by_phase": len(self.record.strides_by_phase(skip=0)),
+            "phases_in_order": self.phases_in_order(),
+            "time_outs": len(self.time_outs()),
+            "joints": {str(joint): self.effort(joint) for joint in self.record.angles},
+        }
 
     def column(self, joint: JointName, quantity: str) -> np.ndarray:
         """A quantity of a joint at every tick, as the log has it."""
