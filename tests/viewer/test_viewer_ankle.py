@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from twin_gait import load_experiment, simulate
@@ -49,11 +48,6 @@ def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
     assert not [name for name in leg_values(run.log, Side.LEFT) if name.startswith("ankle")]
     scene = build_scene(Window(), model)
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"} and len(scene.caps[Side.LEFT]) == 2
-
-
-def test_a_recording_without_motors_shows_all_its_joints() -> None:
-    log = pd.DataFrame({f"right_{joint}_angle_rad": [0.1, 0.2] for joint in JOINTS})
-    assert list(leg_values(log, Side.RIGHT)) == [*JOINTS]
 
 
 def test_a_motor_of_the_ankle_has_a_cap_and_arrows(walk: Run) -> None:

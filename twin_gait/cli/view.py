@@ -161,10 +161,10 @@ def plot(arguments: argparse.Namespace) -> int:
     inside.
     """
     from twin_gait.report.canvas import FIGURES_FOLDER, save
-    from twin_gait.report.figures import available_figures, plot_run
+    from twin_gait.report.figures import plot_run, screen_figures
 
     shown, out, width = runs.load_run(arguments.directory), arguments.out, arguments.width
-    names = arguments.figures or available_figures(shown)
+    names = arguments.figures or list(screen_figures(shown))
     if out is not None and len(names) != 1:
         raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
     drawn = {name: plot_run(shown, name, width_mm=width) for name in names}

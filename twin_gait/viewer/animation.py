@@ -14,11 +14,11 @@ from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
-from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.leg_record import driven_joints, leg_record
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, Window, set_animation
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.motion import Motion, PhaseSpells, held_rows, read_motion, shown_joints
+from twin_gait.viewer.motion import Motion, PhaseSpells, held_rows, read_motion
 from twin_gait.viewer.page import About, packed, page_data, recorded_page
 from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
@@ -49,7 +49,7 @@ def recorded_run(
     """
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Window()
-    drives = shown_joints(log, model.sides[0])
+    drives = driven_joints(log, model.sides[0])
     scene = build_scene(recorder, model, drives=drives, **setting)
     scene.draw_trails(motion)
     recorder.apply(scene.state_at(motion, 0))

@@ -157,15 +157,10 @@ def leg_values(log: Mapping[Any, Any] | pd.DataFrame, side: Side) -> dict[str, n
     return {name: np.degrees(value) if name in list(JointName) else value for name, value in found.items()}
 
 
-def shown_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
-    """Joints that a page reads out: those with a motor, or in a recording without any, all."""
-    return driven_joints(columns, side) or tuple(JointName)
-
-
 def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
     """Columns of a log that a page reads out of a leg, by the names of :class:`LegMotion`."""
     columns = {}
-    for joint in shown_joints(log, side):
+    for joint in driven_joints(log, side):
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}

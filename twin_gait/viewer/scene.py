@@ -26,7 +26,6 @@ from twin_gait.vocabulary import JointName, Side, Surroundings
 _IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
 _CAP_SHARE = 0.16  # radius over the length of the segment; it hides the motors of the shipped device
 _SMALLEST_CAP = 0.045  # [m]
-_FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
 RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
 TRAILS = "/meshcat/trail"
 MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
@@ -49,7 +48,7 @@ class View:
     width: float  # of what is to be seen in [m]
     height: float  # of what is to be seen in [m]
     direction: tuple[float, float, float] = RIGHT_SIDE  # from there to the eye
-    field_of_view: float = _FIELD_OF_VIEW  # vertical, in [deg]
+    field_of_view: float = 26.0  # vertical, in [deg]: narrow, so that both legs look the same length
 
 
 class Scene:
