@@ -52,7 +52,7 @@ class LiveFigure:
         experiment, model, columns = problem.experiment, problem.world.model, log_layout(problem).names
         self.window = Window()
         self.mode: str | None = None
-        self._scene = build_scene(self.window, model, drives=experiment.joints, **setting_of(experiment))
+        self._scene = build_scene(self.window, model, **setting_of(experiment))
         self._names, self._modes = (*experiment.table.phase_names, HOLD), modes_of(experiment)
         self._coordinates, self._travelled, self._next = state_columns(model)[0], 0.0, 0
         self.phases: dict[str, str | None] = dict.fromkeys(map(str, model.sides))

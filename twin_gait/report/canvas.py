@@ -75,10 +75,8 @@ def colour_of(phase: int, names: Sequence[str]) -> str:
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     """Legend entries of the phases that occur. ``occurring``: indices of phases, any shape."""
     order = sorted(np.unique(occurring).tolist(), key=lambda index: index == HELD)
-    labels = ["held after the trip" if index == HELD else readable(names[index]) for index in order]
-    colours = [colour_of(index, names) for index in order]
-    pairs = zip(colours, labels, strict=True)
-    return [Patch(color=colour, alpha=STRIP_OPACITY, label=label) for colour, label in pairs]
+    labels = {**dict(enumerate(map(readable, names))), HELD: "held after the trip"}
+    return [Patch(color=colour_of(index, names), alpha=STRIP_OPACITY, label=labels[index]) for index in order]
 
 
 def readable(name: str) -> str:

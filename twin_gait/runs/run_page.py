@@ -54,6 +54,7 @@ def setting_of(experiment: Experiment) -> Setting:
     carried = walking is not None and walking.support_share > 0.0
     return Setting(
         around=world.surroundings,
+        drives=experiment.joints,
         patient=experiment.patient,
         slope=0.0 if walking is None else walking.slope,
         ropes=carried or world.surroundings is not Surroundings.WALKWAY,

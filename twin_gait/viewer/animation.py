@@ -14,7 +14,7 @@ from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
-from twin_gait.measures.leg_record import driven_joints, leg_record
+from twin_gait.measures.leg_record import leg_record
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, Window, set_animation
 from twin_gait.viewer.figure import Figure
@@ -49,8 +49,7 @@ def recorded_run(
     """
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Window()
-    drives = driven_joints(log, model.sides[0])
-    scene = build_scene(recorder, model, drives=drives, **setting)
+    scene = build_scene(recorder, model, **setting)
     scene.draw_trails(motion)
     recorder.apply(scene.state_at(motion, 0))
     tracks = list(_tracks(scene, motion))

@@ -171,6 +171,7 @@ class Setting(TypedDict, total=False):
 
     Attributes:
         around: What stands around it; a treadmill if nothing is said.
+        drives: Joints with a motor; hip and knee if nothing is said.
         patient: The wearer, or None.
         slope: By which the treadmill rises forwards in [rad].
         ropes: Whether a harness holds the wearer; on the ground it does if nothing is said.
@@ -179,6 +180,7 @@ class Setting(TypedDict, total=False):
     """
 
     around: Surroundings
+    drives: Collection[str]
     patient: Patient | None
     slope: float
     ropes: bool
@@ -186,20 +188,14 @@ class Setting(TypedDict, total=False):
     chair: ChairParameters | None
 
 
-def build_scene(
-    window: Window,
-    model: LegModel,
-    *,
-    drives: Collection[str] = (JointName.HIP, JointName.KNEE),
-    **setting: Unpack[Setting],
-) -> Scene:
+def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     Raises ModelError if the URDF, ViewerError if a mesh of it cannot be read.
     """
     scene = Scene(window, model.model, model.urdf_path, model.up_axis)
     for side, leg in model.legs.items():
-        scene.draw_drives(side, leg, drives)
+        scene.draw_drives(side, leg, setting.get("drives", (JointName.HIP, JointName.KNEE)))
     patient, around = setting.get("patient"), setting.get("around", Surroundings.TREADMILL)
     trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
