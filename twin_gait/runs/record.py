@@ -96,17 +96,13 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     write_parquet(path, log, **about, units=units, meanings=meanings)
 
 
-def switches_csv(
-    switches: Sequence[PhaseSwitch],
-    joints: Sequence[str],
-    measured: Callable[[Side, str, str], np.ndarray],
-    start: float = 0.0,
-) -> str:
-    """Phase switches with their causes, angles and velocities, as CSV text.
+Measured = Callable[[Side, str, str], np.ndarray]  # of a side, a joint and a name: the quantity at every tick
 
-    ``measured``: a quantity of a joint over all ticks, by side, joint and name. ``start``: time of tick 0 in
-    [s].
-    """
+
+def switches_csv(
+    switches: Sequence[PhaseSwitch], joints: Sequence[str], measured: Measured, start: float = 0.0
+) -> str:
+    """Phase switches with their causes, angles and velocities, as CSV text; ``start``: time of tick 0."""
     names = [(joint, name) for joint in joints for name in ("angle_rad", "velocity_rad_per_s")]
     heads = ("tick", "time_s", "side", "from", "to", "cause", *(f"{joint}_{name}" for joint, name in names))
     rows = [

@@ -66,19 +66,15 @@ class About(TypedDict, total=False):
     modes: Sequence[str]
 
 
+Shown = Mapping[Side, Iterable[str]]  # names of the curves of each leg
+
+
 def page_data(
-    about: About,
-    *,
-    mode: str,
-    view: View,
-    phases: Sequence[str] = (),
-    shown: Mapping[Side, Iterable[str]] | None = None,
-    **more: Any,
+    about: About, *, mode: str, view: View, phases: Sequence[str] = (), shown: Shown | None = None, **own: Any
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``shown``: names of the curves of each leg; ``more``: what
-    they read in that mode only.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``own``: what they read in that mode only.
     """
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
@@ -106,7 +102,7 @@ def page_data(
         "floor": FLOOR,  # what a dark page darkens
         "duration": None,  # in [s], unless there is no end
         "footnote": FOOTNOTE,
-        **more,
+        **own,
     }
 
 
