@@ -159,8 +159,7 @@ def _transition_lines(table: StateTable) -> Iterator[str]:
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
     """Rows of cells in a phase's box; a row of one cell is a remark."""
     if isinstance(table, ModeTable):
-        words = [*mode_words(table.phases[phase]), *_stay(table.phases[phase])]
-        return [(text,) for text in words]
+        return [(text,) for text in (*mode_words(table.phases[phase]), *_stay(table.phases[phase]))]
     assert isinstance(table, GaitTable)  # there is no third kind
     common = table.phases[phase]
     rows: list[tuple[str, ...]] = [("", "k", "θ0", "damping", "G")]

@@ -143,9 +143,8 @@ def read_run(directory: Path) -> StoredRun:
     if journal_of(directory.absolute()).is_file():
         way_out = f"twin-gait sessions complete {directory}"
         raise RunDirectoryError(f"{directory}: its walk is going on, or was killed; {way_out}")
-    for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
-        if not (directory / name).is_file():
-            raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
+    if not (directory / EXPERIMENT_FILE).is_file():
+        raise RunDirectoryError(f"{directory}: not a run directory: it has no {EXPERIMENT_FILE}")
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
     world = experiment.build_world()
     table = scaled_table(experiment, world)

@@ -254,11 +254,10 @@ def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, se
         on_rail = setting.get("around") is Surroundings.WALKWAY
         height = _BAR_ABOVE_HEAD + patient.height
         scene.elements.append(draw_ropes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
-    crutches, chair = setting.get("crutches"), setting.get("chair")
-    if crutches is not None:
+    if (crutches := setting.get("crutches")) is not None:
         scene.elements.append(draw_crutches(window, scene.figure, crutches, patient, trunk))
         scene.view = replace(scene.view, target=(_TO_CRUTCHES, *scene.view.target[1:]))
-    if chair is not None:
+    if (chair := setting.get("chair")) is not None:
         scene.elements.append(surroundings.draw_chair(window, chair))
 
 
