@@ -446,7 +446,7 @@ def test_a_binary_file_and_a_missing_one_are_refused(tmp_path):
     with pytest.raises(ParameterFileError, match="is not a text file"):
         read_log(path)
     path.write_bytes(b"\xff\xfe velocity")
-    with pytest.raises(ParameterFileError, match="is not UTF-8 text"):
+    with pytest.raises(ParameterFileError, match="cannot be read as UTF-8 text"):
         read_log(path)
     with pytest.raises(ParameterFileError, match="No such file"):
         read_log(tmp_path / "none.csv")

@@ -601,7 +601,7 @@ def test_redrawn_object_forgets_nothing_for_late_pages() -> None:
 
     window = Window()
     window.send(set_property("/a", "visible", False))
-    window.send(set_object("/a", shapes.ellipsoid((1.0, 1.0, 1.0)), Material(colour=(1.0, 0.0, 0.0))))
+    window.send(set_object("/a", shapes.ball(1.0), Material(colour=(1.0, 0.0, 0.0))))
     kinds = [command["type"] for command in window.commands()]
     assert kinds == ["set_object", "set_property"]
 

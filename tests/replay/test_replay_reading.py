@@ -260,7 +260,7 @@ def test_what_is_no_log_is_refused(tmp_path):
     ):
         read_recording(write(tmp_path, "log.xlsx", "x"))
     (tmp_path / "log.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ParameterFileError, match="is not UTF-8 text"):
+    with pytest.raises(ParameterFileError, match="cannot be read as UTF-8 text"):
         read_recording(tmp_path / "log.csv")
     with pytest.raises(ParameterFileError, match="is not a parquet table"):
         read_recording(write(tmp_path, "log.parquet", "PAR1 but no more"))

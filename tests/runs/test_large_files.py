@@ -19,7 +19,6 @@ from twin_gait.gait.table import TICK
 from twin_gait.identification import read_log
 from twin_gait.runs.log_files import read_table
 from twin_gait.runs.record import read_run
-from twin_gait.runs.run_page import read_shown_run
 
 
 @pytest.fixture(scope="module")
@@ -48,12 +47,11 @@ def test_a_small_file_that_unpacks_to_too_many_rows_is_refused(
     assert "20000000 rows" in refused(read_table, bomb)
 
 
-@pytest.mark.parametrize("read", [read_run, read_shown_run])
-def test_a_run_whose_log_is_too_large_is_refused(read: object, tmp_path: Path, bomb: Path) -> None:
+def test_a_run_whose_log_is_too_large_is_refused(tmp_path: Path, bomb: Path) -> None:
     out = tmp_path / "run"
     assert main(["simulate", "bench_leg", "--duration", "0.1", "--no-pictures", "--out", str(out)]) == 0
     (out / "log.parquet").write_bytes(bomb.read_bytes())
-    assert "20000000 rows" in refused(read, out)
+    assert "20000000 rows" in refused(read_run, out)
 
 
 def test_many_columns_count_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

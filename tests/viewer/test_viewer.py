@@ -112,10 +112,10 @@ def enclosed_volume(shape: shapes.Shape) -> float:
     [
         (shapes.rounded_box((0.1, 0.2, 0.3), 0.0), 0.1 * 0.2 * 0.3),
         (shapes.cylinder(0.05, 0.2, bevel=0.0005), math.pi * 0.05**2 * 0.2),
-        (shapes.ellipsoid((0.1, 0.2, 0.3)), 4.0 / 3.0 * math.pi * 0.1 * 0.2 * 0.3),
+        (shapes.ball(0.2), 4.0 / 3.0 * math.pi * 0.2**3),
         (shapes.turned([(0.0, 0.0), (0.1, 0.0), (0.0, 0.3)], 32), math.pi * 0.1**2 * 0.3 / 3.0),
     ],
-    ids=["box", "cylinder", "ellipsoid", "cone"],
+    ids=["box", "cylinder", "ball", "cone"],
 )
 def test_shapes_enclose_their_volume_and_look_outward(shape: shapes.Shape, volume: float) -> None:
     # Facets lie inside the curved surface: at 32 facets a turn a ball loses 2 % of its volume.
@@ -130,7 +130,7 @@ def test_creased_mesh_keeps_the_edges_of_a_corner_and_smooths_a_ball() -> None:
     wedge = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     corner = shapes.creased(wedge, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]))
     assert {tuple(normal) for normal in corner.normals} == {(0, 0, -1), (0, -1, 0), (-1, 0, 0)}
-    ball = shapes.ellipsoid((1.0, 1.0, 1.0))
+    ball = shapes.ball(1.0)
     smooth = shapes.creased(ball.vertices, ball.faces)
     outward = np.einsum("ij,ij->i", smooth.normals, smooth.vertices)
     assert outward.min() > math.cos(math.radians(3.0))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from twin_gait import load_experiment, simulate
@@ -11,7 +10,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.news import Block
 from twin_gait.live.page import LiveFigure
 from twin_gait.measures.leg_record import driven_joints
-from twin_gait.runs.run_page import shown_run
+from twin_gait.report.walk_words import table_of_walk
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run
 from twin_gait.simulation.problem import build_problem
@@ -51,11 +50,6 @@ def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"} and len(scene.caps[Side.LEFT]) == 2
 
 
-def test_a_recording_without_motors_shows_all_its_joints() -> None:
-    log = pd.DataFrame({f"right_{joint}_angle_rad": [0.1, 0.2] for joint in JOINTS})
-    assert list(leg_values(log, Side.RIGHT)) == [*JOINTS]
-
-
 def test_a_motor_of_the_ankle_has_a_cap_and_arrows(walk: Run) -> None:
     model = walk.experiment.build_world().model
     scene = build_scene(Window(), model, drives=JOINTS)
@@ -93,7 +87,7 @@ def test_live_curves_have_the_extremes_of_every_five_ticks(walk: Run) -> None:
 
 def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:
     long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
-    rows = [row[0] for row in shown_run(long, summarise(long)).about["walk"]]
-    assert [row for row in rows if row.startswith("ankle motor power")]
+    rows = [row[0] for row in table_of_walk(summarise(long))]
+    assert [row for row in rows if row == "ankle motor power W"]
     run = simulate(load_experiment("treadmill", ["duration_s=8"]).experiment)
-    assert not [row[0] for row in shown_run(run, summarise(run)).about["walk"] if "ankle motor" in row[0]]
+    assert not [row[0] for row in table_of_walk(summarise(run)) if "ankle motor" in row[0]]

@@ -5,7 +5,7 @@ import re
 import shutil
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +20,13 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.runs.record import write_run
-from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run
-from twin_gait.viewer.animation import joint_entries, urdf_page
+from twin_gait.runs.record import StoredRun, read_run, write_run
+from twin_gait.runs.run_page import page_of
+from twin_gait.runs.summary import summarise
+from twin_gait.viewer.animation import joint_entries, recorded_run, urdf_page
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.scene import build_scene
 from twin_gait.vocabulary import GaitPhase, Side
 
@@ -74,7 +76,7 @@ MEASURES = (("", "left", "right", "healthy"), ("stride time [s]", "2.08", "2.09"
 
 @pytest.fixture(scope="module")
 def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
-    shown = {name: read_shown_run(folder) for name, folder in runs.items()}
+    shown = {name: read_run(folder) for name, folder in runs.items()}
     folder = tmp_path_factory.mktemp("pages")
     for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
         (folder / f"{name}.html").write_text(page_of(chosen), encoding="utf-8")
@@ -82,8 +84,9 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     tripped = simulate(load_experiment("treadmill", settings).experiment)
     assert tripped.trip is not None
     told = {"title": "held", "events": tripped.events, "outcome": tripped.status, "walk": MEASURES}
-    held = ShownRun(tripped.experiment, tripped.log, told)
-    (folder / "held.html").write_text(page_of([held]), encoding="utf-8")
+    moments, model = [event.time for event in tripped.events], tripped.experiment.build_world().model
+    held = recorded_run(tripped.log, model, about=told, frames_per_second=30.0, moments=moments)
+    (folder / "held.html").write_text(recorded_page([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
 
@@ -133,7 +136,7 @@ def walk(browser: "playwright.Browser", pages: dict[str, Path]) -> Iterator[Open
 
 @pytest.fixture(scope="module")
 def log(runs: dict[str, Path]) -> pd.DataFrame:
-    return read_shown_run(runs["more"]).log
+    return read_run(runs["more"]).run.log
 
 
 def numbers_in(one: OpenPage) -> dict[tuple[str, str], float]:
@@ -172,7 +175,7 @@ def clock_of(one: OpenPage) -> float:
 
 @pytest.mark.slow
 def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
-    model = read_shown_run(runs["more"]).experiment.build_world().model
+    model = read_run(runs["more"]).run.experiment.build_world().model
     paths = {name: path for name, path in Figure(Window(), model.model).paths.items() if name != "universe"}
     one = walk
     seen = one(
@@ -259,7 +262,7 @@ def test_stepping_lands_on_the_transitions_of_the_run(walk: OpenPage, runs) -> N
 def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None:
     table = pd.read_csv(runs["more"] / "transitions.csv")
     switch = table[table["side"] == "right"].iloc[1]
-    experiment = read_shown_run(runs["more"]).experiment
+    experiment = read_run(runs["more"]).run.experiment
     scene = build_scene(Window(), experiment.build_world().model, patient=experiment.patient)
     colour = """(path) => twinGait.stage.viewer.scene_tree.find(
         path.split("/").filter((part) => part)).object.material.color.toArray()"""
@@ -529,7 +532,7 @@ def test_paper_gets_the_picture_the_numbers_and_the_whole_curves(opened, pages, 
 
 
 def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened, pages, runs) -> None:
-    logs = [read_shown_run(runs[name]).log for name in ("more", "less")]
+    logs = [read_run(runs[name]).run.log for name in ("more", "less")]
     one = opened(f"{pages['two'].as_uri()}#t=0.9", size=(1000, 700))
     one("player.seek(1.1)")
     clocks = one('[...document.querySelectorAll(".clock")].map((clock) => parseFloat(clock.textContent))')
@@ -663,7 +666,8 @@ def test_two_walks_are_compared_by_per_cent_of_the_stride_so_that_a_drift_is_no_
     walk = simulate(load_experiment("treadmill", ["duration_s=9"]).experiment)
     slower = walk.log.iloc[np.round(np.arange(len(walk.log)) / 1.015).astype(int)].copy()
     slower["time_s"] = walk.log["time_s"].to_numpy()  # the same walk with strides 1.5 % longer
-    runs = [ShownRun(walk.experiment, log, {"title": name}) for name, log in (("a", walk.log), ("b", slower))]
+    summary = summarise(walk)
+    runs = [StoredRun(run, summary) for run in (walk, replace(walk, log=slower))]
     (tmp_path / "pair.html").write_text(page_of(runs), encoding="utf-8")
     one = opened(f"{(tmp_path / 'pair.html').as_uri()}#t=6", size=(1000, 700))
     largest = """() => Object.fromEntries(plots.panels.filter((panel) => panel.below).flatMap((panel) =>

@@ -9,6 +9,7 @@ import stat
 import webbrowser
 import zlib
 from base64 import b64decode
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -40,8 +41,8 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.runs.record import read_run, write_run
-from twin_gait.runs.run_page import ShownRun, page_of, read_shown_run, shown_run
+from twin_gait.runs.record import StoredRun, read_run, write_run
+from twin_gait.runs.run_page import about, page_of
 from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import ROOT
@@ -95,21 +96,21 @@ def entries(phases: list[str]) -> list[dict]:
 
 
 def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run_folder: Path) -> None:
-    shown = read_shown_run(run_folder)
+    shown = read_run(run_folder)
     (entry,) = embedded(page_of([shown], moments=[1.2345]))["runs"]
     frames = frames_of(entry)
-    transitions = pd.read_csv(run_folder / "transitions.csv")
+    transitions, log = pd.read_csv(run_folder / "transitions.csv"), shown.run.log
     assert len(transitions) >= 3
     assert set(transitions["tick"]) <= set(frames["times"])
     assert 1235 in frames["times"]  # the first row that is not before the moment asked for
-    assert frames["times"][0] == 0 and frames["times"][-1] == len(shown.log) - 1
+    assert frames["times"][0] == 0 and frames["times"][-1] == len(log) - 1
     for key, column in (("hip", "angle_rad"), ("hip_torque", "motor_torque_Nm"),
                         ("hip_impedance", "impedance_torque_Nm"),
                         ("hip_friction_compensation", "friction_compensation_torque_Nm"),
                         ("hip_gravity_compensation", "gravity_compensation_torque_Nm")):  # fmt: skip
         ticks, seen = curve_of(frames, key)
         assert set(frames["times"]) <= set(ticks.tolist())
-        values = shown.log[f"right_hip_{column}"].to_numpy()[ticks]
+        values = log[f"right_hip_{column}"].to_numpy()[ticks]
         expected = np.degrees(values) if key == "hip" else values
         np.testing.assert_allclose(seen, expected, rtol=0.0, atol=5.1e-5)
 
@@ -118,8 +119,8 @@ def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run
 def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
     run_folder: Path, frames_per_second: float
 ) -> None:
-    log = read_shown_run(run_folder).log
-    model = read_shown_run(run_folder).experiment.build_world().model
+    run = read_run(run_folder).run
+    log, model = run.log, run.experiment.build_world().model
     curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
     values = leg_values(log, Side.RIGHT)
     assert set(curves) <= set(values) and len(curves) >= 8
@@ -155,10 +156,10 @@ def tripped(tmp_path_factory) -> Path:
 
 
 def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
-    stored = read_run(tripped).run
+    stored, summary, _ = read_run(tripped)
     trip = stored.trip
     assert trip is not None and 1.0 <= trip.time < 3.0
-    (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
+    (entry,) = embedded(page_of([read_run(tripped)]))["runs"]
     assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
     assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
     assert entry["outcome"] == stored.verdict.outcome == "held"
@@ -169,9 +170,9 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
         assert leg["phases"]["codes"][-1] == len(entry["phases"]) - 1
         assert leg["phases"]["starts"][-1] == trip.tick / 1000  # the page writes milliseconds
     # A run without a trip has neither.
-    (calm,) = embedded(page_of([ShownRun(stored.experiment, stored.log.iloc[:900], {"title": "calm"})]))[
-        "runs"
-    ]
+    harmless = replace(stored.experiment, faults=())
+    before = replace(stored, experiment=harmless, log=stored.log.iloc[:900], trip=None)
+    (calm,) = embedded(page_of([StoredRun(before, summary)]))["runs"]
     assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
 
 
@@ -184,14 +185,14 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
         "walk_reference": {"trough": 0.8},
         "power": {**power, "carried_by_belt": True},
     }
-    (entry,) = embedded(page_of([shown_run(stored, summary)]))["runs"]
+    (entry,) = embedded(page_of([StoredRun(stored, summary)]))["runs"]
     assert entry["notes"][0].startswith("The belt carries this walk")
     assert entry["walk"] == [
         ["", "left", "right", "healthy"],
         ["trough", "0.500", "0.500", "0.800"],
     ]
     summary["power"]["carried_by_belt"] = False
-    assert shown_run(stored, summary).about["notes"] == []
+    assert about(StoredRun(stored, summary)).get("notes") == []
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
@@ -224,7 +225,7 @@ def test_two_runs_get_their_frames_at_the_same_moments(run_folder: Path, tmp_pat
     other.mkdir()
     settings = ["duration_s=1.5", "engine=pinocchio", "table.phases.late_stance.hip.equilibrium_deg=-9"]
     write_run(simulate(load_experiment("bench_leg", settings).experiment), other, pictures=False)
-    first, second = embedded(page_of([read_shown_run(run_folder), read_shown_run(other)]))["runs"]
+    first, second = embedded(page_of([read_run(run_folder), read_run(other)]))["runs"]
     long, short = frames_of(first)["times"], frames_of(second)["times"]
     assert set(short) - set(long) <= {1499}  # the last row of the shorter run
     assert [time for time in long if time < 1499] == [time for time in short if time < 1499]
@@ -327,7 +328,7 @@ def test_what_stands_together_differs_for_colour_blind_people(cone: str, meaning
 
 
 def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(run_folder: Path) -> None:
-    page = page_of([read_shown_run(run_folder)])
+    page = page_of([read_run(run_folder)])
     (entry,) = embedded(page)["runs"]
     (leg,) = entry["legs"]
     assert (leg["colour"], leg["dark"]) == (SIDE_COLOURS[Side.RIGHT], SIDE_COLOURS_ON_DARK[Side.RIGHT])
@@ -403,7 +404,7 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
     [
         (["RUN", "RUN", "RUN"], "one run or two"),
         (["RUN", "nowhere"], "nowhere"),
-        (["RUN", "--at", "9", "--png", "NEW"], "0 to 1.999"),
+        (["RUN", "--at", "9", "--png", "NEW"], "0 to 2.000"),
         (["RUN", "--at", "-1", "--png", "NEW"], "--at"),
         (["RUN", "--at", "nan", "--png", "NEW"], "--at"),
         (["RUN", "--at", "soon"], "soon"),
@@ -502,7 +503,7 @@ def stand_in(folder: Path, script: str) -> str:
     [
         ("exit 0", "did not finish"),
         ("echo 'x \"twin_gait: WebGL is missing' >&2", "WebGL is missing"),
-        ("echo '\"twin_gait: ready' >&2", "no picture of 640x400"),
+        ("echo '\"twin_gait: ready' >&2", "no picture of 1600x1000"),
         ("sleep 30", "within 0.5 s"),
     ],
 )
@@ -512,9 +513,9 @@ def test_a_browser_that_draws_nothing_leaves_the_old_picture(
     monkeypatch.setenv(BROWSER_VARIABLE, stand_in(tmp_path, script))
     old = tmp_path / "old.png"
     old.write_bytes(b"old")
-    limit = 0.5 if "sleep" in script else 20.0
+    monkeypatch.setattr("twin_gait.viewer.picture.PATIENCE", 0.5 if "sleep" in script else 20.0)
     with pytest.raises(ViewerError, match=words) as caught:
-        take_picture("<html></html>", old, size=(640, 400), timeout=limit)
+        take_picture("<html></html>", old)
     assert "\n" not in str(caught.value)
     assert old.read_bytes() == b"old"
     assert find_browser() == str(tmp_path / "browser")

@@ -195,7 +195,7 @@ def test_a_tube_encloses_the_volume_of_its_path() -> None:
 
 
 def test_creased_mesh_has_no_vertex_twice() -> None:
-    ball = shapes.ellipsoid((0.1, 0.1, 0.1))
+    ball = shapes.ball(0.1)
     creased = shapes.creased(ball.vertices, ball.faces)
     rows = np.round(np.column_stack((creased.vertices, creased.normals)), 6)
     assert len(np.unique(rows, axis=0)) == len(rows) <= len(ball.vertices)

@@ -58,7 +58,7 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     Simulate a preset or an experiment file and write a run directory.
     """
-    from twin_gait.runs.record import RUN_DIRECTORY, write_run
+    from twin_gait.runs.record import RUN_DIRECTORY, StoredRun, write_run
     from twin_gait.studies.accuracy import step_error
 
     if arguments.faults:
@@ -89,10 +89,10 @@ def simulate(arguments: argparse.Namespace) -> int:
     if result.status is simulation.RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
-        from twin_gait.runs.run_page import page_of, shown_run
+        from twin_gait.runs.run_page import page_of
 
         with contextlib.redirect_stdout(sys.stderr) if arguments.json else contextlib.nullcontext():
-            view.serve(page_of([shown_run(result, summary)]))
+            view.serve(page_of([StoredRun(result, summary)]))
     if result.status is simulation.RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is simulation.RunStatus.FELL and arguments.fail_on_fall else DONE

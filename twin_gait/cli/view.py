@@ -67,7 +67,8 @@ def view(arguments: argparse.Namespace) -> int:
     until Ctrl-C; or write the page or a picture of it.
     """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
-    from twin_gait.runs.run_page import page_of, read_shown_run
+    from twin_gait.runs.record import read_run
+    from twin_gait.runs.run_page import page_of
 
     if len(arguments.targets) > 2:
         raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
@@ -84,9 +85,9 @@ def view(arguments: argparse.Namespace) -> int:
         return _show(lambda: viewer.animation.urdf_page(urdf, up_axis=arguments.up or "z"), arguments)
     if arguments.up is not None:
         raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
-    runs = [read_shown_run(path) for path in arguments.targets]
+    runs = [read_run(path) for path in arguments.targets]
     moments = [] if arguments.at is None else [arguments.at]
-    longest = max(one.duration for one in runs)
+    longest = max(one.run.duration for one in runs)
     if not all(0.0 <= moment <= longest + 1e-9 for moment in moments):
         raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
     return _show(lambda: page_of(runs, moments=moments), arguments)
@@ -160,10 +161,10 @@ def plot(arguments: argparse.Namespace) -> int:
     inside.
     """
     from twin_gait.report.canvas import FIGURES_FOLDER, save
-    from twin_gait.report.figures import available_figures, plot_run
+    from twin_gait.report.figures import plot_run, screen_figures
 
     shown, out, width = runs.load_run(arguments.directory), arguments.out, arguments.width
-    names = arguments.figures or available_figures(shown)
+    names = arguments.figures or list(screen_figures(shown))
     if out is not None and len(names) != 1:
         raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
     drawn = {name: plot_run(shown, name, width_mm=width) for name in names}

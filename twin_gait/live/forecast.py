@@ -20,7 +20,7 @@ from twin_gait.live.settings import WALK, Settings, loop_numbers
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import EventKind, gait_verdict
-from twin_gait.runs.leg_summary import summarise_side
+from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import Outcome
 
@@ -83,7 +83,7 @@ def foresee(run: SteppedRun, moment: Mapping[str, Any], settings: Settings) -> F
     walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
     shown = walked_run(walk, replace(run.problem, experiment=settings.experiment))
     records = _records(shown, first)
-    sides = [summarise_side(shown, record, 1) for record in records]
+    sides = [MeasuredLeg(shown, record, 1).summary() for record in records]
     text, bad = _told(run, first, records)
     off = {
         joint: float(np.mean([side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]))

@@ -52,7 +52,7 @@ class LiveFigure:
         experiment, model, columns = problem.experiment, problem.world.model, log_layout(problem).names
         self.window = Window()
         self.mode: str | None = None
-        self._scene = build_scene(self.window, model, drives=experiment.joints, **setting_of(experiment))
+        self._scene = build_scene(self.window, model, **setting_of(experiment))
         self._names, self._modes = (*experiment.table.phase_names, HOLD), modes_of(experiment)
         self._coordinates, self._travelled = state_columns(model)[0], 0.0
         self.phases: dict[str, str | None] = dict.fromkeys(map(str, model.sides))
@@ -63,8 +63,7 @@ class LiveFigure:
         title = f"twin_gait live · {experiment.name}"
         self.page = page_data(
             About(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
-            view=self._scene.view, phases=self._names,
-            shown=self._shown, arrows=bool(self._scene.arrows),
+            view=self._scene.view, phases=self._names, shown=self._shown,
         )  # fmt: skip
         self.window.send({"type": "page", "path": "", "page": self.page})
 

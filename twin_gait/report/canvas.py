@@ -16,7 +16,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -62,13 +61,12 @@ def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequ
     """
     spells = phase_spells(phases)
     colours = [colour_of(spell.phase, names) for spell in spells]
-    edges = [(places[spell.start], places[min(spell.end, len(places) - 1)]) for spell in spells]
+    starts = places[[spell.start for spell in spells]]
+    bands = np.column_stack((starts, np.diff(starts, append=places[-1]))).tolist()
+    style: dict[str, Any] = {"facecolors": colours, "linewidth": 0, "zorder": 1}
     for bottom, opacity in ((0.0, BAND_OPACITY), (STRIP, STRIP_OPACITY)):
-        corners = [((left, bottom), (left, 1.0), (right, 1.0), (right, bottom)) for left, right in edges]
-        # One collection, because every patch is asked for the limits of its panel and drawn by itself.
-        bands = PolyCollection(corners, facecolors=colours, alpha=opacity, linewidth=0, zorder=1)
-        bands.set_transform(axes.get_xaxis_transform())
-        axes.add_collection(bands, autolim=False)
+        whole = axes.get_xaxis_transform()
+        axes.broken_barh(bands, (bottom, 1.0 - bottom), transform=whole, alpha=opacity, **style)
     axes.set_xlim(places[0], places[-1])
 
 
@@ -80,10 +78,8 @@ def colour_of(phase: int, names: Sequence[str]) -> str:
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     """Legend entries of the phases that occur. ``occurring``: indices of phases, any shape."""
     order = sorted(np.unique(occurring).tolist(), key=lambda index: index == HELD)
-    labels = ["held after the trip" if index == HELD else readable(names[index]) for index in order]
-    colours = [colour_of(index, names) for index in order]
-    pairs = zip(colours, labels, strict=True)
-    return [Patch(color=colour, alpha=STRIP_OPACITY, label=label) for colour, label in pairs]
+    labels = {**dict(enumerate(map(readable, names))), HELD: "held after the trip"}
+    return [Patch(color=colour_of(index, names), alpha=STRIP_OPACITY, label=labels[index]) for index in order]
 
 
 def readable(name: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -44,21 +44,13 @@ _PRINT: dict[Any, float] = {
 }
 
 
-def available_figures(run: Run) -> list[str]:
-    """Names of the pictures that apply to a run.
+def screen_figures(run: Run) -> dict[str, Figure]:
+    """All pictures that apply to a run, by name in the order of ``FIGURES``; none of less than two rows.
 
-    Returned of ``FIGURES``, in order; none of a log of less than two rows.
+    A run without strides has no picture of the gait cycle, and one without ground none of the feet.
     """
-    return [name for name, _ in _drawn(run)]
-
-
-def _drawn(run: Run) -> Iterator[tuple[str, Figure]]:
-    if len(run.log) < 2:
-        return
-    for name, draw in FIGURES.items():
-        figure = draw(run, width=SCREEN_WIDTH)
-        if figure is not None:
-            yield name, figure
+    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in FIGURES.items() if len(run.log) > 1)
+    return {name: figure for name, figure in drawn if figure is not None}
 
 
 def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
@@ -85,7 +77,7 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
     with mpl.rc_context({} if width_mm is None else _PRINT):
         drawn = FIGURES[figure](run, width=width) if len(run.log) > 1 else None
         if drawn is None:
-            known = ", ".join(available_figures(run)) or "none"
+            known = ", ".join(screen_figures(run)) or "none"
             raise ParameterError(f"figure: this run has no {figure}; there are {known}")
         if width_mm is not None:
             _letter_panels(drawn)
@@ -118,8 +110,5 @@ def _size(figure: Figure) -> None:
 
 
 def write_figures(run: Run, directory: Path) -> list[Path]:
-    """Draw a run.
-
-    A run without strides has no picture of the gait cycle, and one without ground none of the feet.
-    """
-    return [save(figure, directory / f"{name}.png") for name, figure in _drawn(run)]
+    """Draw a run into a folder."""
+    return [save(figure, directory / f"{name}.png") for name, figure in screen_figures(run).items()]

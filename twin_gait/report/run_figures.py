@@ -19,13 +19,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import usual_phases
-from twin_gait.measures.strides import (
-    PERCENT,
-    normalise_strides,
-    root_mean_square_error,
-    stride_count,
-    walks,
-)
+from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count, walks
 from twin_gait.measures.walk import pressure_curve
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report import canvas
@@ -99,8 +93,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
             run.log[f"{record.side}_foot_{end}"].to_numpy()
             for end in ("normal_force_N", "friction_force_N", "pressure_place")
         )
-        for number, force in enumerate((load, forward)):
-            axes = column[number]
+        for number, (axes, force) in enumerate(zip(column, (load, forward), strict=False)):
             axes.axhline(1.0 - number, color=palette.LIMIT_COLOUR, linestyle=":", linewidth=1.2)
             _draw_mean_and_range(sheet, axes, normalise_strides(force, bounds) / walkway.carried_weight)
             if healthy is not None:
@@ -178,11 +171,10 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     sheet = Sheet(run, "Feet on the ground", (width, 8.5), window)
     force, clearance = sheet.figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for record in records:
-        assert record.contacts and record.normal_force is not None and record.clearance is not None
         colour, label = palette.SIDE_COLOURS[record.side], f"{record.side} foot"
-        sheet.curve(force, record.normal_force, label, colour)
-        sheet.curve(clearance, 1e3 * record.clearance, label, colour)
-        strikes = record.contacts.heel_strikes
+        sheet.curve(force, f"{record.side}_foot_normal_force_N", label, colour)
+        sheet.curve(clearance, 1e3 * run.log[f"{record.side}_foot_clearance_m"].to_numpy(), label, colour)
+        strikes = record.stride_events  # there is ground
         strikes = strikes[(strikes >= window.start) & (strikes < window.stop)]
         height, label = np.full(len(strikes), CONTACT_FORCE), f"{record.side} heel strike"
         sheet.lines += force.plot(strikes * TICK, height, "^", color=colour, markersize=8, label=label)

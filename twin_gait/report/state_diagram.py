@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import textwrap
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -81,13 +80,6 @@ _HEADLINE, _LINE = 36.0, 16.0  # [px] of a box
 _BELOW = 26.0  # [px] between boxes
 _DIGITS = 4
 
-_ARROWS = "Solid: the guard opens. Dashed: time-out. Of those that leave a phase the first listed wins."
-_NUMBERS = (
-    "k stiffness [Nm/°], θ0 equilibrium, ζ damping ratio or b damping [Nms/rad], G friction compensation"
-)
-# Characters that XML 1.0 does not allow even as references.
-_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
 
 class Way(NamedTuple):
     """What one arrow stands for: the transitions between two phases that are time-outs, or are not."""
@@ -124,9 +116,9 @@ def state_diagram_svg(table: StateTable) -> str:
         "below": _BELOW,
         "arrows": arrows(table, height),
         "said": list(_transition_lines(table)),
-        "legend": _legend(table),
+        "hold": readable(table.hold) if isinstance(table, ModeTable) else "",
     }
-    return _FORBIDDEN.sub("\ufffd", render("state_diagram.svg", content)) + "\n"
+    return f"{render('state_diagram.svg', content)}\n"
 
 
 def arrows(table: StateTable, box_height: float) -> list[Arrow]:
@@ -149,11 +141,8 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
     laid: list[Arrow] = []
     for way in sorted(ways, key=lambda way: abs(way.source - way.target)):
         start, end = level(way.source, way), level(way.target, way)
-        taken = {
-            other.lane
-            for other in laid
-            if min(start, end) < max(other.start, other.end) and min(other.start, other.end) < max(start, end)
-        }
+        low, high = sorted((start, end))
+        taken = {other.lane for other in laid if low < max(other[:2]) and min(other[:2]) < high}
         lane = next(lane for lane in range(1, len(laid) + 2) if lane not in taken)
         laid.append(Arrow(start, end, lane, way.time_out, ", ".join(ways[way])))
     return laid
@@ -165,12 +154,6 @@ def _transition_lines(table: StateTable) -> Iterator[str]:
         way = f"{readable(item.source)} → {readable(item.target)}"
         text = f"{place}  {way}, {readable(item.cause)}: {condition_words(item)}"
         yield from textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent="     ")
-
-
-def _legend(table: StateTable) -> list[str]:
-    if isinstance(table, ModeTable):
-        return [_ARROWS, f"A trip of the safety monitor leads from every mode to {readable(table.hold)}."]
-    return [_ARROWS, _NUMBERS]
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -46,12 +47,8 @@ def axis_of(table: pd.DataFrame, column: str) -> pd.Series | None:
 
 def names_of(axis: pd.Series) -> list[str]:
     """What stands beside the levels of an axis."""
-    return [_short(item) if isinstance(item, float) else str(item) for item in axis.cat.categories]
-
-
-def _short(value: float) -> str:
-    """A number in four digits, in the notation of a person up to a million."""
-    return f"{float(f'{value:.4g}'):g}"
+    digits = partial(np.format_float_positional, precision=4, fractional=False, trim="-")
+    return [digits(item) if isinstance(item, float) else str(item) for item in axis.cat.categories]
 
 
 def sweep_figures(

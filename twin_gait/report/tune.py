@@ -28,12 +28,8 @@ def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
 
     ``outcome``: content of ``tune.json``; ``pictures``: PNG of what :func:`draw_figures` draws, by its names.
     """
-    content = {
-        **_content(outcome),
-        "title": f"A gait table tuned to {outcome['wearer']}",
-        "pictures": pictures,
-    }
-    return render("tune.html", content)
+    title = f"A gait table tuned to {outcome['wearer']}"
+    return render("tune.html", {**_content(outcome), "title": title, "pictures": pictures})
 
 
 def summary(outcome: Outcome) -> list[str]:

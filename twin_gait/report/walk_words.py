@@ -87,21 +87,3 @@ def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
         yield "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()
 
 
-NETWORK_HEAD = ("mean age [ms]", "oldest [ms]", "lost [%]", "slowest [ms]")
-
-
-def table_of_network(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """How old what the gait controller and the boards went by was, and what the bus took for it.
-
-    Returns a head and a row for each frame; nothing without a bus.
-    """
-    network = summary.get("network")
-    if not network:
-        return []
-    rows: list[tuple[str, ...]] = [(f"bus in use for {network['bus_load']:.0%}", *NETWORK_HEAD)]
-    for name, frame in network["frames"].items():
-        mean, oldest, slowest = (1e3 * frame[key] for key in ("mean_age_s", "oldest_s", "worst_response_s"))
-        lost = 100.0 * frame["lost"] / max(frame["sent"], 1)
-        label = name.replace("_", " ")
-        rows.append((label, f"{mean:.2f}", f"{oldest:.0f}", f"{lost:.1f}", f"{slowest:.3f}"))
-    return rows

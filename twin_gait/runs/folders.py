@@ -45,21 +45,18 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=PARTIAL, dir=target.parent))
+        held = hold(staging)
+        try:
+            yield staging
+            os.chmod(staging, permitted(0o755))
+            _put_in_place(staging, target)
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+            if held is not None:
+                os.close(held)
     except OSError as error:
-        raise RunDirectoryError(
-            f"{target}: cannot be written ({error.strerror}); try another --out"
-        ) from error
-    held = hold(staging)
-    try:
-        yield staging
-        os.chmod(staging, permitted(0o755))
-        _put_in_place(staging, target)
-    except OSError as error:
-        raise RunDirectoryError(f"{target}: cannot be written ({error.strerror})") from error
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
-        if held is not None:
-            os.close(held)
+        way_out = "try another --out"
+        raise RunDirectoryError(f"{target}: cannot be written ({error.strerror}); {way_out}") from error
 
 
 def hold(folder: Path) -> int | None:

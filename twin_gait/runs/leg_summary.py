@@ -18,35 +18,9 @@ from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 
 SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
-
-
-def summarise_side(
-    run: Run, record: LegRecord, skip: int, measures: Mapping[str, float] | None = None
-) -> dict[str, Any]:
-    """Gait and effort of one leg, with ``measures`` of the walk on a belt; None or NaN if not defined."""
-    leg = MeasuredLeg(run, record, skip)
-    return {
-        **leg.by_contact(),
-        **leg.by_phase(),
-        **({} if measures is None else {"walk": dict(measures)}),
-        **leg.errors(),
-        "joints": {str(joint): leg.joint(joint) for joint in record.angles},
-    }
-
-
-def side_in_brief(run: Run, side: Side) -> dict[str, Any]:
-    """The part of :func:`summarise_side` that a table of many runs holds."""
-    leg = MeasuredLeg(run, run.leg_record(side))
-    return {
-        **leg.by_contact(),
-        "strides_by_phase": len(leg.record.strides_by_phase(skip=0)),
-        "phases_in_order": leg.phases_in_order(),
-        "time_outs": len(leg.time_outs()),
-        "joints": {str(joint): leg.effort(joint) for joint in leg.record.angles},
-    }
 
 
 def continuous_current(actuator: ActuatorParameters) -> float:
@@ -86,6 +60,26 @@ class MeasuredLeg:
     def strides(self) -> np.ndarray:
         """Those that count, see :meth:`LegRecord.strides`."""
         return self.record.strides(skip=self.skip)
+
+    def summary(self, measures: Mapping[str, float] | None = None) -> dict[str, Any]:
+        """Gait and effort, with ``measures`` of the walk on a belt; None or NaN if not defined."""
+        return {
+            **self.by_contact(),
+            **self.by_phase(),
+            **({} if measures is None else {"walk": dict(measures)}),
+            **self.errors(),
+            "joints": {str(joint): self.joint(joint) for joint in self.record.angles},
+        }
+
+    def in_brief(self) -> dict[str, Any]:
+        """The part of :meth:`summary` that a table of many runs holds."""
+        return {
+            **self.by_contact(),
+            "strides_by_phase": len(self.record.strides_by_phase(skip=0)),
+            "phases_in_order": self.phases_in_order(),
+            "time_outs": len(self.time_outs()),
+            "joints": {str(joint): self.effort(joint) for joint in self.record.angles},
+        }
 
     def column(self, joint: JointName, quantity: str) -> np.ndarray:
         """A quantity of a joint at every tick, as the log has it."""
@@ -250,18 +244,14 @@ class MeasuredLeg:
         }
 
     def energy_at_switches(self, joint: JointName) -> dict[str, float]:
-        """What the switches put into the virtual spring of a joint, means over strides.
+        """What the switches put into the virtual spring of a joint on balance, mean over strides.
 
-        ``switch_energy_J`` is that on balance, and ``switch_energy_put_in_J`` leaves out the ticks in which
-        they take energy out. They are of the spring that the gait table asks for, also where a limit or
-        another controller keeps the motor from acting like it.
+        It is of the spring that the gait table asks for, also where a limit or another controller keeps the
+        motor from acting like it.
         """
         names = ("measured_angle_rad", "stiffness_Nm_per_rad", "equilibrium_rad")
         energy = switching.switching_energy(*(self.column(joint, name) for name in names))
-        balance, put_in = (
-            finite_mean(switching.sums_over(part, self.strides)) for part in (energy, np.maximum(energy, 0.0))
-        )
-        return {"switch_energy_J": balance, "switch_energy_put_in_J": put_in}
+        return {"switch_energy_J": finite_mean(switching.sums_over(energy, self.strides))}
 
     def jerk(self, joint: JointName) -> dict[str, float]:
         """Jerk of a joint over the strides, filtered as :mod:`twin_gait.measures.switching` says."""

@@ -1,7 +1,7 @@
 """Read log files as columns: parquet, motion files of OpenSim (.mot, .sto) and any other table of text.
 
 The header of a motion file states ``nRows``, ``nColumns`` and ``inDegrees`` as ``key=value``; files of the
-older SIMM form state ``datarows`` and ``datacolumns`` and no unit. A name may stand over several columns.
+older SIMM form state no unit. A name may stand over several columns.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ _REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines that ma
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 _LISTED = 12  # columns that a message names
 END_OF_HEADER = "endheader"
-_ROWS, _COLUMNS = ("nrows", "datarows"), ("ncolumns", "datacolumns")  # in OpenSim's form, and in SIMM's
 _UNITS = {"yes": DEGREES, "no": RADIANS, None: None}  # by what inDegrees says
 T = TypeVar("T")
 
@@ -38,11 +37,15 @@ class LogTable:
     """Columns of a log file."""
 
     source: str  # the file, for messages
-    names: tuple[str, ...]  # of the columns, in order; a name may occur twice
-    frame: pd.DataFrame  # the columns, in the same order
+    frame: pd.DataFrame  # the columns; a name may occur twice
     unit: str | None = None  # of angles, if the file states it: ``rad`` or ``deg``
     opensim: bool = False  # whether it is a motion file of OpenSim
     decimal: str = "."  # what stands before the decimals of a number
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns, in order."""
+        return tuple(map(str, self.frame.columns))
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a column of that name."""
@@ -109,19 +112,10 @@ def number_of(cell: Any, decimal: str = ".") -> float:
         return math.nan
 
 
-def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell holds a number."""
-    return not math.isnan(number_of(cell, decimal))
-
-
 def read_table(path: Path) -> LogTable:
     """Read a log file of one of the known formats, by the ending of its name."""
-    readers: dict[str, Callable[[Path], LogTable]] = {
-        ".parquet": _read_parquet,
-        ".csv": read_text_table,
-        ".mot": _read_storage,
-        ".sto": _read_storage,
-    }
+    readers: dict[str, Callable[[Path], LogTable]] = {".parquet": _read_parquet, ".csv": read_text_table}
+    readers |= {".mot": _read_storage, ".sto": _read_storage}
     reader = readers.get(path.suffix.lower())
     if not path.is_file():
         raise ParameterFileError(path, "", "no such log; expected a run directory or a file")
@@ -135,7 +129,7 @@ def _read_parquet(path: Path) -> LogTable:
         frame = read_parquet(path)
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
         raise ParameterFileError(path, "", f"is not a parquet table ({_short(error)})") from error
-    return LogTable(str(path), tuple(str(name) for name in frame.columns), frame)
+    return LogTable(str(path), frame)
 
 
 def read_text_table(path: Path, asked: Collection[str] = ()) -> LogTable:
@@ -151,12 +145,12 @@ def read_text_table(path: Path, asked: Collection[str] = ()) -> LogTable:
     separator = separator if separator in first else _BLANKS
     decimal = "," if separator != "," and "," in following and "." not in following else "."
     frame = _cells(path, [line.removesuffix(separator) for line in lines[start:]], separator)
-    names = tuple(frame.iloc[0].str.strip())
-    if all(is_missing(name) or is_number(name, decimal) for name in names):
-        names = tuple(str(number + 1) for number in range(len(names)))
+    names = frame.iloc[0].str.strip()
+    if all(is_missing(name) or math.isfinite(number_of(name, decimal)) for name in names):
+        frame = frame.rename(columns=lambda place: str(place + 1))
     else:
-        frame = frame.iloc[1:]
-    return LogTable(str(path), names, frame, decimal=decimal)
+        frame = frame.iloc[1:].set_axis(names, axis="columns")
+    return LogTable(str(path), frame, decimal=decimal)
 
 
 def _first_row(lines: Sequence[str], asked: Collection[str]) -> int:
@@ -178,20 +172,19 @@ def _read_storage(path: Path) -> LogTable:
     stated = (re.split(r"\s*[=\s]\s*", line.lower(), maxsplit=1) for line in lines[:end])
     header = {pair[0]: pair[1] for pair in stated if len(pair) == 2}
     frame = _cells(path, lines[end + 1 :], _BLANKS)
-    names, frame = tuple(frame.iloc[0]), frame.iloc[1:]
+    frame = frame.iloc[1:].set_axis(frame.iloc[0], axis="columns")
     short = np.flatnonzero((frame == "").any(axis=1))
     if len(short):
-        text = f"expected {len(names)} numbers, one a column, and there are fewer"
+        text = f"expected {frame.shape[1]} numbers, one a column, and there are fewer"
         raise ParameterFileError(path, f"row {short[0] + 1}", text)
-    for keys, found in ((_ROWS, len(frame)), (_COLUMNS, len(names))):
-        for said in (header[key] for key in keys if key in header):
-            if number_of(said) != found:
-                text = f"the header says {said[:40]}, the file has {found}; is it complete?"
-                raise ParameterFileError(path, keys[0], text)
+    for key, found in zip(("nrows", "ncolumns"), frame.shape, strict=True):
+        if key in header and number_of(header[key]) != found:
+            text = f"the header says {header[key][:40]}, the file has {found}; is it complete?"
+            raise ParameterFileError(path, key, text)
     degrees = header.get("indegrees")
     if degrees not in _UNITS:
         raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {str(degrees)[:40]!r}")
-    return LogTable(str(path), names, frame, _UNITS[degrees], opensim=True)
+    return LogTable(str(path), frame, _UNITS[degrees], opensim=True)
 
 
 def _lines(path: Path) -> list[str]:
@@ -202,10 +195,8 @@ def _lines(path: Path) -> list[str]:
             text = f"has {size} bytes; at most {MOST_TEXT} are read: cut it in parts"
             raise ParameterFileError(path, "", text)
         text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ParameterFileError(path, "", f"cannot be read ({error.strerror or error})") from error
-    except UnicodeDecodeError as error:
-        raise ParameterFileError(path, "", "is not UTF-8 text") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParameterFileError(path, "", f"cannot be read as UTF-8 text ({_short(error)})") from error
     if "\0" in text:
         raise ParameterFileError(path, "", "is not a text file")
     lines = text.splitlines()

@@ -38,7 +38,8 @@ class StoredRun(NamedTuple):
     """A run read back from its directory."""
 
     run: Run  # as :func:`twin_gait.simulate` gave it back
-    summary: dict[str, Any]  # content of ``summary.json``
+    summary: Mapping[str, Any]  # content of ``summary.json``
+    name: str = ""  # of its directory
 
 
 def write_run(
@@ -68,9 +69,9 @@ def write_run(
         summary["accuracy"] = accuracy
     write_json(directory / SUMMARY_FILE, summary)
     if pictures:
-        from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
+        from twin_gait.runs.run_page import page_of  # takes its time; the figures are under way
 
-        write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run, summary)]))
+        write_atomically(directory / ANIMATION_FILE, page_of([StoredRun(run, summary)]))
         finish_drawing()
     return summary
 
@@ -95,17 +96,13 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     write_parquet(path, log, **about, units=units, meanings=meanings)
 
 
-def switches_csv(
-    switches: Sequence[PhaseSwitch],
-    joints: Sequence[str],
-    measured: Callable[[Side, str, str], np.ndarray],
-    start: float = 0.0,
-) -> str:
-    """Phase switches with their causes, angles and velocities, as CSV text.
+Measured = Callable[[Side, str, str], np.ndarray]  # of a side, a joint and a name: the quantity at every tick
 
-    ``measured``: a quantity of a joint over all ticks, by side, joint and name. ``start``: time of tick 0 in
-    [s].
-    """
+
+def switches_csv(
+    switches: Sequence[PhaseSwitch], joints: Sequence[str], measured: Measured, start: float = 0.0
+) -> str:
+    """Phase switches with their causes, angles and velocities, as CSV text; ``start``: time of tick 0."""
     names = [(joint, name) for joint in joints for name in ("angle_rad", "velocity_rad_per_s")]
     heads = ("tick", "time_s", "side", "from", "to", "cause", *(f"{joint}_{name}" for joint, name in names))
     rows = [
@@ -146,9 +143,8 @@ def read_run(directory: Path) -> StoredRun:
     if journal_of(directory.absolute()).is_file():
         way_out = f"twin-gait sessions complete {directory}"
         raise RunDirectoryError(f"{directory}: its walk is going on, or was killed; {way_out}")
-    for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
-        if not (directory / name).is_file():
-            raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
+    if not (directory / EXPERIMENT_FILE).is_file():
+        raise RunDirectoryError(f"{directory}: not a run directory: it has no {EXPERIMENT_FILE}")
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
     world = experiment.build_world()
     table = scaled_table(experiment, world)
@@ -169,10 +165,12 @@ def read_run(directory: Path) -> StoredRun:
         )
     except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
+    if log.empty:
+        raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows; run the simulation again")
     if summary.get("log_schema_version") != LOG_SCHEMA_VERSION:
         again = f"use that one, or run it anew: twin-gait simulate {directory / EXPERIMENT_FILE}"
         raise RunDirectoryError(f"{directory}: its log is of another version of the program; {again}")
-    return StoredRun(run, summary)
+    return StoredRun(run, summary, directory.absolute().name)
 
 
 def _trip_of(safety: Mapping[str, Any]) -> Trip | None:

@@ -19,7 +19,7 @@ from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
-from twin_gait.runs.leg_summary import reference_error, summarise_side
+from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
@@ -47,7 +47,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     """
     walk = run.walk_measures(skip=skip_strides)
     sides = {
-        str(record.side): summarise_side(run, record, skip_strides, walk.get(record.side))
+        str(record.side): MeasuredLeg(run, record, skip_strides).summary(walk.get(record.side))
         for record in run.leg_records()
     }
     refused = [answer.text for answer in run.answers if answer.refused]

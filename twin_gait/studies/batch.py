@@ -24,7 +24,7 @@ from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, 
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
 from twin_gait.parameters import Patient
-from twin_gait.runs.leg_summary import side_in_brief
+from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.simulator import compile_ahead, simulate_together
@@ -205,7 +205,7 @@ def flat_summary(run: Run) -> Flat:
     }
     flat = {name: whole[name] for name in _RUN}
     for side in run.sides:
-        values = side_in_brief(run, side)
+        values = MeasuredLeg(run, run.leg_record(side)).in_brief()
         flat |= {f"{side}_{name}": values.get(name) for name in _SIDE}
         for joint, effort in values["joints"].items():
             flat |= {f"{side}_{joint}_{name}": effort[name] for name in _JOINT}

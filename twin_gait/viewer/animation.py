@@ -15,11 +15,10 @@ from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.measures.leg_record import leg_record
-from twin_gait.palette import phase_colour
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Track, Window, rgb, set_animation
+from twin_gait.viewer.commands import Track, Window, set_animation
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, held_rows, read_motion, shown_joints
+from twin_gait.viewer.motion import Motion, PhaseSpells, held_rows, read_motion
 from twin_gait.viewer.page import About, packed, page_data, recorded_page
 from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
@@ -50,8 +49,7 @@ def recorded_run(
     """
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Window()
-    drives = shown_joints(log, model.sides[0])
-    scene = build_scene(recorder, model, drives=drives, **setting)
+    scene = build_scene(recorder, model, **setting)
     scene.draw_trails(motion)
     recorder.apply(scene.state_at(motion, 0))
     tracks = list(_tracks(scene, motion))
@@ -64,7 +62,6 @@ def recorded_run(
         view=scene.view,
         phases=motion.phase_names,
         shown={side: leg.curves for side, leg in motion.legs.items()},
-        arrows=bool(scene.arrows),
         duration=round(float(motion.times[-1]), 3),
         strides=_strides(log, model, motion),
         frames=packed(dump(_frames(motion)).encode("ascii")),
@@ -106,19 +103,20 @@ def _milliseconds(times: np.ndarray) -> np.ndarray:
 def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
     """Everything that moves or changes colour; what stays as it is has no track."""
     states = [scene.state_at(motion, frame) for frame in range(len(motion.times))]
+    # What switches does so a little early: a key rounded up would come after its own frame.
+    early = np.maximum(motion.times - _SWITCH, 0.0)
     for place, name in states[0]:
-        if name == "color":
-            continue
         values = np.array([state[place, name] for state in states])
         if name in _CONTINUOUS:
-            values = np.round(values.astype(float), _DECIMALS) + 0.0
-        # What switches does so a little early: a key rounded up would come after its own frame.
-        times = motion.times if name in _CONTINUOUS else np.maximum(motion.times - _SWITCH, 0.0)
-        if (values != values[0]).any():
-            yield _thinned(Track(place, name, times, values))
-    for side, leg in motion.legs.items():
-        for cap in scene.caps.get(side, ()):
-            yield from _colour_track(f"{cap}/<object>", leg, motion)
+            track = Track(place, name, motion.times, np.round(values.astype(float), _DECIMALS) + 0.0)
+        elif name == "color":  # fades from key to key: each frame has the colour before it just before it
+            times = np.column_stack((early, motion.times)).ravel()[1:]
+            colours = np.round(np.repeat(values[:, :3], 2, axis=0)[:-1], 4)
+            track = Track(f"{place}/<object>", "material.color", times, colours)
+        else:
+            track = Track(place, name, early, values)
+        if (track.values != track.values[0]).any():
+            yield _thinned(track)
 
 
 def _thinned(track: Track) -> Track:
@@ -128,32 +126,17 @@ def _thinned(track: Track) -> Track:
     return replace(track, times=track.times[kept], values=track.values[kept])
 
 
-def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
-    """Colour that switches with the phase, at the tick of the switch."""
-    if len(leg.phases.starts) < 2:
-        return
-    colours = [rgb(phase_colour(motion.phase_names[code], int(code))) for code in leg.phases.codes]
-    switches = leg.phases.starts[1:]
-    times = np.append(0.0, np.column_stack((switches - _SWITCH, switches)))
-    yield Track(path, "material.color", times, np.round(np.repeat(colours, 2, axis=0)[:-1], 4))
-
-
 def _belt_track(speed: np.ndarray) -> Track:
     """Marks that go back with the belt and jump forward by one spacing, which nobody sees.
 
     ``speed`` of the belt at every tick in [m] / [s].
     """
-    spacing = surroundings.BELT_MARK_SPACING
-    looks = (np.arange(len(speed)) * TICK)[::_BELT_LOOK]
-    ways = (TICK * (np.cumsum(speed) - speed))[::_BELT_LOOK]
-    jumps = np.interp(spacing * np.arange(1.0, ways[-1] // spacing + 1.0), ways, looks)
-    before = np.append(-1.0, jumps)[np.searchsorted(jumps, looks, side="right")]
-    seen = looks - before > _SWITCH
-    times = np.concatenate((looks[seen], jumps, jumps + _SWITCH))
-    offsets = np.concatenate((-(ways[seen] % spacing), 0.0 * jumps - spacing, 0.0 * jumps))
-    order = np.argsort(times)
-    values = np.outer(np.round(offsets[order], 5), [1.0, 0.0, 0.0])
-    return _thinned(Track(surroundings.BELT, "position", times[order], values))
+    offsets = surroundings.belt_offset(TICK * (np.cumsum(speed) - speed))
+    before = np.flatnonzero(np.abs(np.diff(offsets)) > 0.5 * surroundings.BELT_MARK_SPACING)
+    ticks = np.union1d(np.arange(0, len(speed), _BELT_LOOK), np.append(before, before + 1))
+    times = TICK * (ticks + np.isin(ticks, before)) - _SWITCH * np.isin(ticks, before)
+    values = np.outer(np.round(offsets[ticks], 5), [1.0, 0.0, 0.0])
+    return _thinned(Track(surroundings.BELT, "position", times, values))
 
 
 def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:

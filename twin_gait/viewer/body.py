@@ -61,10 +61,8 @@ def draw_wearer(
         if leg.ankle is not None:
             foot = np.diag([*[patient.height / _DRAWN_HEIGHT] * 3, 1.0])
             foot[1, 3] = ends[2]
-            placement = _axes(-shank) @ foot
-            figure.draw(
-                leg.ankle, "wearer_foot", shapes.packaged("wearer_foot", placement), MATERIALS["skin"]
-            )
+            shape = shapes.packaged("wearer_foot", _axes(-shank) @ foot)
+            figure.draw(leg.ankle, "wearer_foot", shape, MATERIALS["skin"])
     if trunk_joint is not None:
         _draw_on_trunk(figure, trunk_joint, patient, {"trunk": "cloth", "head": "skin"})
 
@@ -176,7 +174,7 @@ def draw_crutches(
 ) -> Element:
     """Draw both arms and crutches with the forces of the ground on them, the tips beside the legs.
 
-    The forearm points along the shaft. ``joint`` carries the shoulders. A log without crutches moves nothing.
+    The forearm points along the shaft. ``joint`` carries the shoulders.
     """
     aside = 0.5 * wearer.SHOULDER_BREADTH * patient.height
     # From shoulder to elbow and from there to the tip, in the sagittal plane in [m].
@@ -200,11 +198,8 @@ def draw_crutches(
     def state(motion: Motion, frame: int) -> State:
         found: State = {}
         for side, left in LEFT.items():
-            names = (f"{side}_crutch_{name}" for name in _COLUMNS)
-            values = [float(motion.columns[name][frame]) for name in names if name in motion.columns]
-            if len(values) < len(_COLUMNS):
-                continue
-            forward, upward, *force = values
+            columns = (motion.columns[f"{side}_crutch_{name}"] for name in _COLUMNS)
+            forward, upward, *force = (float(values[frame]) for values in columns)
             tip = np.array([forward, left * outside, upward])
             shoulder = figure.world_point(motion.q[frame], joint, shoulders[side])
             sagittal = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], upper, lower)

@@ -56,17 +56,11 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
 
 
 def draw_mesh(
-    window: Window,
-    path: str,
-    shape: Shape,
-    material: Material,
-    *,
-    casts: bool = False,
-    under_shadows: bool = False,
+    window: Window, path: str, shape: Shape, material: Material, *, casts: bool = False, shaded: bool = False
 ) -> None:
-    """Draw a mesh. ``casts``: whether it casts a shadow; ``under_shadows``: whether shadows fall on it."""
+    """Draw a mesh. ``casts``: whether it casts a shadow; ``shaded``: whether shadows fall on it."""
     window.send(set_object(path, shape, material))
-    window.send(set_property(f"{path}/<object>", "receiveShadow", under_shadows))
+    window.send(set_property(f"{path}/<object>", "receiveShadow", shaded))
     window.send(set_property(f"{path}/<object>", "castShadow", casts))
 
 
@@ -86,10 +80,7 @@ def set_property(path: str, name: str, value: Any) -> Command:
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
-_TRACK_KINDS = {
-    "position": "vector3", "scale": "vector3", "quaternion": "quaternion", "visible": "bool",
-    "material.color": "color",
-}  # fmt: skip
+_KINDS = {"quaternion": "quaternion", "visible": "bool", "material.color": "color"}  # of tracks; else vectors
 
 
 @dataclass(frozen=True)
@@ -107,10 +98,9 @@ def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
     clips: dict[str, list[Command]] = {}
     for track in tracks:
         times = (track.times * frames_per_second).tolist()
-        keys = [
-            dict(time=time, value=value) for time, value in zip(times, track.values.tolist(), strict=True)
-        ]
-        kind = _TRACK_KINDS[track.name]
+        pairs = zip(times, track.values.tolist(), strict=True)
+        keys = [{"time": time, "value": value} for time, value in pairs]
+        kind = _KINDS.get(track.name, "vector3")
         clips.setdefault(track.path, []).append({"name": f".{track.name}", "type": kind, "keys": keys})
     return {
         "type": "set_animation",
@@ -141,8 +131,6 @@ def _buffers(shape: Shape) -> Command:
     }
     if shape.colours is not None:
         attributes["color"] = _array(shape.colours)
-    elif shape.opacity is not None:  # only where it differs, because it makes a part translucent
-        attributes["color"] = _array(np.insert(shape.opacity[:, None], [0, 0, 0], 1.0, axis=1))
     return {"attributes": attributes, "index": _array(shape.faces.reshape(-1, 1))}
 
 
@@ -162,11 +150,11 @@ def _surface(material: Material, shape: Shape) -> Command:
         "color": _integer(material.colour),
         "emissive": _integer([material.glow * value for value in material.colour]),
         "side": 2 if material.two_sided else 0,
-        "vertexColors": shape.opacity is not None or shape.colours is not None,
+        "vertexColors": shape.colours is not None,
     }
     if not chalk:
         surface |= {"roughness": material.roughness, "metalness": 0.0}
-    if material.opacity < 1.0 or shape.opacity is not None:
+    if material.opacity < 1.0 or (shape.colours is not None and shape.colours.shape[1] == 4):
         # Only front faces, and no depth: what lies behind a translucent part must stay visible.
         surface |= {"opacity": material.opacity, "transparent": True, "depthWrite": False, "side": 0}
     return surface

@@ -82,7 +82,7 @@ class Figure:
         for name, tips in zip(map(str, self.model.names), ends, strict=True):
             pieces = [shapes.tube(np.array([0.0 * end, 0.5 * end, end]), radius) for end in tips]
             if name != FIXED_JOINT:
-                pieces.append(shapes.ellipsoid((1.5 * radius,) * 3, columns=16))
+                pieces.append(shapes.ball(1.5 * radius, columns=16))
             if pieces:
                 self.draw(name, "sticks", shapes.merged(pieces), material)
 

@@ -82,31 +82,33 @@ def read_motion(
     the moments asked for, in [s] since the first row. Rows after a coordinate that is not finite (a run that
     diverged) are left out. Raises ViewerError if the log is empty or lacks a coordinate of the model.
     """
-    q = _coordinates(log, model)
-    finite = np.isfinite(q).all(axis=1)
-    n_rows = len(q) if finite.all() else int(np.argmin(finite))
-    if n_rows == 0:
+    coordinates, _ = state_columns(model)
+    for name in ("time_s", *coordinates, *(f"{side}_phase" for side in model.sides)):
+        if name not in log.columns:
+            raise ViewerError(f"the log has no column {name!r}; is it a log of {model.urdf_path.name}?")
+    finite = np.isfinite(log[coordinates].to_numpy(dtype=float)).all(axis=1)
+    log = log.iloc[: finite.cumprod().sum()]
+    if log.empty:
         raise ViewerError("the log has no row that can be shown; run the simulation again")
-    clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
+    times = (log["time_s"] - log["time_s"].iloc[0]).to_numpy(dtype=float)
     names = tuple(log[f"{model.sides[0]}_phase"].cat.categories)
     if held_rows(log).any():
         names = (*names, HOLD)
-    spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
+    spells = {side: _spells(log, times, side, names) for side in model.sides}
     changes = [one.starts for one in spells.values()]
-    rows = _rows_to_show(clock, frames_per_second, np.concatenate([*changes, moments]))
+    rows = _rows_to_show(times, frames_per_second, np.concatenate([*changes, moments]))
     legs = {}
     for side, phases in spells.items():
-        values = leg_values(log.iloc[:n_rows], side)  # type: ignore[arg-type]
         curves = {
-            name: faithful_curve(clock - clock[0], known, rows)
-            for name, known in values.items()
+            name: faithful_curve(times, known, rows)
+            for name, known in leg_values(log, side).items()
             if known.any() or not name.endswith(_RARE_PARTS)
         }
         legs[side] = LegMotion(phases, curves)
     shown = log.iloc[rows].select_dtypes("number")
     columns = {str(name): values.to_numpy() for name, values in shown.items()}
-    modes = _changes(log[MODE].to_numpy(dtype=int)[:n_rows], clock) if MODE in log else None
-    return Motion(clock[rows] - clock[0], q[rows], legs, names, columns, modes)
+    modes = _changes(log[MODE].to_numpy(dtype=int), times) if MODE in log else None
+    return Motion(times[rows], shown[coordinates].to_numpy(dtype=float), legs, names, columns, modes)
 
 
 def frame_rate(duration: float) -> float:
@@ -121,33 +123,24 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
     return np.asarray(clock[1:][changed[1:]] - clock[0])
 
 
-def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
-    """Coordinates of the model for every row, shape ``(n, nv)``."""
-    columns, _ = state_columns(model)
-    for name in ("time_s", *columns, *(f"{side}_phase" for side in model.sides)):
-        if name not in log.columns:
-            raise ViewerError(f"the log has no column {name!r}; is it a log of {model.urdf_path.name}?")
-    return log[columns].to_numpy(dtype=float)
-
-
-def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarray) -> np.ndarray:
+def _rows_to_show(times: np.ndarray, frames_per_second: float, moments: np.ndarray) -> np.ndarray:
     """Rows of evenly spaced frames, of the last one, and of further moments; shape ``(n,)``."""
-    span = float(clock[-1] - clock[0])
+    span = float(times[-1])
     step = 1.0 / min(frames_per_second, frame_rate(span))
     inside = moments[(moments >= 0.0) & (moments <= span + 1e-9)]
-    wanted = clock[0] + np.concatenate((step * np.arange(int(span / step + 1e-9) + 1), inside, [span]))
-    rows = np.searchsorted(clock, wanted - 1e-9)
-    return np.unique(np.minimum(rows, len(clock) - 1))
+    wanted = np.concatenate((step * np.arange(int(span / step + 1e-9) + 1), inside, [span]))
+    rows = np.searchsorted(times, wanted - 1e-9)
+    return np.unique(np.minimum(rows, len(times) - 1))
 
 
-def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
+def _spells(log: pd.DataFrame, times: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells:
     phases = log[f"{side}_phase"].astype(str).mask(held_rows(log), HOLD)
-    return _changes(phases.map(names.index).to_numpy(dtype=int), clock)
+    return _changes(phases.map(names.index).to_numpy(dtype=int), times)
 
 
-def _changes(codes: np.ndarray, clock: np.ndarray) -> PhaseSpells:
+def _changes(codes: np.ndarray, times: np.ndarray) -> PhaseSpells:
     first = np.concatenate(([0], np.flatnonzero(np.diff(codes)) + 1))
-    return PhaseSpells(clock[first] - clock[0], codes[first])
+    return PhaseSpells(times[first], codes[first])
 
 
 def held_rows(log: pd.DataFrame) -> np.ndarray:
@@ -155,7 +148,7 @@ def held_rows(log: pd.DataFrame) -> np.ndarray:
     return np.asarray(log["safety_state"] == SafetyState.HOLD.code)
 
 
-def leg_values(log: Mapping[Any, Any], side: Side) -> dict[str, np.ndarray]:
+def leg_values(log: Mapping[Any, Any] | pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
     """What a page reads out of a leg, one value per row.
 
     ``log``: columns by name. Returns values by the names of :class:`LegMotion`, in the unit that is shown.
@@ -164,15 +157,10 @@ def leg_values(log: Mapping[Any, Any], side: Side) -> dict[str, np.ndarray]:
     return {name: np.degrees(value) if name in list(JointName) else value for name, value in found.items()}
 
 
-def shown_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
-    """Joints that a page reads out: those with a motor, or in a recording without any, all."""
-    return driven_joints(columns, side) or tuple(JointName)
-
-
 def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
     """Columns of a log that a page reads out of a leg, by the names of :class:`LegMotion`."""
     columns = {}
-    for joint in shown_joints(log, side):
+    for joint in driven_joints(log, side):
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
         columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
         columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in TORQUE_COLOURS}

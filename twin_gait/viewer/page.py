@@ -8,7 +8,7 @@ import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
-from importlib.util import find_spec
+from importlib.metadata import distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Required, TypedDict
 
@@ -30,20 +30,18 @@ PAGE_FOLDER = Path(__file__).with_name("page")
 FOOTNOTE = "Simulation, not a medical device"
 _EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
 _INKS = "#ffffff", "#1b2430"
+_FORCE = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
+_ARROW = {"label": _FORCE, "colour": palette.GROUND_FORCE_COLOUR}
+_EXTENSION = f"Extension torque (longest from {FULL_TORQUE:.0f} N·m on)"
 _ARCS = (
     {"label": "Flexion torque", "colour": palette.FLEXION_COLOUR},
-    {
-        "label": f"Extension torque (longest from {FULL_TORQUE:.0f} N·m on)",
-        "colour": palette.EXTENSION_COLOUR,
-    },
+    {"label": _EXTENSION, "colour": palette.EXTENSION_COLOUR},
 )
 
 
 def viewer_folder() -> Path:
     """Folder of meshcat's viewer; finding it does not import meshcat."""
-    spec = find_spec("meshcat")
-    assert spec is not None and spec.submodule_search_locations is not None  # it is a dependency
-    return Path(spec.submodule_search_locations[0]) / "viewer"
+    return Path(str(distribution("meshcat").locate_file("meshcat/viewer")))
 
 
 class About(TypedDict, total=False):
@@ -56,7 +54,6 @@ class About(TypedDict, total=False):
         events: What befell the run.
         outcome: How it ended, in a word.
         walk: Table of the walk in texts, a head and rows.
-        network: Table of the bus, likewise.
         modes: Names of the operating modes in the order of their codes.
     """
 
@@ -66,26 +63,19 @@ class About(TypedDict, total=False):
     events: Iterable[RunEvent]
     outcome: str
     walk: Sequence[Sequence[str]]
-    network: Sequence[Sequence[str]]
     modes: Sequence[str]
 
 
+Shown = Mapping[Side, Iterable[str]]  # names of the curves of each leg
+
+
 def page_data(
-    about: About,
-    *,
-    mode: str,
-    view: View,
-    phases: Sequence[str] = (),
-    shown: Mapping[Side, Iterable[str]] | None = None,
-    arrows: bool = False,
-    **more: Any,
+    about: About, *, mode: str, view: View, phases: Sequence[str] = (), shown: Shown | None = None, **own: Any
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``shown``: names of the curves of each leg; ``more``: what
-    they read in that mode only.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``own``: what they read in that mode only.
     """
-    arrow = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
          "dark": palette.SIDE_COLOURS_ON_DARK[side], "shows": ["phase", *keys]}
@@ -107,12 +97,12 @@ def page_data(
             if any(name.endswith(f"_{key}") for leg in legs for name in leg["shows"])
         ],
         "legs": legs,
-        "arrow": {"label": arrow, "colour": palette.GROUND_FORCE_COLOUR} if arrows else None,
+        "arrow": _ARROW if any("force" in leg["shows"] for leg in legs) else None,
         "arcs": _ARCS if legs else (),
         "floor": FLOOR,  # what a dark page darkens
         "duration": None,  # in [s], unless there is no end
         "footnote": FOOTNOTE,
-        **more,
+        **own,
     }
 
 

@@ -25,9 +25,8 @@ _FLAGS = (
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--enable-logging=stderr", f"--virtual-time-budget={_SETTLING}",
 )  # fmt: skip
-
-
-DEFAULT_SIZE = (1600, 1000)  # width and height of a picture in pixels
+SIZE = (1600, 1000)  # width and height of a picture in pixels
+PATIENCE = 120.0  # [s] with the browser
 
 
 def find_browser() -> str:
@@ -39,56 +38,42 @@ def find_browser() -> str:
     names = [named] if named else BROWSERS
     found = next(filter(None, map(shutil.which, names)), None)
     if found is None:
-        raise ViewerError(
-            f"a picture needs Chromium or Chrome, and none of {', '.join(names)} was found; install one, or "
-            f"name it in {BROWSER_VARIABLE}"
-        )
+        way_out = f"install one, or name it in {BROWSER_VARIABLE}"
+        raise ViewerError(f"a picture needs Chromium, and there is none of {', '.join(names)}; {way_out}")
     return found
 
 
-def take_picture(
-    page: str,
-    path: str | Path,
-    *,
-    time: float = 0.0,
-    size: tuple[int, int] = DEFAULT_SIZE,
-    dark: bool = False,
-    timeout: float = 120.0,
-) -> Path:
+def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
     """Draw a recorded page at a moment and write it as PNG.
 
     ``page``: HTML of :func:`twin_gait.viewer.page.recorded_page`; ``path``: the PNG file; an existing one is
-    replaced only by a complete one; ``time``: moment to show in [s]; ``size``: width and height in pixels;
-    ``timeout``: longest wait for the browser in [s]. Raises RunDirectoryError if the file cannot be written.
-    Raises ViewerError if there is no Chromium, or it does not draw the page.
+    replaced only by a complete one; ``time``: moment to show in [s]. Raises RunDirectoryError if the file
+    cannot be written. Raises ViewerError if there is no Chromium, or it does not draw the page.
     """
-    browser = find_browser()
-    path = Path(path)
+    browser, (width, height) = find_browser(), SIZE
     # The browser may still be writing into its profile when it has ended.
     with tempfile.TemporaryDirectory(prefix="twin_gait_", ignore_cleanup_errors=True) as folder:
         source, drawn = Path(folder) / "page.html", Path(folder) / "picture.png"
         source.write_text(page, encoding="utf-8")
-        shade = "dark" if dark else "light"
-        address = f"{source.as_uri()}#t={time:.3f}&theme={shade}&picture=1"
+        address = f"{source.as_uri()}#t={time:.3f}&theme=light&picture=1"
         # Chromium refuses to start as root with its sandbox; the page it gets here is our own.
         sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         command = [
             browser, *_FLAGS, *sandbox, f"--user-data-dir={folder}/profile",
-            f"--window-size={size[0]},{size[1]}", f"--screenshot={drawn}", address,
+            f"--window-size={width},{height}", f"--screenshot={drawn}", address,
         ]  # fmt: skip
         log = Path(folder) / "said.txt"  # a file, because helpers of the browser may outlive it
         try:
             with log.open("wb") as said:
-                subprocess.run(command, stdout=subprocess.DEVNULL, stderr=said, timeout=timeout, check=False)
+                subprocess.run(command, stdout=subprocess.DEVNULL, stderr=said, timeout=PATIENCE, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:
-            reason = f"it does not start, or is not ready within {timeout:g} s"
+            reason = f"it does not start, or is not ready within {PATIENCE:g} s"
             raise ViewerError(f"{browser} cannot draw the page: {reason}") from error
         notes = re.findall(r"twin_gait: ([^\"\n]*)", log.read_text(encoding="utf-8", errors="replace"))
         content = drawn.read_bytes() if drawn.is_file() else b""
     if _READY not in notes:
         reason = notes[-1] if notes else "it did not finish the page"
         raise ViewerError(f"{browser} cannot draw the page: {reason}")
-    if content[16:24] != struct.pack(">II", *size):  # as the head of a PNG has it
-        raise ViewerError(f"{browser} made no picture of {size[0]}x{size[1]} pixels")
+    if content[16:24] != struct.pack(">II", width, height):  # as the head of a PNG has it
+        raise ViewerError(f"{browser} made no picture of {width}x{height} pixels")
     write_atomically(path, content)
-    return path

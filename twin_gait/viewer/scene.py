@@ -1,7 +1,7 @@
 """The scene: a leg model, or any URDF, with what belongs around it, and what changes in it."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -26,10 +26,8 @@ from twin_gait.vocabulary import JointName, Side, Surroundings
 _IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
 _CAP_SHARE = 0.16  # radius over the length of the segment; it hides the motors of the shipped device
 _SMALLEST_CAP = 0.045  # [m]
-_FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
 RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
 TRAILS = "/meshcat/trail"
-LONGEST_TRAIL = 60  # points; a stride with more frames is thinned
 MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
 FEWEST_POINTS = 4
 LOWEST_TRAIL = 0.008  # height of the path over the belt [m], so that it is seen
@@ -50,7 +48,7 @@ class View:
     width: float  # of what is to be seen in [m]
     height: float  # of what is to be seen in [m]
     direction: tuple[float, float, float] = RIGHT_SIDE  # from there to the eye
-    field_of_view: float = _FIELD_OF_VIEW  # vertical, in [deg]
+    field_of_view: float = 26.0  # vertical, in [deg]: narrow, so that both legs look the same length
 
 
 class Scene:
@@ -157,9 +155,8 @@ def trail_shape(
     ``names``: phases in the order of their codes. Returns the mesh with the colour of the phase at each
     point, or None if the point hardly moves.
     """
-    keep = np.unique(np.linspace(0, len(times) - 1, min(len(times), LONGEST_TRAIL)).round().astype(int))
     # Points at the place of the one before have no direction.
-    keep = keep[np.linalg.norm(np.diff(points[keep], axis=0, prepend=np.inf), axis=1) > _SHORTEST_STEP]
+    keep = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0, prepend=np.inf), axis=1) > _SHORTEST_STEP)
     if len(keep) < FEWEST_POINTS:
         return None
     tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
@@ -174,6 +171,7 @@ class Setting(TypedDict, total=False):
 
     Attributes:
         around: What stands around it; a treadmill if nothing is said.
+        drives: Joints with a motor; hip and knee if nothing is said.
         patient: The wearer, or None.
         slope: By which the treadmill rises forwards in [rad].
         ropes: Whether a harness holds the wearer; on the ground it does if nothing is said.
@@ -182,6 +180,7 @@ class Setting(TypedDict, total=False):
     """
 
     around: Surroundings
+    drives: Collection[str]
     patient: Patient | None
     slope: float
     ropes: bool
@@ -189,28 +188,25 @@ class Setting(TypedDict, total=False):
     chair: ChairParameters | None
 
 
-def build_scene(
-    window: Window,
-    model: LegModel,
-    *,
-    drives: Collection[str] = (JointName.HIP, JointName.KNEE),
-    **setting: Unpack[Setting],
-) -> Scene:
+def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     Raises ModelError if the URDF, ViewerError if a mesh of it cannot be read.
     """
     scene = Scene(window, model.model, model.urdf_path, model.up_axis)
     for side, leg in model.legs.items():
-        scene.draw_drives(side, leg, drives)
+        scene.draw_drives(side, leg, setting.get("drives", (JointName.HIP, JointName.KNEE)))
     patient, around = setting.get("patient"), setting.get("around", Surroundings.TREADMILL)
     trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
-    top, bottom = _extent(scene.figure, model.legs)
-    height = top - bottom
+    first, neutral = next(iter(model.legs)), pin.neutral(model.model)
+    hip, end = model.legs[first].hip, model.legs[first].items()[-1][1]
+    top = scene.figure.world_point(neutral, hip)
+    bottom = float(scene.figure.world_point(neutral, end, scene.figure.segment(end))[2])
+    height = float(top[2]) - bottom
     if around is Surroundings.STAND:
-        _surround_bench_leg(window, scene, model.legs, top, bottom)
+        _surround_bench_leg(window, scene, first, top, height)
         return scene
     if around is Surroundings.FLOOR:
         surroundings.draw_floor(window, bottom - 0.02)
@@ -258,39 +254,21 @@ def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, se
         on_rail = setting.get("around") is Surroundings.WALKWAY
         height = _BAR_ABOVE_HEAD + patient.height
         scene.elements.append(draw_ropes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
-    crutches, chair = setting.get("crutches"), setting.get("chair")
-    if crutches is not None:
+    if (crutches := setting.get("crutches")) is not None:
         scene.elements.append(draw_crutches(window, scene.figure, crutches, patient, trunk))
         scene.view = replace(scene.view, target=(_TO_CRUTCHES, *scene.view.target[1:]))
-    if chair is not None:
+    if (chair := setting.get("chair")) is not None:
         scene.elements.append(surroundings.draw_chair(window, chair))
 
 
-def _surround_bench_leg(
-    window: Window, scene: Scene, legs: Mapping[Side, LegJoints], top: float, bottom: float
-) -> None:
+def _surround_bench_leg(window: Window, scene: Scene, side: Side, hip: np.ndarray, height: float) -> None:
     """Hang the leg clear of the floor, its column on the far side of the camera."""
-    ((side, leg),) = legs.items()
-    right = side is Side.RIGHT
-    height = top - bottom
-    floor = bottom - 0.22 * height
-    hip = scene.figure.world_point(pin.neutral(scene.figure.model), leg.hip)
-    surroundings.draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
+    floor, away = float(hip[2]) - 1.22 * height, -LEFT[side]
+    surroundings.draw_bench(window, floor, hip, far_side=away)
     x, y, z = RIGHT_SIDE
     scene.view = View(
-        (float(hip[0]) + 0.10 * height, float(hip[1]), 0.5 * (top + floor) + 0.08 * height),
+        (float(hip[0]) + 0.10 * height, float(hip[1]), floor + 0.69 * height),
         width=1.5 * height,
-        height=top - floor + 0.26 * height,
-        direction=(x, y if right else -y, z),
+        height=1.48 * height,
+        direction=(x, away * y, z),
     )
-
-
-def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, float]:
-    """Height of the hips and of the lowest point of the legs in the neutral posture, in [m]."""
-    neutral = pin.neutral(figure.model)
-    tops, bottoms = [], []
-    for leg in legs.values():
-        last = leg.items()[-1][1]
-        tops.append(float(figure.world_point(neutral, leg.hip)[2]))
-        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last))[2]))
-    return max(tops), min(bottoms)

@@ -15,9 +15,9 @@ import socket
 from collections.abc import Awaitable, Callable, Hashable, Iterable, Sequence
 from resource import RLIM_INFINITY, RLIMIT_NOFILE, getrlimit
 from typing import Any
-from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
+from tornado.httputil import split_host_and_port
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
@@ -48,10 +48,8 @@ def is_loopback(host: str) -> bool:
     Another site can point its own name at this machine, and its page then counts as of the same origin; only
     the name tells.
     """
-    try:
-        return urlsplit(f"//{host}").hostname in LOOPBACK_NAMES
-    except ValueError:
-        return False
+    name, _ = split_host_and_port(host.lower())
+    return name in LOOPBACK_NAMES
 
 
 def is_own_page(origin: str | None, host: str) -> bool:

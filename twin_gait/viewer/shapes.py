@@ -18,9 +18,8 @@ class Shape(NamedTuple):
     vertices: np.ndarray  # in [m], shape ``(n, 3)``
     normals: np.ndarray  # outward unit normals, shape ``(n, 3)``
     faces: np.ndarray  # indices of three vertices each, shape ``(m, 3)``
-    # opacity of each vertex, shape ``(n,)``, or None for that of the material
-    opacity: np.ndarray | None = None
-    # red, green and blue of each vertex from 0 to 1, shape ``(n, 3)``, or None for those of the material
+    # red, green, blue, and opacity where it differs, of each vertex from 0 to 1, shape ``(n, 3)`` or
+    # ``(n, 4)``; None for those of the material
     colours: np.ndarray | None = None
 
 
@@ -63,13 +62,15 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
     return np.concatenate((np.stack((c, b, a), axis=1), np.stack((d, c, a), axis=1)))
 
 
-def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
+def turned(profile: Sequence[tuple[float, float]] | np.ndarray, columns: int = 28) -> Shape:
     """Turn a profile about the z axis.
 
     ``profile``: points (radius, height) in [m]; outward lies to the right of the way from point to point.
     """
-    rings = np.array([(height, 0.0, 0.0, radius, radius) for radius, height in profile])
-    return surface(elliptic(rings, columns))
+    radius, height = np.array(profile, dtype=float).T[:, :, None]
+    angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)
+    points = np.broadcast_arrays(radius * np.cos(angle), radius * np.sin(angle), height)
+    return surface(np.stack(points, axis=2))
 
 
 def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
@@ -81,14 +82,12 @@ def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
     return turned([(ring, -height) for ring, height in reversed(upper)] + upper)
 
 
-def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
-    """Make an ellipsoid. ``radii``: half axes along x, y and z in [m]."""
-    x, y, z = radii
+def ball(radius: float, columns: int = 28) -> Shape:
+    """Make a ball of a radius in [m]."""
     latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)
-    around, middle = np.cos(latitude), np.zeros_like(latitude)
-    around[[0, -1]] = 0.0
-    rings = np.column_stack((z * np.sin(latitude), middle, middle, x * around, y * around))
-    return surface(elliptic(rings, columns))
+    profile = radius * np.column_stack((np.cos(latitude), np.sin(latitude)))
+    profile[[0, -1], 0] = 0.0
+    return turned(profile, columns)
 
 
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
@@ -113,17 +112,6 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
         side = before - (before @ direction) * direction
         across[k] = before = side / np.linalg.norm(side)
     return across
-
-
-def elliptic(rings: np.ndarray, columns: int) -> np.ndarray:
-    """Points of ellipses, shape ``(n, columns, 3)``.
-
-    ``rings``: height, centre x and y, half axes x and y in [m], shape ``(n, 5)``.
-    """
-    angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[None, :]
-    height, x, y, half_x, half_y = (column[:, None] for column in rings.T)
-    points = (x + half_x * np.cos(angle), y + half_y * np.sin(angle), height)
-    return np.stack(np.broadcast_arrays(*points), axis=2)
 
 
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import yaml
@@ -20,6 +20,7 @@ from twin_gait.viewer.shapes import Shape
 if TYPE_CHECKING:
     from twin_gait.viewer.motion import Element, Motion
 
+T = TypeVar("T", float, np.ndarray)
 ROOT = "/meshcat/surroundings"
 TREADMILL = f"{ROOT}/treadmill"
 BELT = f"{TREADMILL}/belt"
@@ -57,14 +58,10 @@ def draw_place(window: Window, name: str, *, placement: np.ndarray | None = None
         if "turned" in drawn:
             solids.append(shapes.moved(shapes.turned(drawn["turned"]), shapes.translation(drawn["at"])))
         whole, shaded = shapes.merged(solids), drawn.get("shaded", False)
-        draw_mesh(
-            window,
-            f"{ROOT}/{name}/{part}",
-            whole if placement is None else shapes.moved(whole, placement),
-            MATERIALS[drawn["material"]],
-            casts=not shaded,
-            under_shadows=shaded,
-        )
+        if placement is not None:
+            whole = shapes.moved(whole, placement)
+        path, material = f"{ROOT}/{name}/{part}", MATERIALS[drawn["material"]]
+        draw_mesh(window, path, whole, material, casts=not shaded, shaded=shaded)
 
 
 def _box(sides: Sequence[float | None], edge: float, floor: float = 0.0) -> Shape:
@@ -82,8 +79,9 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     disc = shapes.turned([(ring * radius, 0.0) for ring in np.linspace(1.0, 0.0, 9)], columns=48)
     share = np.linalg.norm(disc.vertices, axis=1) / radius
     opacity = np.clip((1.0 - share) / 0.6, 0.0, 1.0)
-    faded = disc._replace(opacity=opacity * opacity * (3.0 - 2.0 * opacity))
-    draw_mesh(window, FLOOR, faded, MATERIALS["floor"], under_shadows=True)
+    smooth = opacity * opacity * (3.0 - 2.0 * opacity)
+    faded = disc._replace(colours=np.insert(smooth[:, None], [0, 0, 0], 1.0, axis=1))
+    draw_mesh(window, FLOOR, faded, MATERIALS["floor"], shaded=True)
     window.send(set_property(FLOOR, "position", [0.0, 0.0, height]))
     # Drawn before other translucent parts, which must not vanish behind it.
     window.send(set_property(f"{FLOOR}/<object>", "renderOrder", -1))
@@ -103,7 +101,7 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
     draw_place(window, "treadmill")
     marks, width = np.arange(_FIRST_MARK, _LAST_MARK, BELT_MARK_SPACING), _BELT[3] - _BELT[2] - 0.04
     lines = [_line(x, 0.012, width) for x in marks]
-    draw_mesh(window, f"{BELT}/marks", shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
+    draw_mesh(window, f"{BELT}/marks", shapes.merged(lines), MATERIALS["mark"], shaded=True)
     draw_floor(window, -_DECK_HEIGHT - 0.9 * abs(np.sin(slope)))
 
 
@@ -130,16 +128,12 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
 
 
 def draw_chair(window: Window, chair: ChairParameters) -> Element:
-    """Draw a chair, hidden until it has a place."""
+    """Draw a chair; the log says where it stands."""
     draw_place(window, "chair")
     window.send(set_property(CHAIR, "scale", [chair.depth, 1.0, chair.height]))
-    window.send(set_property(CHAIR, "visible", False))
 
     def state(motion: Motion, frame: int) -> State:
-        if SEAT not in motion.columns:
-            return {}
-        place = [float(motion.columns[SEAT][frame]), 0.0, 0.0]
-        return {(CHAIR, "visible"): True, (CHAIR, "position"): place}
+        return {(CHAIR, "position"): [float(motion.columns[SEAT][frame]), 0.0, 0.0]}
 
     return state
 
@@ -154,7 +148,7 @@ def draw_walkway(window: Window, forward: int) -> Element:
     # A line each metre, every fifth twice as thick.
     metres = range(-_BEHIND, _MARKED + 1)
     lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP[3] - _STRIP[2]) for metre in metres]
-    draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], under_shadows=True)
+    draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], shaded=True)
 
     def state(motion: Motion, frame: int) -> State:
         # The eye goes along: all else comes towards it, but for the floor.
@@ -170,7 +164,7 @@ def draw_rails(window: Window, hooks: np.ndarray) -> None:
     draw_mesh(window, f"{ROOT}/rails", shapes.merged(rails), MATERIALS["steel"])
 
 
-def belt_offset(way: float) -> float:
+def belt_offset(way: T) -> T:
     """How far the belt marks are behind where they were drawn when the belt has gone a way in [m].
 
     Returned along x in [m], between minus one spacing and 0.

@@ -150,7 +150,7 @@ def _shape_of(item: Any) -> Shape | None:
         case "Cylinder":
             return shapes.cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
         case "Sphere":
-            return shapes.ellipsoid((float(solid.radius),) * 3)
+            return shapes.ball(float(solid.radius))
     if not hasattr(solid, "tri_indices") or solid.num_tris == 0:
         return None
     vertices = np.array(solid.vertices(), dtype=float)  # scaled already

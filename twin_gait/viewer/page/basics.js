@@ -15,7 +15,7 @@
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote,
 //    strides: {side, starts: [s]} or null, events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word,
-//    walk: [[label, left, right, healthy]], a head and rows of texts, or nothing; network: likewise, of the frames of a bus}
+//    walk: [[label, left, right, healthy]], a head and rows of texts, or nothing}
 // A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
 //   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: SPELLS or null}],
 //    modes: SPELLS or null}, SPELLS being {starts: [s], codes: [n]}

@@ -19,9 +19,7 @@ class Readout {
     this.alarm.setAttribute("role", "status");
     this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.mode, this.alarm, this.table,
       make("p", "notes", page.notes.join(" ")));
-    for (const [title, table] of [["The walk in numbers", page.walk], ["The bus in numbers", page.network]]) {
-      if (table?.length) this.card.append(Readout.measures(title, table));
-    }
+    if (page.walk?.length) this.card.append(Readout.measures("The walk in numbers", page.walk));
     this.cells = page.legs.map(() => ({}));
     this.rows = Readout.rows(page);
     if (page.legs.length) this.fill();
