@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from twin_gait.firmware.kinds import BOOL, INT, REAL, SCALARS, Kind, ListKind, RecordKind, Scalar, joined
+from twin_gait.firmware.kinds import BOOL, INT, REAL, SCALARS, Kind, ListKind, Scalar, joined
 from twin_gait.firmware.layout import TAKEN, identifier
 from twin_gait.firmware.source import Source
 
@@ -193,9 +193,9 @@ class Expressions:
                 return Value(self.known(name), self.local(name), is_address=True, name=name)
             case ast.Attribute(value=base, attr=name):
                 record = self.value(base)
-                if not isinstance(record.kind, RecordKind):
+                if not isinstance(record.kind, type):
                     raise self.source.refused(node, "is no field of a record")
-                field = (record.kind.record, name)
+                field = (record.kind, name)
                 kind = self.functions.shapes.fields.get(field[0], {}).get(name)
                 if kind is None:
                     raise self.source.refused(node, f"no sample of {field[0].__name__} has {name}")
