@@ -8,17 +8,13 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin_gait import runs, viewer
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
-
-if TYPE_CHECKING:
-    from twin_gait.conventions import Convention
-    from twin_gait.simulation import Run
 
 PRINT_FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
@@ -29,7 +25,6 @@ NAMES = {
     "csv": "log.csv", "mot": "log.mot", "sto": "log.sto", "opensim": "opensim", "candump": "can.log",
     "asc": "can.asc",
 }  # fmt: skip
-CAN = ("candump", "asc")
 
 
 def add_parser(commands: Any) -> None:
@@ -190,50 +185,32 @@ def export(arguments: argparse.Namespace) -> int:
     .log, Vector's .asc), which twin.dbc decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
-    from twin_gait.export import export_csv, export_motion
+    from twin_gait.export import export_csv, export_inverse_dynamics, export_motion
+    from twin_gait.export.can import export_can, messages_of, run_frames
+    from twin_gait.export.inverse_dynamics import MODEL_FILE
+    from twin_gait.runs.folders import FolderKind, staged_directory
 
-    out, named = arguments.out, arguments.convention
+    out, named, force = arguments.out, arguments.convention, arguments.force
     endings = {Path(name).suffix: kind for kind, name in NAMES.items() if "." in name}
     suffix = "" if out is None else out.suffix.lower()
     kind = arguments.format or endings.get(suffix, "csv" if named is None else "mot")
-    if kind in ("csv", *CAN) and named is not None:
+    if kind not in ("mot", "sto", "opensim") and named is not None:
         raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
     run, device = runs.load_run(arguments.directory), arguments.of == "device"
     convention = find_convention(named or DEFAULT_CONVENTION)
     path = out or arguments.directory / NAMES[kind]
+    if kind != "opensim":
+        options.check_file("--out", path, force=force, form=Path(NAMES[kind]).suffix[1:])
     if kind == "opensim":
-        return _write_folder(run, path, convention, device=device, force=arguments.force)
-    options.check_file("--out", path, force=arguments.force, form=Path(NAMES[kind]).suffix[1:])
-    if kind in CAN:
-        return _write_frames(run, path, kind)
-    columns = list(run.log.columns)
-    if kind == "csv":
+        own = FolderKind("a folder of this command", MODEL_FILE)
+        with staged_directory(path, own, force=force) as staging:
+            export_inverse_dynamics(run, staging, convention, device=device)
+    elif kind == "csv":
         export_csv(run.log, path)
-    else:
+    elif kind in ("mot", "sto"):
         unit = DEGREES if kind == "mot" else RADIANS
-        columns = export_motion(run.log, path, convention, unit=unit, device=device)
-    print(f"{len(run.log)} rows, {len(columns)} columns: {path}")
-    return DONE
-
-
-def _write_frames(run: Run, path: Path, kind: str) -> int:
-    from twin_gait.export.can import export_can, messages_of, run_frames
-    from twin_gait.network.dbc import PACKAGED_DBC, find_dbc
-
-    network = run.experiment.network
-    written = export_can(run_frames(run, messages_of(run.experiment)), path, kind)
-    print(f"{written} frames, for {find_dbc(PACKAGED_DBC if network is None else network.dbc)}: {path}")
-    return DONE
-
-
-def _write_folder(run: Run, path: Path, convention: Convention, *, device: bool, force: bool) -> int:
-    from twin_gait.export import export_inverse_dynamics
-    from twin_gait.export.inverse_dynamics import MODEL_FILE, SETUP_FILE
-    from twin_gait.runs.folders import FolderKind, staged_directory
-
-    kind = FolderKind("a folder of this command", MODEL_FILE)
-    with staged_directory(path, kind, force=force) as staging:
-        names = export_inverse_dynamics(run, staging, convention, device=device)
-    print(f"{len(run.log)} rows, {', '.join(names)}: {path}")
-    print(f"in that folder: opensim-cmd run-tool {SETUP_FILE}")
+        export_motion(run.log, path, convention, unit=unit, device=device)
+    else:
+        export_can(run_frames(run, messages_of(run.experiment)), path, kind)
+    print(path)
     return DONE
