@@ -84,13 +84,11 @@ def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.schema import comment_for
     from twin_gait.configuration.table_inheritance import gait_table_path
 
-    tables = configuration.packaged_gait_tables()
-    if name in tables and (as_table or name not in configuration.presets()):
+    named = name in configuration.packaged_gait_tables() and name not in configuration.presets()
+    if as_table or named:
         return gait_table_path(name).read_text(encoding="utf-8")
     if name in configuration.packaged_mode_tables():
         return mode_table_path(name).read_text(encoding="utf-8")
-    if as_table:
-        raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     if name in configuration.people():
         return person_text(name)
     document = configuration.load_experiment(name).document
@@ -171,7 +169,6 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     if arguments.out is not None:
         replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = replay.summarise_replay(result)
-    folder = [] if arguments.out is None else [str(arguments.out)]
-    shown = [*lines("replay.txt", summary), *folder]
-    answer(arguments, shown, {**summary, "directory": arguments.out})
+    document = {**summary, "directory": arguments.out}
+    answer(arguments, lines("replay.txt", document), document)
     return DONE

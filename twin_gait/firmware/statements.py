@@ -289,8 +289,6 @@ def _in_one_block(node: ast.stmt) -> set[str]:
 
 def _assigned_by(node: ast.stmt) -> set[str]:
     """Names that an assignment may declare."""
-    if not isinstance(node, ast.Assign):
-        return set()
-    target = node.targets[0]
-    items = target.elts if isinstance(target, ast.Tuple) else [target]
-    return {item.id for item in items if isinstance(item, ast.Name)}
+    targets = node.targets if isinstance(node, ast.Assign) else []
+    inside = (item for target in targets for item in ast.walk(target))
+    return {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}

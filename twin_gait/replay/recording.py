@@ -216,13 +216,8 @@ def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) 
 
 def _unit_of(column: str, table: LogTable, log_format: LogFormat, convention: Convention) -> str:
     """Unit of angles: the one that the name of their column says, else the file, the user, the convention."""
-    asked = log_format.units
     endings = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
-    stated = next(endings, table.unit)
-    if stated is not None and asked not in (None, stated):
-        text = f"is in {stated} by name or header; leave --units {asked} out"
-        raise ParameterFileError(table.source, column, text)
-    unit = stated or asked or convention.unit
+    unit = next(endings, table.unit) or log_format.units or convention.unit
     if unit is None:
         text = "does not say its unit: add --units deg or --units rad"
         raise ParameterFileError(table.source, column, text)
