@@ -131,28 +131,21 @@ def _belt_axes(world: World) -> np.ndarray:
 def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     """Force and moment about the origin on each foot in the axes of the belt, shape ``(n, 6)``.
 
-    A belt takes the speed of a tick at once, as a motor its torque, and the log has the pull of the new one:
-    an acceleration at the tick is about that of the mean pull of both speeds.
+    A belt takes the speed of a tick at once, as a motor its torque: an acceleration at the tick is about that
+    of the mean pull of both speeds.
     """
     contacts, ground, axes = GroundContacts(world), world.ground(), _belt_axes(world)
     points = [Point() for foot in contacts.feet.values() for _ in foot.points]
     columns = state_columns(world.model, wearer=world.braces is not None)
     q, v = (run.log[names].to_numpy(dtype=float) for names in columns)
-
-    def pressed(tick: int, belt_speed: float) -> dict[Side, np.ndarray]:
-        ground.belt_speed = belt_speed
-        contacts.update(q[tick], v[tick], ground, points)
-        return {side: (contacts.wrench(side).reshape(2, 3) @ axes).ravel() for side in contacts.feet}
-
     found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
-    logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
     speeds = run.log["belt_speed_m_per_s"].tolist()
-    for tick, (last, now) in enumerate(pairwise([speeds[0], *speeds])):
-        wrenches = {speed: pressed(tick, speed) for speed in {last, now}}
-        for side, new in wrenches[now].items():
-            if new.any():
-                found[side][tick] = 0.5 * (new + wrenches[last][side])
-                found[side][tick, 0] += logged[side][tick] - new[0]
+    for tick, pair in enumerate(pairwise([speeds[0], *speeds])):
+        for ground.belt_speed in set(pair):
+            contacts.update(q[tick], v[tick], ground, points)
+            for side, wrenches in found.items():
+                wrench = (contacts.wrench(side).reshape(2, 3) @ axes).ravel()
+                wrenches[tick] += wrench / len(set(pair))
     return found
 
 
