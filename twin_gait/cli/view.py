@@ -16,7 +16,6 @@ from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 
-PRINT_FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
@@ -42,9 +41,9 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
     add("--figure", action="append", metavar="NAME", dest="figures", help="such as gait_cycle (all)")
-    add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
+    add("--format", choices=("pdf", "svg", "png"), default="pdf", help="format (pdf)")
     add("--width", type=float, default=85.0, metavar="MM", help="85 for one column (85), 174 for two")
-    options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
+    options.add_out(parser, "DIR", "folder for the files NAME-WIDTHmm.FORMAT (RUN/figures)")
 
     parser = options.add_command(commands, "export", export)
     add = parser.add_argument
@@ -157,22 +156,14 @@ def plot(arguments: argparse.Namespace) -> int:
     from twin_gait.report.canvas import FIGURES_FOLDER, save
     from twin_gait.report.figures import available_figures, plot_run
 
-    shown, out, width = runs.load_run(arguments.directory), arguments.out, arguments.width
+    shown, width, form = runs.load_run(arguments.directory), arguments.width, arguments.format
+    folder = arguments.out or arguments.directory / FIGURES_FOLDER
     names = arguments.figures or available_figures(shown)
-    if out is not None and len(names) != 1:
-        raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
-    drawn = {name: plot_run(shown, name, width_mm=width) for name in names}
-    suffix = "" if out is None else out.suffix[1:]
-    kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
-    folder = arguments.directory / FIGURES_FOLDER
-    paths = {name: out or folder / f"{name}-{width:g}mm.{kind}" for name in names}
-    if out is None:
-        folder.mkdir(exist_ok=True)
-    for path in paths.values():
-        options.check_file("--out", path, force=arguments.force, form=kind)
+    drawn = {f"{name}-{width:g}mm.{form}": plot_run(shown, name, width_mm=width) for name in names}
+    folder.mkdir(parents=True, exist_ok=True)
     for name, figure in drawn.items():
-        save(figure, paths[name], form=kind, resolution=RESOLUTION)
-        print(paths[name])
+        options.check_file("--out", folder / name, force=arguments.force)
+        print(save(figure, folder / name, resolution=RESOLUTION))
     return DONE
 
 
