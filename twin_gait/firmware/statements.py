@@ -126,7 +126,7 @@ class Statements(Expressions):
             name = target.id
             place = self._declaration(name, once=True) if name in fresh else self.local(name)
         else:
-            to = self.place(target)
+            to = self.value(target)
             kind, place = to.kind, to.text
             if not isinstance(kind, Scalar):
                 raise self.source.refused(target, "records and lists are changed entry by entry")
