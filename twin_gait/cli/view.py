@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -63,42 +62,35 @@ def view(arguments: argparse.Namespace) -> int:
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.run_page import page_of, read_shown_run
 
-    if len(arguments.targets) > 2:
-        raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
+    targets, at, out, png = arguments.targets, arguments.at, arguments.out, arguments.png
+    if len(targets) > 2:
+        raise ParameterError(f"expected one run or two, got {len(targets)}")
     options.check_port(arguments.port)
-    for option, path, form in (("--out", arguments.out, "html"), ("--png", arguments.png, "png")):
+    for option, path, form in (("--out", out, "html"), ("--png", png, "png")):
         if path is not None:
             options.check_file(option, path.expanduser(), force=arguments.force, form=form)
-    urdf = next((path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
+    urdf = next((path for path in targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
     if urdf is not None:
-        if len(arguments.targets) > 1:
-            raise ParameterError(f"{urdf}: is a URDF, and only runs can be shown side by side")
-        if arguments.at is not None:
-            raise ParameterError(f"--at: needs a run directory, and {urdf} is a URDF")
-        return _show(lambda: viewer.animation.urdf_page(urdf, up_axis=arguments.up or "z"), arguments)
-    if arguments.up is not None:
-        raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
-    runs = [read_shown_run(path) for path in arguments.targets]
-    moments = [] if arguments.at is None else [arguments.at]
-    longest = max(one.duration for one in runs)
-    if not all(0.0 <= moment <= longest + 1e-9 for moment in moments):
-        raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
-    return _show(lambda: page_of(runs, moments=moments), arguments)
-
-
-def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
-    """Write the page, the picture, or both; without either, serve the page until Ctrl-C."""
-    at = arguments.at
-    if arguments.out is None and arguments.png is None:
+        if len(targets) > 1 or at is not None:
+            raise ParameterError(f"{urdf}: is a URDF, which is shown by itself and without --at")
+        page = viewer.animation.urdf_page(urdf, up_axis=arguments.up or "z")
+    else:
+        if arguments.up is not None:
+            raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
+        shown = [read_shown_run(path) for path in targets]
+        longest = max(one.duration for one in shown)
+        if at is not None and not 0.0 <= at <= longest + 1e-9:
+            raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {at:g}")
+        page = page_of(shown, moments=[] if at is None else [at])
+    if out is None and png is None:
         fragment = "" if at is None else f"#t={at:.3f}"
-        return serve(make(), arguments.port, fragment=fragment, browser=not arguments.no_browser)
-    page = make()
-    if arguments.out is not None:
-        write_atomically(arguments.out.expanduser(), page)
-        print(arguments.out)
-    if arguments.png is not None:
-        viewer.picture.take_picture(page, arguments.png.expanduser(), time=at or 0.0)
-        print(arguments.png)
+        return serve(page, arguments.port, fragment=fragment, browser=not arguments.no_browser)
+    if out is not None:
+        write_atomically(out.expanduser(), page)
+        print(out)
+    if png is not None:
+        viewer.picture.take_picture(page, png.expanduser(), time=at or 0.0)
+        print(png)
     return DONE
 
 

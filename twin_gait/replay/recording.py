@@ -178,8 +178,13 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     found = _columns_of(table, log_format, convention)
 
     def radians(column: str) -> np.ndarray:
-        numbers = table.numbers(column)
-        return np.radians(numbers) if _unit_of(column, table, log_format, convention) == DEGREES else numbers
+        # The unit that the name of a column says, else the file, the user, the convention.
+        stated = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
+        unit = next(stated, table.unit) or log_format.units or convention.unit
+        if unit is None:
+            problem = "does not say its unit: add --units deg or --units rad"
+            raise ParameterFileError(table.source, column, problem)
+        return np.radians(table.numbers(column)) if unit == DEGREES else table.numbers(column)
 
     angles: dict[tuple[Side, str], np.ndarray] = {
         (side, joint): convention.turned(joint, radians(found[name]))
@@ -212,16 +217,6 @@ def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) 
         text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}"
         raise ParameterFileError(table.source, "", text)
     return found
-
-
-def _unit_of(column: str, table: LogTable, log_format: LogFormat, convention: Convention) -> str:
-    """Unit of angles: the one that the name of their column says, else the file, the user, the convention."""
-    endings = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
-    unit = next(endings, table.unit) or log_format.units or convention.unit
-    if unit is None:
-        text = "does not say its unit: add --units deg or --units rad"
-        raise ParameterFileError(table.source, column, text)
-    return unit
 
 
 KOOPMAN, WINTER = "koopman", "winter"
