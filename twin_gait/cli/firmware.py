@@ -14,7 +14,6 @@ from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
 
 WALK = 3.0  # [s] of the vectors: every phase of both legs
-VERIFICATION = "verification.json"
 
 
 def add_parser(commands: Any) -> None:
@@ -53,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
                 found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
             document |= found
             if staging is not None:
-                write_json(staging / VERIFICATION, found)
+                write_json(staging / "verification.json", found)
     terminal.clear_line()
     terminal.answer(arguments, lines("firmware.txt", document), document)
     return FAILED if document.get("passed") is False else DONE

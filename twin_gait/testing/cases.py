@@ -62,12 +62,8 @@ class TransitionTest:
     @property
     def undecided(self) -> str | None:
         """Why there is nothing to drive, or None for a test that runs."""
-        if self.scenario.steps:
-            return None
-        return (
-            "no measurements make this decide: it is implied by other conditions, the exit is shadowed, or "
-            "the guards leave too many choices to try"
-        )
+        why = "implied by other conditions, shadowed by another exit, or too many choices to try"
+        return None if self.scenario.steps else f"no measurements make this decide: {why}"
 
     def run(self) -> None:
         """Drive the machine, unless :attr:`undecided`; AssertionError if it does not as the table says."""
