@@ -116,9 +116,9 @@ def commands(_: str) -> str:
 
     parser = build_parser()
     pieces = []
-    for group, actions in parser.groups.items():
-        pieces.append(f"## {group[:1].upper()}{group[1:]}")
-        for action in actions:
+    for group in parser._action_groups[:-1]:
+        pieces.append(f"## {str(group.title)[:1].upper()}{str(group.title)[1:]}")
+        for action in group._group_actions:
             pieces += _command(f"twin-gait {action.dest}", _choices(parser)[action.dest], "###")
     return "\n\n".join(pieces)
 

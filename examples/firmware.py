@@ -29,7 +29,7 @@ TABLES = {
 def row_of(name: str, preset: str, *changes: str) -> dict[str, Any]:
     """Sizes, instructions and differences of a table."""
     found = verify(load_experiment(preset, changes).experiment)
-    double, single, target, loop = (check.figures for check in found.checks)
+    double, single, target, loop = (check["found"] for check in found["checks"])
     board, central = (target["bytes"][unit] for unit in ("joint_board", "gait_controller"))
     return {
         "table": name,

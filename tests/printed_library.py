@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from twin_gait.firmware.cross import compile_library
-from twin_gait.firmware.kinds import BOOL, INT, INT_LIMIT, REAL, Kind, ListKind, RecordKind, Scalar, TupleKind
+from twin_gait.firmware.kinds import BOOL, INT, INT_LIMIT, REAL, Kind, ListKind, Scalar
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.printer import Program
 from twin_gait.firmware.statements import result_name
@@ -53,18 +53,18 @@ class Library:
         for item, made, kind, param in zip(given, taken, kinds, function.params, strict=True):
             if param in function.written and item is not made:
                 self._give_back(kind, made, item)
-        if isinstance(function.returns, TupleKind):
-            return tuple(getattr(result, result_name(k)) for k in range(len(function.returns.items)))
+        if isinstance(function.returns, tuple):
+            return tuple(getattr(result, result_name(k)) for k in range(len(function.returns)))
         return result
 
     def structure(self, record: Any) -> ctypes.Structure:
         """A record as C has it, with the tables that it leads to."""
-        made: ctypes.Structure = self._taken(RecordKind(type(record)), record)
+        made: ctypes.Structure = self._taken(type(record), record)
         return made
 
     def read_back(self, structure: ctypes.Structure, record: Any) -> None:
         """Bring what C has changed in a structure back into the record that it was made of."""
-        self._give_back(RecordKind(type(record)), structure, record)
+        self._give_back(type(record), structure, record)
 
     def _scalar(self, kind: Scalar) -> Any:
         return {REAL: self._number, BOOL: ctypes.c_bool, INT: ctypes.c_int32}[kind]
@@ -72,9 +72,9 @@ class Library:
     def _result_type(self, kind: Kind) -> Any:
         if isinstance(kind, Scalar):
             return self._scalar(kind)
-        if isinstance(kind, TupleKind):
+        if isinstance(kind, tuple):
             if kind not in self._structures:
-                numbered = enumerate(kind.items)
+                numbered = enumerate(kind)
                 fields = [(result_name(k), self._scalar(item)) for k, item in numbered]
                 self._structures[kind] = type("Result", (ctypes.Structure,), {"_fields_": fields})
             return self._structures[kind]
@@ -95,7 +95,7 @@ class Library:
         return self._structures[record]
 
     def _item(self, kind: Kind) -> Any:
-        return self._scalar(kind) if isinstance(kind, Scalar) else self._type(kind.record)  # type: ignore[union-attr]
+        return self._scalar(kind) if isinstance(kind, Scalar) else self._type(kind)  # type: ignore[arg-type]
 
     def _taken(self, kind: Kind, value: Any) -> Any:
         """A value for C."""
@@ -103,11 +103,11 @@ class Library:
             return self._scalar(kind)(value)
         if isinstance(kind, ListKind):
             return (self._item(kind.item) * len(value))(*(self._entry(kind.item, item) for item in value))
-        assert isinstance(kind, RecordKind)
-        made = self._type(kind.record)()
-        for name, inner in self._records.used(kind.record):
+        assert isinstance(kind, type)
+        made = self._type(kind)()
+        for name, inner in self._records.used(kind):
             part = self._entry(inner, getattr(value, name))
-            if self._records.is_table(kind.record, name):
+            if self._records.is_table(kind, name):
                 whole = isinstance(inner, ListKind)
                 part = ctypes.cast(part, ctypes.POINTER(part._type_)) if whole else ctypes.pointer(part)
             setattr(made, name, part)
@@ -127,9 +127,9 @@ class Library:
                 else:
                     self._give_back(kind.item, item, value[number])
             return
-        assert isinstance(kind, RecordKind)
-        for name, inner in self._records.used(kind.record):
+        assert isinstance(kind, type)
+        for name, inner in self._records.used(kind):
             if isinstance(inner, Scalar):
                 setattr(value, name, getattr(made, name))
-            elif not self._records.is_table(kind.record, name):
+            elif not self._records.is_table(kind, name):
                 self._give_back(inner, getattr(made, name), getattr(value, name))

@@ -57,10 +57,11 @@ def tripped():
 def read(request, tripped, tmp_path_factory):
     """All frames of the walk's file, with the numbers that cantools finds in them."""
     path = tmp_path_factory.mktemp("frames") / f"walk.{request.param}"
-    written = export_can(run_frames(tripped, MESSAGES), path, request.param)
+    written = list(run_frames(tripped, MESSAGES))
+    export_can(written, path, request.param)
     with READERS[request.param](path) as reader:
         frames = list(reader)
-    assert len(frames) == written
+    assert len(frames) == len(written)
     return [
         (item.timestamp, DATABASE.get_message_by_frame_id(item.arbitration_id).name,
          DATABASE.decode_message(item.arbitration_id, item.data, decode_choices=False))
@@ -209,12 +210,12 @@ def stored(tripped, tmp_path_factory):
     ("arguments", "name"),
     [(["--format", "candump"], "can.log"), (["--format", "asc"], "can.asc"), (["--out", "x.log"], "x.log")],
 )
-def test_the_command_writes_frames_and_names_the_dbc(stored, arguments, name, capsys, monkeypatch):
+def test_the_command_writes_frames(stored, arguments, name, capsys, monkeypatch):
     monkeypatch.chdir(stored)
     assert main(["export", str(stored), *arguments]) == 0
-    said = capsys.readouterr().out
+    assert capsys.readouterr().out.endswith(f"{name}\n")
     frames = list((READERS["asc"] if name.endswith("asc") else READERS["candump"])(stored / name))
-    assert said.startswith(f"{len(frames)} frames, for ") and "twin.dbc: " in said and len(frames) > 10_000
+    assert len(frames) > 10_000
 
 
 def test_a_convention_is_refused_and_nothing_written(stored, capsys, tmp_path):

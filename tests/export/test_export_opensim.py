@@ -34,11 +34,10 @@ def read_motion(path) -> tuple[dict[str, str], pd.DataFrame]:
 def test_radians_are_read_back_to_the_last_bit(tmp_path, rng):
     log = small_log(rng)
     path = tmp_path / "walk.sto"
-    columns = export_motion(log, path, OPENSIM_GAIT2392, unit="rad")
+    export_motion(log, path, OPENSIM_GAIT2392, unit="rad")
     header, motion = read_motion(path)
     assert header == {"version": "1", "nRows": "40", "nColumns": "7", "inDegrees": "no"}
-    assert list(motion.columns) == columns
-    assert columns[0] == "time" and set(columns[1:]) == set(OPENSIM_GAIT2392.columns.values())
+    assert motion.columns[0] == "time" and set(motion.columns[1:]) == set(OPENSIM_GAIT2392.columns.values())
     assert (motion["time"] == log["time_s"]).all()
     for side in ("left", "right"):
         assert (motion[f"hip_flexion_{side[0]}"] == log[f"{side}_hip_angle_rad"]).all()
@@ -69,23 +68,18 @@ def test_the_reader_of_replay_takes_the_same_numbers(tmp_path, rng):
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_a_name_with_a_unit_states_the_one_that_is_written(tmp_path, rng, unit):
     log = small_log(rng).abs()  # knees that bend backwards are refused
-    assert f"left_hip_angle_{unit}" in export_motion(log, tmp_path / "walk.sto", HOUSE, unit=unit)
+    export_motion(log, tmp_path / "walk.sto", HOUSE, unit=unit)
+    assert f"left_hip_angle_{unit}" in read_motion(tmp_path / "walk.sto")[1]
     angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=HOUSE)).angles[Side.LEFT, "hip"]
     np.testing.assert_allclose(angle, log["left_hip_angle_rad"], rtol=1e-14)
 
 
 def test_a_log_of_one_leg_without_an_ankle_has_two_angles(tmp_path, rng):
     log = small_log(rng)[["time_s", "right_hip_angle_rad", "right_knee_angle_rad"]]
-    assert export_motion(log, tmp_path / "leg.mot", OPENSIM_GAIT2392) == [
-        "time",
-        "hip_flexion_r",
-        "knee_angle_r",
-    ]
-    assert export_motion(log, str(tmp_path / "x2.mot"), CORC_X2) == [
-        "time",
-        "JointPositions_3",
-        "JointPositions_4",
-    ]
+    gait2392, x2 = ["hip_flexion_r", "knee_angle_r"], ["JointPositions_3", "JointPositions_4"]
+    for convention, angles in ((OPENSIM_GAIT2392, gait2392), (CORC_X2, x2)):
+        export_motion(log, str(tmp_path / "leg.mot"), convention)
+        assert list(read_motion(tmp_path / "leg.mot")[1].columns) == ["time", *angles]
 
 
 def test_what_cannot_be_written_is_refused(tmp_path, rng):
@@ -117,7 +111,7 @@ def bench(tmp_path_factory):
 def test_export_writes_a_motion_of_the_chosen_model(bench, tmp_path, capsys, options, sign, in_degrees):
     path = tmp_path / f"walk.{options[1]}"
     assert main(["export", str(bench), *options, "--out", str(path)]) == 0
-    assert capsys.readouterr().out == f"500 rows, 3 columns: {path}\n"
+    assert capsys.readouterr().out == f"{path}\n"
     header, motion = read_motion(path)
     assert header["inDegrees"] == in_degrees
     knee = motion["knee_angle_r"].to_numpy()

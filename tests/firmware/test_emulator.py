@@ -160,8 +160,6 @@ def test_a_unit_that_hangs_is_stopped(image):
         with pytest.raises(FirmwareError, match=r"has not answered within 2 s"):
             target.exchange(inputs_of(HANG))
         assert not exists(pid)
-        with pytest.raises(FirmwareError, match="use it in a with statement"):
-            target.exchange(inputs_of(0))
 
 
 def test_a_fault_of_the_processor_is_told(image):

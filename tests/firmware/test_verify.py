@@ -15,10 +15,11 @@ from twin_gait.cli.program import main
 from twin_gait.experiment import Experiment
 from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.cross import INSTALL
-from twin_gait.firmware.linked import record_vectors
+from twin_gait.firmware.linked import linked_unit, record_vectors
 from twin_gait.firmware.project import Project, print_project
-from twin_gait.firmware.verification import Bench, Check, Verification, cases_of, verify, walk_with
+from twin_gait.firmware.verification import Bench, cases_of, verify, walk_with
 from twin_gait.simulation import Run, simulate
+from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import FaultKind
 
 DOUBLE, FLOAT, TARGET, LOOP = range(4)  # checks
@@ -51,9 +52,9 @@ def bench(project, tmp_path_factory) -> Bench:
     return Bench(project, vectors, project.write_linked(tmp_path_factory.mktemp("bench")))
 
 
-def assert_proven(found: Verification) -> None:
-    assert [check.passed for check in found.checks] == [True] * 4, found.checks
-    figures = [check.figures for check in found.checks]
+def assert_proven(checks: list[tuple[bool | None, dict[str, Any]]]) -> None:
+    assert [passed for passed, _ in checks] == [True] * 4, checks
+    figures = [found for _, found in checks]
     assert figures[DOUBLE]["differing"] == figures[TARGET]["differing"] == 0
     assert figures[FLOAT]["largest_shift_ticks"] <= 1
     assert max(figures[FLOAT]["current_rmse_A"].values()) <= 1e-4
@@ -70,13 +71,13 @@ def assert_proven(found: Verification) -> None:
 @pytest.mark.parametrize("name", TABLES)
 def test_20_s_of_every_shipped_table_are_proven(name):
     require_tools("gcc", *TARGET_TOOLS)
-    assert_proven(verify(experiment_of(name, 20.0)))
+    checks = verify(experiment_of(name, 20.0))["checks"]
+    assert_proven([(check["passed"], check["found"]) for check in checks])
 
 
 def test_some_seconds_of_the_treadmill_are_proven(bench):
     require_tools("gcc", *TARGET_TOOLS)
-    checks = tuple(Check(name, *check(bench)) for name, check in verifying.CHECKS.items())
-    assert_proven(Verification("", checks))
+    assert_proven([check(bench) for check in verifying.CHECKS.values()])
 
 
 # ------------------------------------------------------------------------- vectors
@@ -88,7 +89,7 @@ def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(ben
     tripped = missing = 0
     double = bench.outputs(bench.host(double=True), double=True)
     for expected, given, vectors in zip(bench.expected, double, bench.vectors, strict=True):
-        with PythonUnit(vectors.unit) as unit:
+        with PythonUnit(linked_unit(build_problem(vectors.run.experiment))) as unit:
             assert verifying.differing(unit.exchange(vectors.inputs), vectors.outputs) == 0
         assert verifying.differing(expected, given) == 0
         tripped += vectors.run.trip is not None
@@ -158,7 +159,7 @@ def test_a_wrong_c_is_found(bench, tmp_path, name):
     assert text.count(good) == 1
     files = {**project.program.files, "exoskeleton.c": text.replace(good, bad)}
     wrong = replace(project, program=project.program._replace(files=files))
-    passed, _, figures = verifying.host_in_double(Bench(wrong, bench.vectors, wrong.write_linked(tmp_path)))
+    passed, figures = verifying.host_in_double(Bench(wrong, bench.vectors, wrong.write_linked(tmp_path)))
     assert passed is False and figures["differing"] > 100
 
 
@@ -181,7 +182,7 @@ def test_switches_that_come_late_or_otherwise_are_told(bench):
     events = [verifying.events_of(item) for item in (rows, late, other)]
     assert verifying.largest_shift(events[0], events[0]) == 0
     assert verifying.largest_shift(events[0], events[1]) == 3
-    assert verifying.largest_shift(events[0], events[2]) is None
+    assert verifying.largest_shift(events[0], events[2]) == np.inf
 
 
 # ------------------------------------------------------------------------- missing tools, the command
@@ -190,8 +191,9 @@ def test_switches_that_come_late_or_otherwise_are_told(bench):
 def test_without_tools_nothing_is_claimed(project, monkeypatch):
     monkeypatch.setenv("PATH", "")
     found = verify(replace(project.problem.experiment, duration=1.0))
-    assert [check.passed for check in found.checks] == [None] * 4
-    assert found.passed and all("apt-get install" in check.text for check in found.checks)
+    assert [check["passed"] for check in found["checks"]] == [None] * 4
+    assert found["passed"]
+    assert all("apt-get install" in check["found"]["missing"] for check in found["checks"])
 
 
 def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp_path):
@@ -202,13 +204,14 @@ def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp
         (tmp_path / name).symlink_to(str(shutil.which(name)))
     monkeypatch.setenv("PATH", str(tmp_path))
     found = verify(replace(project.problem.experiment, duration=1.0))
-    assert [check.passed for check in found.checks] == [True, True, None, None]
-    assert INSTALL in found.checks[TARGET].text
+    assert [check["passed"] for check in found["checks"]] == [True, True, None, None]
+    assert INSTALL in found["checks"][TARGET]["found"]["missing"]
 
 
-def verification(*passed: bool | None) -> Verification:
-    checks = tuple(Check(f"check {number}", item, "found", {}) for number, item in enumerate(passed))
-    return Verification("hash", checks)
+def verification(*passed: bool | None) -> dict[str, Any]:
+    found = {"differing": 3, "bytes": {"flash": 12, "error": 0.125}}
+    checks = [{"name": f"check {k}", "passed": item, "found": found} for k, item in enumerate(passed)]
+    return {"source_sha256": "hash", "passed": False not in passed, "checks": checks}
 
 
 @pytest.mark.parametrize(("passed", "status"), [((True, None), 0), ((True, False), 1)])
@@ -217,7 +220,8 @@ def test_the_command_ends_with_1_only_if_something_is_wrong(monkeypatch, capsys,
     assert main(["firmware", "treadmill", "--verify"]) == status
     lines = capsys.readouterr().out.splitlines()
     words = {True: "passed", False: "FAILED", None: "skipped"}
-    assert lines[:2] == [f"{words[item]}: check {number}: found" for number, item in enumerate(passed)]
+    found = "differing 3, bytes (flash 12, error 0.125)"
+    assert lines == [f"{words[item]}: check {number}: {found}" for number, item in enumerate(passed)]
 
 
 def test_the_folder_keeps_what_was_found(monkeypatch, capsys, tmp_path):

@@ -85,7 +85,8 @@ def test_a_log_of_another_rate_switches_at_the_same_instants(rate):
 
 def test_the_velocity_is_that_of_the_firmwares_filter():
     speed = math.radians(40.0)
-    result = replay(one_leg(speed * np.arange(50) * TICK), two_way_table(), fast_time_constant=0.005)
+    recording = one_leg(speed * np.arange(50) * TICK, fast_time_constant=0.005)
+    result = replay(recording, two_way_table())
     # Step response of a first-order filter, exact at the samples.
     expected = speed * (1.0 - np.exp(-np.arange(50) * TICK / 0.005))
     np.testing.assert_allclose(result.velocities[Side.LEFT, HIP], expected, rtol=1e-10)
@@ -122,20 +123,20 @@ def walk(request):
     return simulate(load_experiment("treadmill", settings).experiment)
 
 
-def recorded(run, names=("measured_angle_rad",)) -> Recording:
+def recorded(run) -> Recording:
     angles = {
-        (side, joint): run.log[f"{side}_{joint}_{names[0]}"].to_numpy()
+        (side, joint): run.log[f"{side}_{joint}_measured_angle_rad"].to_numpy()
         for side in run.sides
         for joint in run.table.joints
     }
     phases = {side: run.log[f"{side}_phase"].to_numpy(dtype=object) for side in run.sides}
-    return Recording("run", 0.0, angles, {}, phases)
+    starts = dict(run.experiment.build_world().initial_phases)
+    constant = run.experiment.sensors.fast_time_constant
+    return Recording("run", 0.0, angles, {}, phases, starts=starts, fast_time_constant=constant)
 
 
 def test_a_run_gives_the_same_switches_again(walk):
-    start = dict(walk.experiment.build_world().initial_phases)
-    constant = walk.experiment.sensors.fast_time_constant
-    result = replay(recorded(walk), walk.table, start_phases=start, fast_time_constant=constant)
+    result = replay(recorded(walk), walk.table)
     assert len(walk.switches) > 10
     assert result.switches == walk.switches
     for side, told in summarise_replay(result)["sides"].items():
@@ -196,8 +197,7 @@ def test_another_threshold_moves_the_switches_and_the_share_of_equal_ticks_says_
     hip, *others = leave.guard.guards
     later = replace(leave, guard=replace(leave.guard, guards=(_raised(hip), *others)))
     transitions = tuple(later if item is leave else item for item in walk.table.transitions)
-    start = dict(walk.experiment.build_world().initial_phases)
-    result = replay(recorded(walk), replace(walk.table, transitions=transitions), start_phases=start)
+    result = replay(recorded(walk), replace(walk.table, transitions=transitions))
     assert 0.9 < summarise_replay(result)["sides"]["left"]["equal_share"] < 1.0
 
 
@@ -364,8 +364,9 @@ def test_the_load_of_the_foot_counts_in_body_weights():
     load = np.where(np.arange(100) < 40, 500.0, 60.0)
     table = two_phase_table(transition("stance", "swing", "foot.load_bw < 0.1", cause="unloaded"))
     recording = one_leg(np.zeros(100), loads={Side.LEFT: load})
-    assert [switch.tick for switch in replay(recording, table, body_weight=700.0).switches] == [40]
-    assert replay(recording, table, body_weight=500.0).switches == ()  # 60 N is more than a tenth then
+    assert [item.tick for item in replay(replace(recording, body_weight=700.0), table).switches] == [40]
+    lighter = replace(recording, body_weight=500.0)  # 60 N is more than a tenth then
+    assert replay(lighter, table).switches == ()
 
 
 def test_the_start_phase_is_the_one_asked_for_then_the_recorded_one_then_the_first():
@@ -373,12 +374,12 @@ def test_the_start_phase_is_the_one_asked_for_then_the_recorded_one_then_the_fir
     swinging = np.array(["swing"] * 5, dtype=object)
     table = two_phase_table(transition("stance", "swing", "hip.angle_deg > 10"))
 
-    def first(recording: Recording, **options) -> int:
-        return int(replay(recording, table, **options).phases[Side.LEFT][0])
+    def first(recording: Recording) -> int:
+        return int(replay(recording, table).phases[Side.LEFT][0])
 
     assert first(one_leg(hip)) == 0
     assert first(one_leg(hip, phases={Side.LEFT: swinging})) == 1
-    assert first(one_leg(hip, phases={Side.LEFT: swinging}), start_phases={Side.LEFT: "stance"}) == 0
+    assert first(one_leg(hip, phases={Side.LEFT: swinging}, starts={Side.LEFT: "stance"})) == 0
     unknown = np.array(["ES"] * 5, dtype=object)
     assert first(one_leg(hip, phases={Side.LEFT: unknown})) == 0
 

@@ -145,9 +145,9 @@ def test_the_pitch_of_the_trunk_is_read_in_either_unit(tmp_path, column, asked):
 def test_names_that_end_in_deg_are_degrees(tmp_path):
     text = "time_s,left_hip_angle_deg\n0,30\n0.001,30\n"
     path = write(tmp_path, "log.csv", text)
-    assert degrees(read_recording(path), Side.LEFT, HIP) == pytest.approx([30, 30])
-    with pytest.raises(ParameterFileError, match="is in deg by name or header; leave --units rad out"):
-        read_recording(path, LogFormat(units="rad"))
+    for units in (None, "rad"):
+        recording = read_recording(path, LogFormat(units=units))
+        assert degrees(recording, Side.LEFT, HIP) == pytest.approx([30, 30])
 
 
 def test_the_x2_has_columns_of_its_own_and_the_open_source_leg_has_not(tmp_path):

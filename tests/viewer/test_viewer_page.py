@@ -411,7 +411,7 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         (["RUN", "--out", "OLD"], "--force"),
         (["RUN", "--out", "FOLDER"], "directory"),
         (["RUN", "--png", "FOLDER/nowhere/a.png"], "no directory"),
-        (["twin.urdf", "--png", "NEW", "--at", "1"], "run directory"),
+        (["twin.urdf", "--png", "NEW", "--at", "1"], "without --at"),
         (["twin.urdf", "--out", "OLD"], "--force"),
         (["twin.urdf", "--up", "w"], "--up"),
         (["RUN", "--up", "y"], "is for a URDF"),

@@ -14,7 +14,6 @@ from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
 
 WALK = 3.0  # [s] of the vectors: every phase of both legs
-VERIFICATION = "verification.json"
 
 
 def add_parser(commands: Any) -> None:
@@ -34,6 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to compare them with.
     Exits with 1 if --verify finds a difference.
     """
+    from twin_gait.files import write_json
     from twin_gait.firmware.project import MANIFEST
     from twin_gait.report.pages import lines
     from twin_gait.runs.folders import FolderKind, staged_directory
@@ -48,7 +48,11 @@ def run(arguments: argparse.Namespace) -> int:
         if staging is not None:
             document |= {**_write(loaded, staging), "directory": out}
         if arguments.verify:
-            document |= _verify(loaded, staging)
+            with terminal.progress_bar("verifying", "tick") as progress:
+                found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
+            document |= found
+            if staging is not None:
+                write_json(staging / "verification.json", found)
     terminal.clear_line()
     terminal.answer(arguments, lines("firmware.txt", document), document)
     return FAILED if document.get("passed") is False else DONE
@@ -66,21 +70,4 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress, terminal.note_compilation)
-    project.write(folder, vectors, document)
-    return project.manifest(document)
-
-
-def _verify(loaded: configuration.LoadedExperiment, folder: Path | None) -> dict[str, Any]:
-    """Verify, and keep what was found in the folder."""
-    from twin_gait.files import write_json
-
-    with terminal.progress_bar("verifying", "tick") as progress:
-        found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
-    document = {
-        "source_sha256": found.source_hash,
-        "passed": found.passed,
-        "checks": [item._asdict() for item in found.checks],
-    }
-    if folder is not None:
-        write_json(folder / VERIFICATION, document)
-    return document
+    return project.write(folder, vectors, document)

@@ -99,10 +99,7 @@ def identify(arguments: argparse.Namespace) -> int:
     pictures = not arguments.no_pictures
     document = write_identification(result, arguments.out, joint, force=arguments.force, pictures=pictures)
     told = {**document, "directory": arguments.out}
-    counts = [test["samples"] for test in document["tests"]]
-    samples = sum(count.get("after_decimation", count["read"]) for count in counts)
-    shown = {**told, "laws": PARAMETER_FILES, "samples": samples}
-    answer(arguments, lines("identification.txt", shown), told)
+    answer(arguments, lines("identification.txt", {**told, "laws": PARAMETER_FILES}), told)
     return DONE
 
 

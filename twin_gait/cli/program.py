@@ -1,7 +1,6 @@
 """Parse the command line, run a command, turn errors into one line."""
 
 import argparse
-import gc
 import os
 import sys
 import traceback
@@ -24,9 +23,6 @@ GROUPS = {
     "the device": ("firmware",),
     "many runs": ("studies",),
 }
-# New objects until Python looks for cycles among them; its own 700 cost a twentieth of
-# a command, most of it while modules are imported, of which nothing is ever thrown away.
-COLLECT_AFTER = 50_000
 NO_HOME = "Could not determine home directory."  # pathlib's words, which raises nothing more special
 
 
@@ -41,59 +37,36 @@ class OneLineParser(argparse.ArgumentParser):
             "--debug", action="store_true", default=argparse.SUPPRESS, help="show the trace of errors"
         )
 
+    def add_argument(self, *arguments: Any, **options: Any) -> argparse.Action:
+        """Add an argument; where a path is expected, shells complete the names of files and folders."""
+        action = super().add_argument(*arguments, **options)
+        if action.type is Path or action.metavar in ("FILE", "LOG", "TABLE"):
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+        return action
+
     def error(self, message: str) -> NoReturn:
         """Print one line and leave with status 2."""
         self.exit(terminal.BAD_INPUT, f"twin-gait: {message}; see '{self.prog} --help'\n")
 
 
-class ProgramParser(OneLineParser):
-    """Parser of the program; its help shows the commands in groups.
-
-    Attributes:
-        groups: Commands by the title of their group.
-    """
-
-    groups: dict[str, list[argparse.Action]]
-
-    def format_help(self) -> str:
-        """Usage, the groups, and the options of the program itself."""
-        formatter = self._get_formatter()
-        formatter.add_usage(self.usage, self._actions, [])
-        formatter.add_text(self.description)
-        options = [action for action in self._actions if action.option_strings]
-        for title, actions in (*self.groups.items(), ("options", options)):
-            formatter.start_section(title)
-            formatter.add_arguments(actions)
-            formatter.end_section()
-        return formatter.format_help()
-
-
-def complete_files(parser: argparse.ArgumentParser) -> None:
-    """Let shells complete the names of files and folders where paths are expected, in sub-commands too."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                complete_files(command)
-        elif action.type is Path or action.metavar in ("FILE", "LOG", "TABLE"):
-            action.complete = shtab.FILE  # type: ignore[attr-defined]
-
-
-def build_parser() -> ProgramParser:
+def build_parser() -> OneLineParser:
     """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
     text = "Gait simulation of the TWIN leg exoskeleton. Not a medical device."
-    parser = ProgramParser(prog="twin-gait", description=text)
+    parser = OneLineParser(prog="twin-gait", description=text)
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
     shtab.add_argument_to(parser, help="print the completion script of a shell")
     commands = parser.add_subparsers(
         dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
     )
-    parser.groups = {}
+    # The help shows the commands in groups, then the options of the program itself.
+    positionals, program_options = parser._action_groups
+    positionals._group_actions.clear()
     for title, modules in GROUPS.items():
         before = len(commands._choices_actions)
         for name in modules:
             import_module(f"twin_gait.cli.{name}").add_parser(commands)
-        parser.groups[title] = list(commands._choices_actions[before:])
-    complete_files(parser)
+        parser.add_argument_group(title)._group_actions = [*commands._choices_actions[before:]]
+    parser._action_groups = [*parser._action_groups[2:], program_options]
     return parser
 
 
@@ -105,7 +78,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     terminal.write_on_any_terminal()
     terminal.warn_on_one_line()
-    gc.set_threshold(COLLECT_AFTER)
     # Before NumPy is loaded: with two threads a fit takes half as long again, and twice the processor time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = build_parser().parse_args(argv)

@@ -66,16 +66,13 @@ def simulate(arguments: argparse.Namespace) -> int:
     loaded = options.experiment_of(arguments)
     out = arguments.out or default_folder(loaded.experiment.name)
     with (
-        terminal.stop_on_interrupt() as should_stop,
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
         drawing_beside(wanted=not arguments.no_pictures) as beside,
+        terminal.watched("simulating", "tick") as watch,
     ):
-        with terminal.watched("simulating", "tick", should_stop) as watch:
-            result = simulation.simulate(loaded.experiment, **watch)
-        accuracy = None
+        result, accuracy = simulation.simulate(loaded.experiment, **watch), None
         if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
-            with terminal.progress_bar("a tenth of the step", "tick") as progress:
-                accuracy = step_error(result, progress=progress, should_stop=should_stop)
+            accuracy = step_error(result, **watch)
         terminal.note_line("writing the run directory")
         summary = write_run(
             result, staging, document=loaded.document, pictures=not arguments.no_pictures, accuracy=accuracy,

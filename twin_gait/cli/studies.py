@@ -90,16 +90,14 @@ def compare(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.studies.compare import comparing, writing
 
-    names = list(comparing.CONTROLLERS)
-    if arguments.controllers is not None:
-        names = [name.strip() for name in arguments.controllers.split(",") if name.strip()]
-    controllers = list(comparing.find_controllers(names))
+    names = [name.strip() for name in (arguments.controllers or "").split(",") if name.strip()]
+    controllers = list(comparing.find_controllers(names or list(comparing.CONTROLLERS)))
     person = options.person_of(arguments.settings)
     who = person or "the wearer of the experiment"
     out: Path = arguments.out or COMPARISONS / (person or "wearer")
     check_target(out, writing.COMPARISON, force=arguments.force)
     experiment = options.experiment_of(arguments, f"duration_s={COMPARED:g}").experiment
-    if arguments.controllers is None:
+    if not names:
         controllers = [item for item in controllers if item.suits(experiment)]
     with terminal.watched("compare", "run") as watch:
         comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)

@@ -82,13 +82,11 @@ def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.gait_table_file import named_file
     from twin_gait.configuration.schema import comment_for
 
-    tables = configuration.packaged_gait_tables()
-    if name in tables and (as_table or name not in configuration.presets()):
+    named = name in configuration.packaged_gait_tables() and name not in configuration.presets()
+    if as_table or named:
         return named_file(name).read_text(encoding="utf-8")
     if name in configuration.packaged_mode_tables():
         return named_file(name, "modes").read_text(encoding="utf-8")
-    if as_table:
-        raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     if name in configuration.people():
         return named_file(name, "people").read_text(encoding="utf-8")
     document = configuration.load_experiment(name).document
@@ -169,7 +167,6 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     if arguments.out is not None:
         replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
     summary = replay.summarise_replay(result)
-    folder = [] if arguments.out is None else [str(arguments.out)]
-    shown = [*lines("replay.txt", summary), *folder]
-    answer(arguments, shown, {**summary, "directory": arguments.out})
+    document = {**summary, "directory": arguments.out}
+    answer(arguments, lines("replay.txt", document), document)
     return DONE

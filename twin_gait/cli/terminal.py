@@ -8,7 +8,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -81,11 +81,10 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
-def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None) -> Iterator[dict[str, Any]]:
+def watched(title: str, unit: str) -> Iterator[dict[str, Any]]:
     """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
-    stopping = stop_on_interrupt() if should_stop is None else nullcontext(should_stop)
-    with stopping as asked, progress_bar(title, unit) as progress:
-        yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
+    with stop_on_interrupt() as should_stop, progress_bar(title, unit) as progress:
+        yield {"progress": progress, "should_stop": should_stop, "on_compile": note_compilation}
 
 
 def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> int:

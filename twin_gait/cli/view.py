@@ -6,9 +6,8 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from twin_gait import runs, viewer
 from twin_gait.cli import options
@@ -16,11 +15,6 @@ from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 
-if TYPE_CHECKING:
-    from twin_gait.conventions import Convention
-    from twin_gait.simulation import Run
-
-PRINT_FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
@@ -29,7 +23,6 @@ NAMES = {
     "csv": "log.csv", "mot": "log.mot", "sto": "log.sto", "opensim": "opensim", "candump": "can.log",
     "asc": "can.asc",
 }  # fmt: skip
-CAN = ("candump", "asc")
 
 
 def add_parser(commands: Any) -> None:
@@ -47,9 +40,9 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
     add("--figure", action="append", metavar="NAME", dest="figures", help="such as gait_cycle (all)")
-    add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
+    add("--format", choices=("pdf", "svg", "png"), default="pdf", help="format (pdf)")
     add("--width", type=float, default=85.0, metavar="MM", help="85 for one column (85), 174 for two")
-    options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
+    options.add_out(parser, "DIR", "folder for the files NAME-WIDTHmm.FORMAT (RUN/figures)")
 
     parser = options.add_command(commands, "export", export)
     add = parser.add_argument
@@ -70,42 +63,35 @@ def view(arguments: argparse.Namespace) -> int:
     from twin_gait.runs.record import read_run
     from twin_gait.runs.run_page import page_of
 
-    if len(arguments.targets) > 2:
-        raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
+    targets, at, out, png = arguments.targets, arguments.at, arguments.out, arguments.png
+    if len(targets) > 2:
+        raise ParameterError(f"expected one run or two, got {len(targets)}")
     options.check_port(arguments.port)
-    for option, path, form in (("--out", arguments.out, "html"), ("--png", arguments.png, "png")):
+    for option, path, form in (("--out", out, "html"), ("--png", png, "png")):
         if path is not None:
             options.check_file(option, path.expanduser(), force=arguments.force, form=form)
-    urdf = next((path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
+    urdf = next((path for path in targets if path.is_file() or str(path) in PACKAGED_URDFS), None)
     if urdf is not None:
-        if len(arguments.targets) > 1:
-            raise ParameterError(f"{urdf}: is a URDF, and only runs can be shown side by side")
-        if arguments.at is not None:
-            raise ParameterError(f"--at: needs a run directory, and {urdf} is a URDF")
-        return _show(lambda: viewer.animation.urdf_page(urdf, up_axis=arguments.up or "z"), arguments)
-    if arguments.up is not None:
-        raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
-    runs = [read_run(path) for path in arguments.targets]
-    moments = [] if arguments.at is None else [arguments.at]
-    longest = max(one.run.duration for one in runs)
-    if not all(0.0 <= moment <= longest + 1e-9 for moment in moments):
-        raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
-    return _show(lambda: page_of(runs, moments=moments), arguments)
-
-
-def _show(make: Callable[[], str], arguments: argparse.Namespace) -> int:
-    """Write the page, the picture, or both; without either, serve the page until Ctrl-C."""
-    at = arguments.at
-    if arguments.out is None and arguments.png is None:
+        if len(targets) > 1 or at is not None:
+            raise ParameterError(f"{urdf}: is a URDF, which is shown by itself and without --at")
+        page = viewer.animation.urdf_page(urdf, up_axis=arguments.up or "z")
+    else:
+        if arguments.up is not None:
+            raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
+        shown = [read_run(path) for path in targets]
+        longest = max(one.run.duration for one in shown)
+        if at is not None and not 0.0 <= at <= longest + 1e-9:
+            raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {at:g}")
+        page = page_of(shown, moments=[] if at is None else [at])
+    if out is None and png is None:
         fragment = "" if at is None else f"#t={at:.3f}"
-        return serve(make(), arguments.port, fragment=fragment, browser=not arguments.no_browser)
-    page = make()
-    if arguments.out is not None:
-        write_atomically(arguments.out.expanduser(), page)
-        print(arguments.out)
-    if arguments.png is not None:
-        viewer.picture.take_picture(page, arguments.png.expanduser(), time=at or 0.0)
-        print(arguments.png)
+        return serve(page, arguments.port, fragment=fragment, browser=not arguments.no_browser)
+    if out is not None:
+        write_atomically(out.expanduser(), page)
+        print(out)
+    if png is not None:
+        viewer.picture.take_picture(page, png.expanduser(), time=at or 0.0)
+        print(png)
     return DONE
 
 
@@ -163,22 +149,14 @@ def plot(arguments: argparse.Namespace) -> int:
     from twin_gait.report.canvas import FIGURES_FOLDER, save
     from twin_gait.report.figures import plot_run, screen_figures
 
-    shown, out, width = runs.load_run(arguments.directory), arguments.out, arguments.width
+    shown, width, form = runs.load_run(arguments.directory), arguments.width, arguments.format
+    folder = arguments.out or arguments.directory / FIGURES_FOLDER
     names = arguments.figures or list(screen_figures(shown))
-    if out is not None and len(names) != 1:
-        raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
-    drawn = {name: plot_run(shown, name, width_mm=width) for name in names}
-    suffix = "" if out is None else out.suffix[1:]
-    kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
-    folder = arguments.directory / FIGURES_FOLDER
-    paths = {name: out or folder / f"{name}-{width:g}mm.{kind}" for name in names}
-    if out is None:
-        folder.mkdir(exist_ok=True)
-    for path in paths.values():
-        options.check_file("--out", path, force=arguments.force, form=kind)
+    drawn = {f"{name}-{width:g}mm.{form}": plot_run(shown, name, width_mm=width) for name in names}
+    folder.mkdir(parents=True, exist_ok=True)
     for name, figure in drawn.items():
-        save(figure, paths[name], form=kind, resolution=RESOLUTION)
-        print(paths[name])
+        options.check_file("--out", folder / name, force=arguments.force)
+        print(save(figure, folder / name, resolution=RESOLUTION))
     return DONE
 
 
@@ -191,50 +169,32 @@ def export(arguments: argparse.Namespace) -> int:
     .log, Vector's .asc), which twin.dbc decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
-    from twin_gait.export import export_csv, export_motion
+    from twin_gait.export import export_csv, export_inverse_dynamics, export_motion
+    from twin_gait.export.can import export_can, messages_of, run_frames
+    from twin_gait.export.inverse_dynamics import MODEL_FILE
+    from twin_gait.runs.folders import FolderKind, staged_directory
 
-    out, named = arguments.out, arguments.convention
+    out, named, force = arguments.out, arguments.convention, arguments.force
     endings = {Path(name).suffix: kind for kind, name in NAMES.items() if "." in name}
     suffix = "" if out is None else out.suffix.lower()
     kind = arguments.format or endings.get(suffix, "csv" if named is None else "mot")
-    if kind in ("csv", *CAN) and named is not None:
+    if kind not in ("mot", "sto", "opensim") and named is not None:
         raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
     run, device = runs.load_run(arguments.directory), arguments.of == "device"
     convention = find_convention(named or DEFAULT_CONVENTION)
     path = out or arguments.directory / NAMES[kind]
+    if kind != "opensim":
+        options.check_file("--out", path, force=force, form=Path(NAMES[kind]).suffix[1:])
     if kind == "opensim":
-        return _write_folder(run, path, convention, device=device, force=arguments.force)
-    options.check_file("--out", path, force=arguments.force, form=Path(NAMES[kind]).suffix[1:])
-    if kind in CAN:
-        return _write_frames(run, path, kind)
-    columns = list(run.log.columns)
-    if kind == "csv":
+        own = FolderKind("a folder of this command", MODEL_FILE)
+        with staged_directory(path, own, force=force) as staging:
+            export_inverse_dynamics(run, staging, convention, device=device)
+    elif kind == "csv":
         export_csv(run.log, path)
-    else:
+    elif kind in ("mot", "sto"):
         unit = DEGREES if kind == "mot" else RADIANS
-        columns = export_motion(run.log, path, convention, unit=unit, device=device)
-    print(f"{len(run.log)} rows, {len(columns)} columns: {path}")
-    return DONE
-
-
-def _write_frames(run: Run, path: Path, kind: str) -> int:
-    from twin_gait.export.can import export_can, messages_of, run_frames
-    from twin_gait.network.dbc import PACKAGED_DBC, find_dbc
-
-    network = run.experiment.network
-    written = export_can(run_frames(run, messages_of(run.experiment)), path, kind)
-    print(f"{written} frames, for {find_dbc(PACKAGED_DBC if network is None else network.dbc)}: {path}")
-    return DONE
-
-
-def _write_folder(run: Run, path: Path, convention: Convention, *, device: bool, force: bool) -> int:
-    from twin_gait.export import export_inverse_dynamics
-    from twin_gait.export.inverse_dynamics import MODEL_FILE, SETUP_FILE
-    from twin_gait.runs.folders import FolderKind, staged_directory
-
-    kind = FolderKind("a folder of this command", MODEL_FILE)
-    with staged_directory(path, kind, force=force) as staging:
-        names = export_inverse_dynamics(run, staging, convention, device=device)
-    print(f"{len(run.log)} rows, {', '.join(names)}: {path}")
-    print(f"in that folder: opensim-cmd run-tool {SETUP_FILE}")
+        export_motion(run.log, path, convention, unit=unit, device=device)
+    else:
+        export_can(run_frames(run, messages_of(run.experiment)), path, kind)
+    print(path)
     return DONE

@@ -149,19 +149,17 @@ def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     return np.take(own, rows["trip_cause"].astype(int))
 
 
-def export_can(frames: Iterable[BusFrame], path: str | Path, kind: str) -> int:
-    """Write frames as ``candump``, the log of can-utils, or ``asc``, that of Vector; how many there are."""
+def export_can(frames: Iterable[BusFrame], path: str | Path, kind: str) -> None:
+    """Write frames as ``candump``, the log of can-utils, or ``asc``, that of Vector."""
     try:
         import can
     except ImportError as error:
         raise MissingOptionalDependency("python-can", "can", "files of CAN frames") from error
-    count, usual = 0, dict[str, Any](is_extended_id=False, channel=CHANNEL)
+    usual: dict[str, Any] = {"is_extended_id": False, "channel": CHANNEL}
     with TemporaryDirectory() as folder:
         written = Path(folder) / "frames"
         with can.CanutilsLogWriter(written) if kind == CANDUMP else can.ASCWriter(written) as writer:
             for frame in frames:
-                count += 1
                 message = can.Message(frame.time, frame.identifier, data=frame.data, **usual)
                 writer.on_message_received(message)
         write_atomically(path, written.read_bytes())
-    return count

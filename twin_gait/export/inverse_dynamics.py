@@ -63,8 +63,8 @@ class ExternalLoad(NamedTuple):
 
 def export_inverse_dynamics(
     run: Run, folder: str | Path, convention: Convention, *, device: bool = False
-) -> list[str]:
-    """Write everything that OpenSim needs to find the joint moments of a run; names of the files.
+) -> None:
+    """Write everything that OpenSim needs to find the joint moments of a run.
 
     ``opensim-cmd run-tool inverse_dynamics.xml`` in the folder then writes ``inverse_dynamics.sto``, to be
     compared with ``joint_moments.sto``.
@@ -83,22 +83,25 @@ def export_inverse_dynamics(
     if world.braces is not None:
         bodies = world.braces.device if device else world.braces.wearer
     time, pelvis = run.log["time_s"].to_numpy(dtype=float), _pelvis(run, world, device)
+    loads = _external_loads(run, world, pelvis, device) if pelvis else []
     tables = {
         MOTION_FILE: {**joint_angles(run.log, convention, DEGREES, device=device), **pelvis},
         MOMENTS_FILE: _joint_moments(run, world, convention, device),
     }
-    texts = {MODEL_FILE: _osim_text(bodies, name, convention, run.experiment.plant.gravity)}
-    loads = _external_loads(run, world, pelvis, device) if pelvis else []
+    content = {"name": name, "gravity": run.experiment.plant.gravity, "time": time, "loads": loads}
+    pages = [MODEL_FILE, SETUP_FILE]
     if loads:
         tables[FORCES_FILE] = _load_columns(loads)
-        texts[LOADS_FILE] = _render(LOADS_FILE, loads=loads)
-    texts[SETUP_FILE] = _render(SETUP_FILE, time=time, loads=loads)
+        pages.append(LOADS_FILE)
     for file, columns in tables.items():
         in_degrees = file == MOTION_FILE
         write_storage(Path(folder) / file, {"time": time, **columns}, in_degrees=in_degrees)
-    for file, text in texts.items():
-        write_atomically(Path(folder) / file, text)
-    return [*texts, *tables]
+    # OpenSim's files, which have the version that every OpenSim 4 reads.
+    templates = templates_in(Path(__file__).with_name("templates"), autoescape=True)
+    templates.filters["numbers"] = _numbers
+    for file in pages:
+        text = templates.get_template(file).render(content, bodies=_bodies(bodies, convention))
+        write_atomically(Path(folder) / file, f"{text}\n")
 
 
 def _external_loads(
@@ -128,28 +131,21 @@ def _belt_axes(world: World) -> np.ndarray:
 def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     """Force and moment about the origin on each foot in the axes of the belt, shape ``(n, 6)``.
 
-    A belt takes the speed of a tick at once, as a motor its torque, and the log has the pull of the new one:
-    an acceleration at the tick is about that of the mean pull of both speeds.
+    A belt takes the speed of a tick at once, as a motor its torque: an acceleration at the tick is about that
+    of the mean pull of both speeds.
     """
     contacts, ground, axes = GroundContacts(world), world.ground(), _belt_axes(world)
     points = [Point() for foot in contacts.feet.values() for _ in foot.points]
     columns = state_columns(world.model, wearer=world.braces is not None)
     q, v = (run.log[names].to_numpy(dtype=float) for names in columns)
-
-    def pressed(tick: int, belt_speed: float) -> dict[Side, np.ndarray]:
-        ground.belt_speed = belt_speed
-        contacts.update(q[tick], v[tick], ground, points)
-        return {side: (contacts.wrench(side).reshape(2, 3) @ axes).ravel() for side in contacts.feet}
-
     found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
-    logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
     speeds = run.log["belt_speed_m_per_s"].tolist()
-    for tick, (last, now) in enumerate(pairwise([speeds[0], *speeds])):
-        wrenches = {speed: pressed(tick, speed) for speed in {last, now}}
-        for side, new in wrenches[now].items():
-            if new.any():
-                found[side][tick] = 0.5 * (new + wrenches[last][side])
-                found[side][tick, 0] += logged[side][tick] - new[0]
+    for tick, pair in enumerate(pairwise([speeds[0], *speeds])):
+        for ground.belt_speed in set(pair):
+            contacts.update(q[tick], v[tick], ground, points)
+            for side, wrenches in found.items():
+                wrench = (contacts.wrench(side).reshape(2, 3) @ axes).ravel()
+                wrenches[tick] += wrench / len(set(pair))
     return found
 
 
@@ -240,22 +236,15 @@ def _to_opensim(up_axis: str) -> np.ndarray:
     return np.eye(3) if up_axis == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
-def _render(template: str, **content: Any) -> str:
-    """Fill one of ``templates``: OpenSim's files, which have the version that every OpenSim 4 reads."""
-    environment = templates_in(Path(__file__).with_name("templates"), autoescape=True)
-    environment.filters["numbers"] = _numbers
-    return environment.get_template(template).render(content) + "\n"
-
-
 def _numbers(values: Sequence[float] | np.ndarray) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def _osim_text(model: LegModel, name: str, convention: Convention, gravity: float) -> str:
-    """Write the bodies as a planar model: joints turn about the lateral axis, the pelvis moves in its plane.
+def _bodies(model: LegModel, convention: Convention) -> list[dict[str, Any]]:
+    """Bodies of a planar model: joints turn about the lateral axis, the pelvis moves in its plane.
 
     Rotors are not bodies: their inertia at the joints is left out. A pelvis that is fixed in the world is the
-    ground. Gravity is in [m] / [s²].
+    ground.
     """
     bodies = export_bodies(model.model)
     names = [PELVIS] * len(bodies)
@@ -271,7 +260,7 @@ def _osim_text(model: LegModel, name: str, convention: Convention, gravity: floa
             grounded = body.parent < 0 or body.parent == model.forward_index
             parent = "/ground" if grounded else f"/bodyset/{names[body.parent]}"
             written.append(_body(body, names[index], parent, turn, *coordinates[index]))
-    return _render("model.osim", name=name, gravity=gravity, bodies=written)
+    return written
 
 
 def _body(

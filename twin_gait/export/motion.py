@@ -19,8 +19,8 @@ from twin_gait.parameters import require
 
 def export_motion(
     log: pd.DataFrame, path: str | Path, convention: Convention, *, unit: str = DEGREES, device: bool = False
-) -> list[str]:
-    """Write the joint angles of a log as a motion of an OpenSim model; names of the columns.
+) -> None:
+    """Write the joint angles of a log as a motion of an OpenSim model.
 
     Hip and knee, and the ankle where the log has one, under the names and signs of the model. The pelvis is
     left out: the model keeps its own place.
@@ -34,7 +34,6 @@ def export_motion(
     columns = {"time": log["time_s"].to_numpy(dtype=float)}
     columns |= joint_angles(log, convention, unit, device=device)
     write_storage(path, columns, in_degrees=unit == DEGREES)
-    return list(columns)
 
 
 def joint_angles(

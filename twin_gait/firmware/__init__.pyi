@@ -9,5 +9,4 @@ from .emulator import HostUnit as HostUnit
 from .printer import Program as Program
 from .printer import TranslationUnit as TranslationUnit
 from .printer import print_units as print_units
-from .verification import Verification as Verification
 from .verification import verify as verify

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from twin_gait.firmware.kinds import BOOL, INT, REAL, SCALARS, Kind, ListKind, RecordKind, Scalar, joined
+from twin_gait.firmware.kinds import BOOL, INT, REAL, SCALARS, Kind, ListKind, Scalar, joined
 from twin_gait.firmware.layout import TAKEN, identifier
 from twin_gait.firmware.source import Source
 
@@ -159,12 +159,16 @@ class Expressions:
             case ast.Constant(value=bool() | int() | float() as value):
                 kind = SCALARS[type(value)]
                 return Value(kind, number(value, kind))
-            case ast.Name(id=name):
-                return self.place(node) if self.known(name) is not None else self._constant(node)
+            case ast.Name(id=name) if self.known(name) is not None:
+                return Value(self.known(name), self.local(name), is_address=True, name=name)
+            case ast.Name():
+                return self._constant(node)
             case ast.Attribute(value=ast.Name(id="math"), attr=name):
                 return Value(REAL, number(getattr(math, name), REAL))
-            case ast.Attribute() | ast.Subscript():
-                return self.place(node)
+            case ast.Attribute():
+                return self._field(node)
+            case ast.Subscript():
+                return self._entry_of(node)
             case ast.UnaryOp():
                 return self._unary(node)
             case ast.BinOp():
@@ -186,30 +190,27 @@ class Expressions:
                 return self.call(node)
         raise self.source.refused(node, "an expression that is not printed")
 
-    def place(self, node: ast.expr) -> Value:
-        """A name, a field of a record or an entry of a list, which may be written to."""
-        match node:
-            case ast.Name(id=name):
-                return Value(self.known(name), self.local(name), is_address=True, name=name)
-            case ast.Attribute(value=base, attr=name):
-                record = self.value(base)
-                if not isinstance(record.kind, RecordKind):
-                    raise self.source.refused(node, "is no field of a record")
-                field = (record.kind.record, name)
-                kind = self.functions.shapes.fields.get(field[0], {}).get(name)
-                if kind is None:
-                    raise self.source.refused(node, f"no sample of {field[0].__name__} has {name}")
-                self.functions.used.add(field)
-                text = f"{record.text}{'->' if record.is_address else '.'}{identifier(name)}"
-                reached, address = (*record.fields, field), field not in self.functions.mutable
-                return replace(record, kind=kind, text=text, is_address=address, fields=reached)
-            case ast.Subscript(value=base, slice=index):
-                items, at = self.value(base), self.expect(index, INT)
-                if not isinstance(items.kind, ListKind) or isinstance(index, ast.UnaryOp):
-                    raise self.source.refused(node, "is no entry of a list, counted from its beginning")
-                kind, text, reached = items.kind.item, f"{items.text}[{at.text}]", (*items.fields, None)
-                return replace(items, kind=kind, text=text, is_address=False, fields=reached)
-        raise self.source.refused(node, "is no place in a record")
+    def _field(self, node: ast.Attribute) -> Value:
+        """A field of a record, which may be written to."""
+        record = self.value(node.value)
+        if not isinstance(record.kind, type):
+            raise self.source.refused(node, "is no field of a record")
+        field = (record.kind, node.attr)
+        kind = self.functions.shapes.fields.get(field[0], {}).get(node.attr)
+        if kind is None:
+            raise self.source.refused(node, f"no sample of {field[0].__name__} has {node.attr}")
+        self.functions.used.add(field)
+        text = f"{record.text}{'->' if record.is_address else '.'}{identifier(node.attr)}"
+        reached, address = (*record.fields, field), field not in self.functions.mutable
+        return replace(record, kind=kind, text=text, is_address=address, fields=reached)
+
+    def _entry_of(self, node: ast.Subscript) -> Value:
+        """An entry of a list, which may be written to."""
+        items, at = self.value(node.value), self.expect(node.slice, INT)
+        if not isinstance(items.kind, ListKind) or isinstance(node.slice, ast.UnaryOp):
+            raise self.source.refused(node, "is no entry of a list, counted from its beginning")
+        kind, text, reached = items.kind.item, f"{items.text}[{at.text}]", (*items.fields, None)
+        return replace(items, kind=kind, text=text, is_address=False, fields=reached)
 
     def _constant(self, node: ast.Name) -> Value:
         value = self.functions.sources.found(node.id, self.source.scope)

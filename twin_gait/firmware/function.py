@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from twin_gait.firmware.expressions import Value
-from twin_gait.firmware.kinds import SCALARS, Kind, Shapes, TupleKind, joined, kind_of_hint
+from twin_gait.firmware.kinds import SCALARS, Kind, Shapes, joined, kind_of_hint
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.source import Source, Sources
 from twin_gait.firmware.statements import Statements
@@ -40,7 +40,7 @@ class Function:
     @property
     def result(self) -> str:
         """Type of what it returns, of several numbers a structure of its own."""
-        if isinstance(self.returns, TupleKind):
+        if isinstance(self.returns, tuple):
             return "".join(word.capitalize() for word in self.source.name.split("_")) + "Result"
         return str(self.returns or "void")
 

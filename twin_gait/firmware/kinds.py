@@ -7,48 +7,39 @@ lists their lengths.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import is_dataclass
-from typing import Any, NamedTuple, get_args, get_origin
+from dataclasses import dataclass, is_dataclass
+from enum import StrEnum
+from typing import Any, TypeAlias, get_args, get_origin
 
 from twin_gait.exceptions import FirmwareError
 from twin_gait.simulation.record import ABSENT, kinds_of
 
 
-class Scalar(NamedTuple):
-    """A number."""
+class Scalar(StrEnum):
+    """A number, by its type in C."""
 
-    name: str  # its type in C
+    REAL = "real"
+    INT = "int32_t"
+    BOOL = "bool"
 
-    def __str__(self) -> str:
-        return self.name
 
-
-REAL, INT, BOOL = Scalar("real"), Scalar("int32_t"), Scalar("bool")
+REAL, INT, BOOL = Scalar
 SCALARS = {float: REAL, int: INT, bool: BOOL}
 INT_LIMIT = 2**31
 LARGEST_SINGLE = (2.0 - 2.0**-23) * 2.0**127  # of float
 
 
-class RecordKind(NamedTuple):
-    """An instance of a dataclass, which C handles by its address."""
-
-    record: type  # the class
-
-
-class ListKind(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ListKind:
     """A list, all entries alike."""
 
     item: Kind  # kind of an entry
     length: int | None  # number of entries; None where it depends on the caller
 
 
-class TupleKind(NamedTuple):
-    """Several numbers that a function returns."""
-
-    items: tuple[Scalar, ...]  # kinds of the numbers
-
-
-Kind = Scalar | RecordKind | ListKind | TupleKind | None
+# A number; a record, by its class, which C handles by its address; a list; several numbers that a function
+# returns; nothing.
+Kind: TypeAlias = "Scalar | type | ListKind | tuple[Scalar, ...] | None"
 
 
 def entry_of(kind: Kind) -> Kind:
@@ -59,7 +50,7 @@ def entry_of(kind: Kind) -> Kind:
 def type_name(kind: Kind) -> str:
     """Type of a number or a record in C, and of the entries of a list."""
     entry = entry_of(kind)
-    return entry.record.__name__ if isinstance(entry, RecordKind) else str(entry)
+    return entry.__name__ if isinstance(entry, type) else str(entry)
 
 
 def joined(first: Kind, second: Kind) -> Kind:
@@ -107,7 +98,7 @@ class Shapes:
         if entry in SCALARS:
             return SCALARS[entry]
         self._visit(value)
-        return RecordKind(type(value))
+        return type(value)
 
 
 def kind_of_hint(hint: Any) -> Kind:
@@ -115,10 +106,10 @@ def kind_of_hint(hint: Any) -> Kind:
     if hint in SCALARS:
         return SCALARS[hint]
     if is_dataclass(hint) and isinstance(hint, type):
-        return RecordKind(hint)
+        return hint
     inner = get_args(hint)
     if get_origin(hint) is tuple and inner and all(item in SCALARS for item in inner):
-        return TupleKind(tuple(SCALARS[item] for item in inner))
+        return tuple(SCALARS[item] for item in inner)
     if get_origin(hint) in (list, Sequence):
         return ListKind(kind_of_hint(inner[0]), None)
     if hint in (None, type(None)):

@@ -118,7 +118,6 @@ class Vectors(NamedTuple):
     """A run as the unit sees it."""
 
     run: Run  # of the compiled engine
-    unit: LinkedUnit  # that is to run on the inputs
     inputs: np.ndarray  # of each tick, shape ``(n_ticks,)``, laid out as ExoskeletonInputs
     outputs: np.ndarray  # expected, likewise as ExoskeletonOutputs
 
@@ -162,7 +161,7 @@ def record_vectors(
         return end
 
     run = engine.run(progress, run_tick=run_tick)
-    return Vectors(run, unit, inputs[: len(run.log)], outputs[: len(run.log)])
+    return Vectors(run, inputs[: len(run.log)], outputs[: len(run.log)])
 
 
 def engine_without_bus(

@@ -48,8 +48,8 @@ class Project:
         """Joints in the order of the units, such as ``left_hip``."""
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
-    def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
-        """Write C, vectors of a short walk and the resolved document of the experiment into a folder."""
+    def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> dict[str, Any]:
+        """Write C, vectors of a short walk and the resolved document of the experiment; the manifest."""
         self.write_linked(folder)
         problem, experiment = self.problem, self.problem.experiment
         counts, legs = experiment.sensors.encoder_counts, self.linked.record.controller.legs
@@ -67,10 +67,12 @@ class Project:
         }
         texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
         texts["experiment.yaml"] = dump_yaml(dict(document))
-        texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
+        manifest = self.manifest(document)
+        texts[MANIFEST] = json.dumps(manifest, indent=2) + "\n"
         texts["vectors.csv"] = vectors.csv(self.joints)
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
+        return manifest
 
     def manifest(self, document: Mapping[str, Any]) -> dict[str, Any]:
         """What the C was printed from, and the RAM that its records take on a Cortex-M."""

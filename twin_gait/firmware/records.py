@@ -32,10 +32,10 @@ class Records:
     def _embed(self, kind: kinds.Kind) -> None:
         """Keep a record in RAM with all that is part of it."""
         entry = kinds.entry_of(kind)
-        if isinstance(entry, kinds.RecordKind) and entry.record not in self.in_ram:
-            self.in_ram.add(entry.record)
-            for name, inner in self.used(entry.record):
-                if not self.is_table(entry.record, name):
+        if isinstance(entry, type) and entry not in self.in_ram:
+            self.in_ram.add(entry)
+            for name, inner in self.used(entry):
+                if not self.is_table(entry, name):
                     self._embed(inner)
 
     def used(self, record: type) -> Iterator[tuple[str, kinds.Kind]]:
@@ -58,7 +58,7 @@ class Records:
             while isinstance(kind, kinds.ListKind):
                 shape.append(kind.length)
                 kind = kind.item
-            entry = self.dtype(kind.record, real) if isinstance(kind, kinds.RecordKind) else codes[kind]
+            entry = self.dtype(kind, real) if isinstance(kind, type) else codes[kind]
             fields.append((name, "u4") if self.is_table(record, name) else (name, entry, tuple(shape)))
         return np.dtype(fields, align=True)
 
@@ -68,14 +68,14 @@ class Records:
 
         def define(kind: kinds.Kind) -> None:
             entry = kinds.entry_of(kind)
-            if isinstance(entry, kinds.RecordKind) and entry.record not in found:
-                used = dict(self.used(entry.record))
+            if isinstance(entry, type) and entry not in found:
+                used = dict(self.used(entry))
                 for inner in used.values():
                     define(inner)
-                found[entry.record] = self._structure(entry.record, used) if used else []
+                found[entry] = self._structure(entry, used) if used else []
 
         for record in self.fields:
-            define(kinds.RecordKind(record))
+            define(record)
         return [line for lines in found.values() for line in lines]
 
     def _structure(self, record: type, names: Iterable[str]) -> list[str]:
@@ -149,7 +149,7 @@ class Tables:
         if isinstance(kind, kinds.ListKind):
             items = [self._value(item, kind.item, f"{name}_{k}", where) for k, item in enumerate(value)]
             return f"{{{', '.join(items)}}}"
-        if isinstance(kind, kinds.RecordKind):
+        if isinstance(kind, type):
             return self.initialiser(value, name)
         assert isinstance(kind, kinds.Scalar)
         if kind is kinds.INT and value == NEVER:

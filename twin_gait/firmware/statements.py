@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from twin_gait.firmware.expressions import Expressions, Value
-from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, TupleKind, type_name
+from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, type_name
 from twin_gait.firmware.layout import INDENT, TAKEN, comment, identifier, wrapped
 
 if TYPE_CHECKING:
@@ -111,12 +111,12 @@ class Statements(Expressions):
     ) -> None:
         """Numbers that a function returns, to as many names or places."""
         found = self.whole(call)
-        if not isinstance(found.kind, TupleKind) or len(found.kind.items) != len(targets):
+        if not isinstance(found.kind, tuple) or len(found.kind) != len(targets):
             raise self.source.refused(node, "as many names as values are expected")
         assert isinstance(call, ast.Call)
         result = self._free("result")
         self._emit(f"const {self.function.calls[call].result} {result} = {found.text};")
-        for number, (target, kind) in enumerate(zip(targets, found.kind.items, strict=True)):
+        for number, (target, kind) in enumerate(zip(targets, found.kind, strict=True)):
             part = Value(kind, f"{result}.{result_name(number)}")
             self._assign(target, call, part, fresh)
 
@@ -126,7 +126,7 @@ class Statements(Expressions):
             name = target.id
             place = self._declaration(name, once=True) if name in fresh else self.local(name)
         else:
-            to = self.place(target)
+            to = self.value(target)
             kind, place = to.kind, to.text
             if not isinstance(kind, Scalar):
                 raise self.source.refused(target, "records and lists are changed entry by entry")
@@ -136,7 +136,7 @@ class Statements(Expressions):
     def _declare(self, target: ast.Name, node: ast.expr, value: Value) -> Kind:
         """Note that a name has a value from here on; the kind that it has everywhere."""
         function, name = self.function, target.id
-        if value.kind is None or isinstance(value.kind, TupleKind):
+        if value.kind is None or isinstance(value.kind, tuple):
             raise self.source.refused(node, "is no single value")
         if name in function.params and not isinstance(value.kind, Scalar):
             raise self.source.refused(target, "an argument that is assigned anew")
@@ -226,14 +226,14 @@ class Statements(Expressions):
             items = node.value.elts
             values, _ = self.numbers(items)
             kinds = tuple(value.kind for value in values if isinstance(value.kind, Scalar))
-            function.returns = function.returns or TupleKind(kinds)
-            assert isinstance(function.returns, TupleKind)
-            parts = zip(items, values, function.returns.items, strict=True)
+            function.returns = function.returns or kinds
+            assert isinstance(function.returns, tuple)
+            parts = zip(items, values, function.returns, strict=True)
             texts = ", ".join(self.fit(item, value, kind).text for item, value, kind in parts)
             self._emit(f"return ({function.result}){{{texts}}};")
         else:
             value = self.whole(node.value)
-            if isinstance(value.kind, TupleKind):
+            if isinstance(value.kind, tuple):
                 raise self.source.refused(node.value, "several numbers of another function; name them first")
             if not isinstance(value.kind, Scalar):
                 raise self.source.refused(node, "records and lists are not returned")
@@ -248,13 +248,13 @@ def result_name(number: int) -> str:
 
 def result_struct(function: Function) -> list[str]:
     """Structure of several numbers that a function returns; nothing of another function."""
-    if not isinstance(function.returns, TupleKind):
+    if not isinstance(function.returns, tuple):
         return []
-    fields = enumerate(function.returns.items)
+    fields = enumerate(function.returns)
     return [
         *comment(f"What {function.name} returns, in its order."),
         "typedef struct {",
-        *(f"    {kind.name} {result_name(number)};" for number, kind in fields),
+        *(f"    {kind} {result_name(number)};" for number, kind in fields),
         f"}} {function.result};",
         "",
     ]
@@ -289,8 +289,6 @@ def _in_one_block(node: ast.stmt) -> set[str]:
 
 def _assigned_by(node: ast.stmt) -> set[str]:
     """Names that an assignment may declare."""
-    if not isinstance(node, ast.Assign):
-        return set()
-    target = node.targets[0]
-    items = target.elts if isinstance(target, ast.Tuple) else [target]
-    return {item.id for item in items if isinstance(item, ast.Name)}
+    targets = node.targets if isinstance(node, ast.Assign) else []
+    inside = (item for target in targets for item in ast.walk(target))
+    return {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}

@@ -1,12 +1,13 @@
 """The proof that what is printed is what walks in the simulation: on this machine, and on a Cortex-M4F."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.lib.recfunctions import assign_fields_by_name, require_fields, structured_to_unstructured
@@ -49,33 +50,11 @@ def events_of(outputs: np.ndarray) -> Events:
     return found
 
 
-def largest_shift(first: Events, second: Events) -> int | None:
-    """Ticks between events that belong together; None if others come, or in another order."""
+def largest_shift(first: Events, second: Events) -> float:
+    """Ticks between events that belong together; infinite if others come, or in another order."""
     if [event for _, event in first] != [event for _, event in second]:
-        return None
+        return math.inf
     return max((abs(ours - theirs) for (ours, _), (theirs, _) in zip(first, second, strict=True)), default=0)
-
-
-class Check(NamedTuple):
-    """A part of the proof."""
-
-    name: str  # what is compared
-    passed: bool | None  # None if a tool is missing
-    text: str  # what was found, in a line
-    figures: dict[str, Any]  # what was found, in numbers
-
-
-@dataclass(frozen=True)
-class Verification:
-    """What was found."""
-
-    source_hash: str  # of the C
-    checks: tuple[Check, ...]  # parts of the proof
-
-    @property
-    def passed(self) -> bool:
-        """Whether no check has failed."""
-        return all(check.passed is not False for check in self.checks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,27 +101,32 @@ class Bench:
 
 def verify(
     experiment: Experiment, progress: Progress | None = None, on_compile: Callable[[], None] | None = None
-) -> Verification:
+) -> dict[str, Any]:
     """Print an experiment's controller, build it, and compare it with the simulation.
 
     Its walk is run, and a shorter one with a fault of each kind. A controller that runs away is a fault of
     the controller itself, which no C has.
 
     ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all of
-    each of the runs. ``on_compile``: called if an engine has to be compiled first. Raises FirmwareError: it
-    uses something that the firmware does not have, or a compiler refuses the C.
+    each of the runs. ``on_compile``: called if an engine has to be compiled first. Returns what
+    ``verification.json`` keeps: the hash of the source, whether nothing is wrong, and of each check its name,
+    whether it has passed (None if a tool is missing) and what was found. Raises FirmwareError: it uses
+    something that the firmware does not have, or a compiler refuses the C.
     """
     project = print_project(experiment)
     vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
+    checks = list[dict[str, Any]]()
     with TemporaryDirectory() as folder:
         bench = Bench(project, vectors, project.write_linked(Path(folder)))
-        checks = []
         for name, check in CHECKS.items():
+            passed: bool | None = None
             try:
-                checks.append(Check(name, *check(bench)))
+                passed, found = check(bench)
             except MissingToolError as error:
-                checks.append(Check(name, None, str(error), {}))
-    return Verification(project.program.source_hash, tuple(checks))
+                found = {"missing": str(error)}
+            checks.append({"name": name, "passed": passed, "found": found})
+    passed = all(item["passed"] is not False for item in checks)
+    return {"source_sha256": project.program.source_hash, "passed": passed, "checks": checks}
 
 
 def cases_of(experiment: Experiment) -> Iterator[Experiment]:
@@ -160,14 +144,13 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
         yield replace(experiment, duration=length, faults=(fault,))
 
 
-Found: TypeAlias = tuple[bool, str, dict[str, Any]]  # whether it passes, in a line, and in numbers
+Found: TypeAlias = tuple[bool, dict[str, Any]]  # whether it passes, and the numbers
 
 
 def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Found:
     count = sum(structured_to_unstructured(rows).size for rows in first)
     wrong = sum(map(differing, first, second))
-    text = f"{wrong} of {count} numbers differ in {len(first)} runs"
-    return wrong == 0, text, {"numbers": count, "differing": wrong, "runs": len(first)}
+    return wrong == 0, {"numbers": count, "differing": wrong, "runs": len(first)}
 
 
 def host_in_double(bench: Bench) -> Found:
@@ -177,37 +160,30 @@ def host_in_double(bench: Bench) -> Found:
 
 def host_in_float(bench: Bench) -> Found:
     """In float it decides in the same ticks, and asks for the same currents."""
-    pairs = list(zip(bench.expected, bench.single, strict=True))
-    shifts = [largest_shift(events_of(ours), events_of(theirs)) for ours, theirs in pairs]
-    shift = None if None in shifts else max(item for item in shifts if item is not None)
-    currents = ([rows["commands"]["target_current"].astype(float) for rows in pair] for pair in pairs)
-    errors = np.max([np.sqrt(np.mean((ours - theirs) ** 2, axis=0)) for ours, theirs in currents], axis=0)
-    named = dict(zip(bench.project.joints, errors.tolist(), strict=True))
-    worst = max(named, key=lambda joint: named[joint])
-    passed = shift is not None and shift <= MOST_SHIFT and named[worst] <= MOST_CURRENT_ERROR
-    text = f"RMSE of a current {named[worst]:.1e} A ({worst}; limit {MOST_CURRENT_ERROR:g} A)"
-    return passed, f"{_moved(shift)}; {text}", {"largest_shift_ticks": shift, "current_rmse_A": named}
+    shift, errors = 0.0, list[np.ndarray]()
+    for ours, theirs in zip(bench.expected, bench.single, strict=True):
+        shift = max(shift, largest_shift(events_of(ours), events_of(theirs)))
+        apart = ours["commands"]["target_current"] - theirs["commands"]["target_current"]
+        errors.append(np.sqrt(np.mean(apart**2, axis=0)))
+    currents = dict(zip(bench.project.joints, np.max(errors, axis=0).tolist(), strict=True))
+    passed = shift <= MOST_SHIFT and max(currents.values()) <= MOST_CURRENT_ERROR
+    return passed, {"largest_shift_ticks": shift, "current_rmse_A": currents}
 
 
 def target_in_float(bench: Bench) -> Found:
     """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
-    passed, same, figures = _same_bits(bench.single, bench.outputs(bench.target))
-    counts, sizes_of = bench.target.instructions, {}
+    passed, found = _same_bits(bench.single, bench.outputs(bench.target))
+    counts, weights = bench.target.instructions, {}
     for name in (JOINT_BOARD, GAIT_CONTROLLER):
         flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.unit.folder))
-        sizes_of[name] = {"flash": flash, "ram": variables + bench.project.record_bytes[name]}
-    figures |= {
+        weights[name] = {"flash": flash, "ram": variables + bench.project.record_bytes[name]}
+    return passed, {
+        **found,
         "instructions_mean": float(counts.mean()),
         "instructions_worst": int(counts.max()),
         "stack_bytes": bench.target.stack_bytes,
-        "bytes": sizes_of,
+        "bytes": weights,
     }
-    units = (f"{name} {item['flash']} and {item['ram']}" for name, item in sizes_of.items())
-    text = (
-        f"{same}; {counts.mean():.0f} instructions a tick for all joints, {counts.max()} in the worst; "
-        f"bytes of flash and RAM: {', '.join(units)}; {figures['stack_bytes']} bytes of stack"
-    )
-    return passed, text, figures
 
 
 def in_the_loop(bench: Bench) -> Found:
@@ -217,13 +193,15 @@ def in_the_loop(bench: Bench) -> Found:
         walk = walk_with(target, bench.project, before.experiment)
     runs = before, walk
     switches = [[(item.tick, (item.side, item.source, item.target)) for item in run.switches] for run in runs]
-    shift = largest_shift(*switches)
-    words = [str(run.verdict.outcome or run.status) for run in runs]
+    outcomes = [str(run.verdict.outcome or run.status) for run in runs]
     strides = [[len(leg.strides_by_phase(skip=0)) for leg in run.leg_records()] for run in runs]
-    text = f"{words[1]}, without it {words[0]}; {_moved(shift)}; {walk.duration:g} s in {walk.wall_s:.1f} s"
-    figures: dict[str, Any] = {"outcome": words[1], "outcome_before": words[0], "strides": strides[1]}
-    figures |= {"largest_shift_ticks": shift, "wall_s": walk.wall_s}
-    return words[0] == words[1] and strides[0] == strides[1], text, figures
+    return outcomes[0] == outcomes[1] and strides[0] == strides[1], {
+        "outcome": outcomes[1],
+        "outcome_before": outcomes[0],
+        "strides": strides[1],
+        "largest_shift_ticks": largest_shift(*switches),
+        "wall_s": walk.wall_s,
+    }
 
 
 def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False) -> Run:
@@ -273,12 +251,6 @@ def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
             leg["phase"], leg["entry_tick"] = phase, tick
     if decision["trip_cause"] != NO_TRIP:
         trip["tick"], trip["cause"], trip["part"] = tick, decision["trip_cause"], decision["trip_part"]
-
-
-def _moved(shift: int | None) -> str:
-    if shift is None:
-        return "switches come in another order"
-    return f"switches up to {shift} ticks apart" if shift else "every switch in the same tick"
 
 
 CHECKS: dict[str, Callable[[Bench], Found]] = {

@@ -5,8 +5,9 @@ machine, tick by tick in the order of the engines: measure, then advance both le
 that lacks a signal which a guard reads is refused.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -47,34 +48,27 @@ class Replay:
     assumed: Mapping[str, float]
 
 
-def replay(
-    recording: Recording,
-    table: GaitTable,
-    *,
-    body_weight: float | None = None,
-    start_phases: Mapping[Side, str] | None = None,
-    postures: Mapping[int, str] | None = None,
-    fast_time_constant: float = SensorParameters.fast_time_constant,
-) -> Replay:
+def replay(recording: Recording, table: GaitTable) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
-    ``body_weight`` of wearer and device in [N], only for guards on the load of the foot; ``start_phases``:
-    phase of the table of each leg at tick 0, by default the recorded one, or else the first; ``postures``:
-    phases into which operating modes sent both legs, by tick; ``fast_time_constant`` of the fast velocity
-    estimate in [s], by default the firmware's. Raises GaitTableError if the guards need a signal that was not
-    recorded.
+    A leg begins in its phase of the recording if the table has that, or else in the first one of the table.
+    Raises GaitTableError if the guards need a signal that was not recorded.
     """
-    own = {side: _own(recording, table, side, body_weight, fast_time_constant) for side in recording.sides}
-    heard = {side: _heard(recording, own, side) for side in recording.sides}
-    assumed = _assumed(recording, table, heard)
-    program, total, sides = compile_guards(table), recording.n_ticks, recording.sides
-    starts = {**{side: _start(recording, table, side) for side in sides}, **(start_phases or {})}
-    machines = [GaitStateMachine(table, side, initial_phase=starts[side], program=program) for side in sides]
-    read = [_columns(table, heard[side], total) for side in sides]
+    total, sides, program = recording.n_ticks, recording.sides, compile_guards(table)
+    own = {side: _own(recording, table, side) for side in sides}
+    known = {side: _known(recording, own, side) for side in sides}
+    assumed = _assumed(recording, table, known)
+    starts = {side: str(phases[0]) for side, phases in recording.phases.items()} | {**recording.starts}
+    first = {side: phase for side, phase in starts.items() if phase in table.phases}
+    machines = [
+        GaitStateMachine(table, side, initial_phase=first.get(side, table.phase_names[0]), program=program)
+        for side in sides
+    ]
+    read = [_columns(table, known[side], total) for side in sides]
     time, other_time = table.signals.index(signals.TIME), table.signals.index(signals.OTHER_TIME)
     phase, switches = np.zeros((total, len(machines)), dtype=int), list[PhaseSwitch]()
     for tick in range(total):
-        posture = (postures or {}).get(tick)
+        posture = recording.postures.get(tick)
         for machine in machines:
             if posture is not None and machine.phase != posture:
                 switches.append(PhaseSwitch(tick, machine.side, machine.phase, posture, POSTURE, -1))
@@ -94,29 +88,29 @@ def replay(
     return Replay(table, recording, velocities, phases, tuple(switches), assumed)
 
 
-def _own(
-    recording: Recording, table: GaitTable, side: Side, body_weight: float | None, time_constant: float
-) -> Signals:
+def _own(recording: Recording, table: GaitTable, side: Side) -> Signals:
     """Recorded signals of a leg: angles as its boards have them, fast estimates of velocities, the load."""
     sensors, found = SensorParameters(), Signals()
-    gain = first_order_gain(TICK, time_constant)
+    gain = first_order_gain(TICK, recording.fast_time_constant)
     for joint in (joint for joint in table.joints if (side, joint) in recording.angles):
         encoder, measured = new_encoder(0.0, 0.0, sensors.window), np.zeros((2, recording.n_ticks))
         for tick, value in enumerate(recording.angles[side, joint].tolist()):
             measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
         found[signals.ANGLE.of(joint)], found[signals.VELOCITY.of(joint)] = measured
-    if body_weight and side in recording.loads:
-        found[signals.LOAD.name] = recording.loads[side] / body_weight
+    if recording.body_weight is not None and side in recording.loads:
+        found[signals.LOAD.name] = recording.loads[side] / recording.body_weight
     return found
 
 
-def _heard(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
-    """What is known to the guards of a leg, but for times in a phase."""
+def _known(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
+    """What the guards of a leg can read; 0 of what is counted tick by tick."""
+    counted = [signals.TIME] if len(own) == 1 else [signals.TIME, signals.OTHER_TIME, OTHER_PHASE]
     others = {
         signals.OTHER + name: item for other in own if other is not side for name, item in own[other].items()
     }
-    return {**recording.device, **own[side], **others}
+    still = np.zeros(recording.n_ticks)
+    return {**dict.fromkeys(counted, still), **recording.device, **own[side], **others}
 
 
 def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
@@ -125,32 +119,21 @@ def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
     return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
-def _start(recording: Recording, table: GaitTable, side: Side) -> str:
-    recorded = str(recording.phases[side][0]) if side in recording.phases else ""
-    return recorded if recorded in table.phases else table.phase_names[0]
-
-
-def _read_by_guards(table: GaitTable) -> Iterator[tuple[str, str]]:
-    """Signals that the guards of a table read, each with a transition that does."""
-    for item in table.transitions:
-        for atom in atoms(item.guard):
-            names = (OTHER_PHASE,) if isinstance(atom, PhaseMembership) else atom.names
-            yield from ((name, f"{item.source} → {item.target} ({item.cause})") for name in names)
-
-
-def _assumed(recording: Recording, table: GaitTable, heard: Mapping[Side, Signals]) -> dict[str, float]:
+def _assumed(recording: Recording, table: GaitTable, known: Mapping[Side, Signals]) -> dict[str, float]:
     """What was told and is in no log, and what it is taken for; refuses a walk that lacks anything else."""
-    counted = {signals.TIME} if len(heard) == 1 else {signals.TIME, signals.OTHER_TIME, OTHER_PHASE}
     assumed = {}
-    for name, reader in _read_by_guards(table):
-        for side in (side for side, known in heard.items() if name not in counted and name not in known):
-            if name == OTHER_PHASE or name not in signals.DEVICE_NAMES or signals.signal_of(name).column:
-                raise GaitTableError(
-                    f"{recording.source}: the table {table.name} reads {name} in {reader}, not known of the "
-                    f"{side} leg: name its column with --columns (of {signals.LOAD.name} add --total-mass "
-                    f"KG; of {signals.OTHER}… name those of both legs), or take another table"
-                )
-            assumed[name] = signals.signal_of(name).first / signals.signal_of(name).unit.factor
+    for item, side in product(table.transitions, known):
+        for atom in atoms(item.guard):
+            read = (OTHER_PHASE,) if isinstance(atom, PhaseMembership) else atom.names
+            for name in (name for name in read if name not in known[side]):
+                if name == OTHER_PHASE or name not in signals.DEVICE_NAMES or signals.signal_of(name).column:
+                    raise GaitTableError(
+                        f"{recording.source}: the table {table.name} reads {name} in {item.source} → "
+                        f"{item.target} ({item.cause}), not known of the {side} leg: name its column with "
+                        f"--columns (of {signals.LOAD.name} add --total-mass KG; of {signals.OTHER}… name "
+                        "those of both legs), or take another table"
+                    )
+                assumed[name] = signals.signal_of(name).first / signals.signal_of(name).unit.factor
     return assumed
 
 
@@ -175,23 +158,19 @@ def replay_log(
         if value is not None:
             POSITIVE.require(name, value)
     recording, experiment = _open(log, log_format or LogFormat())
-    chosen = _table(table, speed, experiment)
-    weight, starts = None if mass is None else mass * PlantParameters().gravity, dict[Side, str]()
-    postures, time_constant = dict[int, str](), SensorParameters().fast_time_constant
+    height = None
+    if experiment is None or table is not None:
+        chosen = load_gait_table(table or DEFAULT_TABLE)
+    else:
+        chosen = experiment.table
     if experiment is not None:
-        world, time_constant = experiment.build_world(), experiment.sensors.fast_time_constant
-        told, postures = _told(experiment, chosen, recording)
-        recording = replace(recording, device={**recording.device, **told})
-        starts = {side: str(phase) for side, phase in world.initial_phases.items() if phase in chosen.phases}
-        weight = weight or world.body_weight
-    return replay(
-        recording,
-        chosen,
-        body_weight=weight,
-        start_phases=starts,
-        postures=postures,
-        fast_time_constant=time_constant,
-    )
+        recording = _of_run(recording, experiment, chosen)
+        walking, patient = experiment.scenario.walking, experiment.known_patient
+        if walking is not None:
+            speed, height = speed or walking.speed, None if patient is None else patient.height
+    if mass is not None:
+        recording = replace(recording, body_weight=mass * PlantParameters().gravity)
+    return replay(recording, scale_table(chosen, carried_mass=None, speed=speed, height=height))
 
 
 def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None]:
@@ -203,45 +182,35 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
         return normative_walk(log), None
     if not path.is_dir():
         return read_recording(path, log_format), None
-    recording = read_recording(path / LOG_FILE, log_format)
+    recording = replace(read_recording(path / LOG_FILE, log_format), source=log)
+    return recording, load_experiment(path / EXPERIMENT_FILE).experiment
+
+
+def _of_run(recording: Recording, experiment: Experiment, table: GaitTable) -> Recording:
+    """A recording with what is known of a run: where its legs began, and what they were told."""
+    world, modes, walking = experiment.build_world(), experiment.modes, experiment.scenario.walking
     # What a run does not log of the device stayed as at first: nothing in it moved the signal.
-    still = {signal.name: np.full(recording.n_ticks, signal.first) for signal in signals.DEVICE_SIGNALS}
-    experiment = load_experiment(path / EXPERIMENT_FILE).experiment
-    return replace(recording, source=str(path), device={**still, **recording.device}), experiment
-
-
-def _told(
-    experiment: Experiment, table: GaitTable, recording: Recording
-) -> tuple[dict[str, np.ndarray], dict[int, str]]:
-    """What the legs of a run were told, by signal, and the phases that modes sent both into, by tick."""
-    modes, walking = experiment.modes, experiment.scenario.walking
+    device = {item.name: np.full(recording.n_ticks, item.first) for item in signals.DEVICE_SIGNALS}
+    device, postures = device | {**recording.device}, dict[int, str]()
     if modes is not None:
         replace(experiment, table=table)  # refuses a table that does not offer their postures
-        log = pd.read_parquet(Path(recording.source) / LOG_FILE, columns=["mode"])[: recording.n_ticks]
+        log = pd.read_parquet(Path(recording.source).expanduser() / LOG_FILE, columns=["mode"])
+        codes, told = log["mode"].to_numpy(int)[: recording.n_ticks], list(modes.phases.values())
         first = modes.phase_index(experiment.initial_mode or modes.phase_names[0])
-        codes, known = log["mode"].to_numpy(int), list(modes.phases.values())
-        entries = np.flatnonzero(np.diff(codes, prepend=first))
-        sent = {tick: known[codes[tick]].posture for tick in entries.tolist()}
-        told = {
-            signals.WALK.name: [mode.walk for mode in known],
-            signals.STEP.name: [mode.step for mode in known],
-        }
-        commands = {name: np.array(values, dtype=float)[codes] for name, values in told.items()}
-        return commands, {tick: posture for tick, posture in sent.items() if posture is not None}
-    if walking is None or walking.belt.ramp == 0.0:
-        return {}, {}
-    start, stop = walking.belt.start, walking.belt.stop
-    return {signals.WALK.name: np.array([walk_command(time, start, stop) for time in recording.time])}, {}
-
-
-def _table(name: str | None, speed: float | None, experiment: Experiment | None) -> GaitTable:
-    """The table asked for, else that of the run, scaled as guards need it: to the speed and the wearer."""
-    if name is not None or experiment is None:
-        table = load_gait_table(name or DEFAULT_TABLE)
-    else:
-        table = experiment.table
-    height = None
-    if experiment is not None and experiment.scenario.walking is not None:
-        speed, known = speed or experiment.scenario.walking.speed, experiment.known_patient
-        height = None if known is None else known.height
-    return scale_table(table, carried_mass=None, speed=speed, height=height)
+        for tick in np.flatnonzero(np.diff(codes, prepend=first)).tolist():
+            posture = told[codes[tick]].posture
+            if posture is not None:
+                postures[tick] = posture
+        device[signals.WALK.name] = np.array([mode.walk for mode in told], dtype=float)[codes]
+        device[signals.STEP.name] = np.array([mode.step for mode in told], dtype=float)[codes]
+    elif walking is not None and walking.belt.ramp > 0.0:
+        start, stop = walking.belt.start, walking.belt.stop
+        device[signals.WALK.name] = np.array([walk_command(time, start, stop) for time in recording.time])
+    return replace(
+        recording,
+        device=device,
+        body_weight=world.body_weight,
+        starts={side: str(phase) for side, phase in world.initial_phases.items()},
+        postures=postures,
+        fast_time_constant=experiment.sensors.fast_time_constant,
+    )

@@ -18,7 +18,7 @@ from twin_gait.experiment import LONGEST_RUN
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK
 from twin_gait.measures import reference
-from twin_gait.parameters import Patient, require
+from twin_gait.parameters import Patient, SensorParameters, require
 from twin_gait.runs.log_files import LogTable, number_of, read_table
 from twin_gait.vocabulary import JointName, Side
 
@@ -42,6 +42,12 @@ class Recording:
     phases: Mapping[Side, np.ndarray]  # recorded phase by name, where there is one, shape ``(n,)``
     # signals of the device by name in SI, where they were recorded, shape ``(n,)``
     device: Mapping[str, np.ndarray] = field(default_factory=dict)
+    body_weight: float | None = None  # of wearer and device in [N], for guards on the load of the foot
+    # phase in which a leg begins, where it is not the recorded one of tick 0
+    starts: Mapping[Side, str] = field(default_factory=dict)
+    # phases into which operating modes sent both legs, by tick
+    postures: Mapping[int, str] = field(default_factory=dict)
+    fast_time_constant: float = SensorParameters.fast_time_constant  # of the velocity estimate in [s]
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -117,14 +123,16 @@ def _mistakes(time: np.ndarray, angles: Mapping[tuple[Side, str], np.ndarray]) -
 TIME = "time"
 _UNIT_ENDINGS = {"_rad": RADIANS, "_deg": DEGREES, "[rad]": RADIANS, "[deg]": DEGREES, "(deg)": DEGREES}
 _ANGLES = {f"{side}_{joint}_angle": (side, joint) for side, joint in product(Side, JointName)}
+_LOADS = {side: f"{side}_foot_normal_force" for side in Side}
+_PHASES = {side: f"{side}_phase" for side in Side}
 _OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
 # By quantity what its column is usually called. The controller saw the measured angle; a log of another
 # device may have degrees.
 _USUAL: Mapping[str, tuple[str, ...]] = {
     TIME: ("time_s", "time", "Time", "t"),
     **{name: (f"{name[:-5]}measured_angle_rad", f"{name}_rad", f"{name}_deg") for name in _ANGLES},
-    **{f"{side}_foot_normal_force": (f"{side}_foot_normal_force_N",) for side in Side},
-    **{f"{side}_phase": (f"{side}_phase",) for side in Side},
+    **{name: (f"{name}_N",) for name in _LOADS.values()},
+    **{name: (name,) for name in _PHASES.values()},
     **{name: (signal.column,) for name, signal in _OF_DEVICE.items()},
 }
 
@@ -170,18 +178,21 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     found = _columns_of(table, log_format, convention)
 
     def radians(column: str) -> np.ndarray:
-        numbers = table.numbers(column)
-        return np.radians(numbers) if _unit_of(column, table, log_format, convention) == DEGREES else numbers
+        # The unit that the name of a column says, else the file, the user, the convention.
+        stated = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
+        unit = next(stated, table.unit) or log_format.units or convention.unit
+        if unit is None:
+            problem = "does not say its unit: add --units deg or --units rad"
+            raise ParameterFileError(table.source, column, problem)
+        return np.radians(table.numbers(column)) if unit == DEGREES else table.numbers(column)
 
-    def of_legs(kind: str, read: Callable[[str], np.ndarray]) -> dict[Side, np.ndarray]:
-        named = {side: f"{side}_{kind}" for side, _ in angles}
-        return {side: read(found[name]) for side, name in named.items() if name in found}
-
-    angles = dict[tuple[Side, str], np.ndarray]()
-    for name, (side, joint) in _ANGLES.items():
-        if name in found:
-            angles[side, joint] = convention.turned(joint, radians(found[name]))
-    loads, phases = of_legs("foot_normal_force", table.numbers), of_legs("phase", table.words)
+    angles: dict[tuple[Side, str], np.ndarray] = {
+        (side, joint): convention.turned(joint, radians(found[name]))
+        for name, (side, joint) in _ANGLES.items()
+        if name in found
+    }
+    loads = {side: table.numbers(found[name]) for side, name in _LOADS.items() if name in found}
+    phases = {side: table.words(found[name]) for side, name in _PHASES.items() if name in found}
     device = {
         signal.name: (radians if signal.column.endswith("_rad") else table.numbers)(found[name])
         for name, signal in _OF_DEVICE.items()
@@ -206,21 +217,6 @@ def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) 
         text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}"
         raise ParameterFileError(table.source, "", text)
     return found
-
-
-def _unit_of(column: str, table: LogTable, log_format: LogFormat, convention: Convention) -> str:
-    """Unit of angles: the one that the name of their column says, else the file, the user, the convention."""
-    asked = log_format.units
-    endings = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
-    stated = next(endings, table.unit)
-    if stated is not None and asked not in (None, stated):
-        text = f"is in {stated} by name or header; leave --units {asked} out"
-        raise ParameterFileError(table.source, column, text)
-    unit = stated or asked or convention.unit
-    if unit is None:
-        text = "does not say its unit: add --units deg or --units rad"
-        raise ParameterFileError(table.source, column, text)
-    return unit
 
 
 KOOPMAN, WINTER = "koopman", "winter"

@@ -119,20 +119,16 @@ def replay_figure(result: Replay) -> Figure:
     recording, joints = result.recording, joints_of(result)
     time, names = recording.time[-SHOWN_TICKS:], list(result.table.phase_names)
     names += sorted({str(name) for phases in recording.phases.values() for name in phases} - set(names))
-    heights = [JOINT_HEIGHT] * len(joints) + [2.0 * ROW_HEIGHT]
+    heights = [JOINT_HEIGHT] * len(joints) + [ROW_HEIGHT] * bool(recording.phases)
     figure = Figure(figsize=(WIDTH, sum(heights) + 2.0), layout="constrained")
     figure.suptitle(f"{Path(recording.source).name} through the gait table {result.table.name}")
     shape = len(heights), len(recording.sides)
     panels = figure.subplots(*shape, sharex=True, sharey="row", squeeze=False, height_ratios=heights)
     lines = list[Artist]()
     for column, side in zip(panels.T, recording.sides, strict=True):
-        rows = [("replayed", result.phases[side][-SHOWN_TICKS:])]
-        if side in recording.phases:
-            recorded = recording.phases[side][-SHOWN_TICKS:].tolist()
-            rows.append(("recorded", np.array([names.index(name) for name in recorded])))
         for axes, joint in zip(column, joints, strict=False):
             canvas.style_panel(axes, "", canvas.flexion(joint))
-            canvas.shade_phases(axes, time, rows[0][1], names)
+            canvas.shade_phases(axes, time, result.phases[side][-SHOWN_TICKS:], names)
             angle = np.degrees(recording.angles[side, joint][-SHOWN_TICKS:])
             lines += axes.plot(time, angle, color=JOINT_COLOURS[JointName(joint)], label=f"{joint} angle")
         causes = {"transform": column[0].get_xaxis_transform(), "rotation": 90, "size": "x-small"}
@@ -140,7 +136,10 @@ def replay_figure(result: Replay) -> Figure:
             place = recording.start + switch.time
             if switch.side is side and place >= time[0]:
                 column[0].text(place, 1.03, canvas.readable(switch.cause), ha="center", **causes)
-        canvas.draw_phase_bars(column[-1], time, rows, names, height=0.8, linewidth=0)
+        if side in recording.phases:
+            recorded = [names.index(name) for name in recording.phases[side][-SHOWN_TICKS:]]
+            canvas.shade_phases(column[-1], time, np.array(recorded), names)
+            column[-1].set_yticks([0.5], ["recorded"])
         column[-1].set_xlabel(f"{side} leg, time [s]")
     canvas.put_legend(figure, lines, canvas.phase_handles(names, np.arange(len(names))))
     return figure

@@ -303,18 +303,3 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
     shown = {**styles, "healthy, same speed": healthy}
     put_legend(figure, [Line2D([], [], label=name, **style) for name, style in shown.items()])
     return figure
-
-
-def draw_phase_bars(
-    axes: Axes, time: np.ndarray, rows: Sequence[tuple[str, np.ndarray]], names: Sequence[str], **style: Any
-) -> None:
-    """Draw phases as bars over time, one row below the other.
-
-    ``time`` of each sample in [s], shape ``(n,)``; ``rows``: label and index of the phase at each sample,
-    shape ``(n,)``.
-    """
-    for place, (_, phases) in enumerate(rows):
-        for spell in phase_spells(phases):
-            left, right = time[spell.start], time[min(spell.end, len(time) - 1)]
-            axes.barh(-place, right - left, left=left, color=colour_of(spell.phase, names), **style)
-    axes.set_yticks([-place for place in range(len(rows))], [label for label, _ in rows])

@@ -63,12 +63,8 @@ class TransitionTest:
     @property
     def undecided(self) -> str | None:
         """Why there is nothing to drive, or None for a test that runs."""
-        if self.scenario.steps:
-            return None
-        return (
-            "no measurements make this decide: it is implied by other conditions, the exit is shadowed, or "
-            "the guards leave too many choices to try"
-        )
+        why = "implied by other conditions, shadowed by another exit, or too many choices to try"
+        return None if self.scenario.steps else f"no measurements make this decide: {why}"
 
     def run(self) -> None:
         """Drive the machine, unless :attr:`undecided`; AssertionError if it does not as the table says."""
@@ -86,20 +82,14 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
     of the next phase, bad measurements refused. What is expected is worked out from the table alone.
 
     ``table``: of gait or of modes. ``machine``: builds the machine under test in a phase that it has entered
-    at tick 0; the package's own machine for this table if None. Returns the tests, each with a name of its
-    own, in the order of the table.
+    at tick 0; the package's own machine for this table if None. Returns the tests in the order of the table.
     """
     factory = machine_of(table) if machine is None else machine
-    tests: dict[str, TransitionTest] = {}
-    for index, item in enumerate(table.transitions):
-        for scenario in scenarios(Exit(table, index)):
-            plain = name = f"{item.source}→{item.target} ({item.cause})::{scenario.what}"
-            number = 1
-            while name in tests:
-                number += 1
-                name = f"{plain} [{number}]"
-            tests[name] = TransitionTest(name, table, factory, scenario)
-    return list(tests.values())
+    return [
+        TransitionTest(f"{item.source}→{item.target} ({item.cause})::{shown.what}", table, factory, shown)
+        for index, item in enumerate(table.transitions)
+        for shown in scenarios(Exit(table, index))
+    ]
 
 
 def _told(table: StateTable, vector: Vector) -> dict[str, float]:
@@ -115,25 +105,14 @@ def _play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> Non
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
         if id(vector) not in told:
             told[id(vector)] = _told(table, vector)
-        switch, source, wanted = machine.step(tick, told[id(vector)], vector.other_phase), phase, None
+        switch, source, expected = machine.step(tick, told[id(vector)], vector.other_phase), phase, None
         if index is not None:
             item = table.transitions[index]
-            wanted, phase = (tick, phase, item.target, item.cause), item.target
+            expected, phase = (tick, phase, item.target, item.cause), item.target
         got = None if switch is None else (switch.tick, switch.source, switch.target, switch.cause)
-        assert got == wanted and machine.phase == phase, (
-            f"tick {tick} in {source}: expected that the leg {_words(wanted)}, the machine {_words(got)}"
-            f"; measured {_measured(vector)}"
-        )
-
-
-def _words(switch: tuple[int, str, str, str] | None) -> str:
-    return "stays" if switch is None else f"goes to {switch[2]} ({switch[3]})"
-
-
-def _measured(vector: Vector) -> str:
-    values = [f"{name} = {value:.12g}" for name, value in vector.signals.items()]
-    other = "no other leg" if vector.other_phase is None else f"other leg in {vector.other_phase}"
-    return ", ".join([*values, other])
+        where = f"tick {tick} in {source}"
+        assert got == expected, f"{where}: expected the switch {expected}, got {got}; measured {vector}"
+        assert machine.phase == phase, f"{where}: expected {phase}, got {machine.phase}; measured {vector}"
 
 
 def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:

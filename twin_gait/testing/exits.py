@@ -16,7 +16,7 @@ from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition
 from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, outcomes
 
-LONGEST_RUN = 20_000  # ticks; a longer debounce or time-out is not driven through tick by tick
+LONGEST_RUN = 20_000  # ticks; a longer time-out is not driven through tick by tick
 
 
 class Scenario(NamedTuple):

@@ -42,9 +42,8 @@ def _of_its_phase(leave: Exit) -> Iterator[Scenario]:
         time = leave.item.time_out_ticks or 0
         yield leave.scenario(f"time-out: fires after {time * TICK:g} s, not a tick before", _quiet(leave))
     else:
-        if leave.debounce <= LONGEST_RUN:
-            for entry in decisive(leave.item.guard):
-                yield from edges(leave, entry)
+        for entry in decisive(leave.item.guard):
+            yield from edges(leave, entry)
         yield from _debounce(leave)
         yield from _waiting(leave)
     for second in leave.siblings:
@@ -172,7 +171,7 @@ def _far(leave: Exit, what: str, entry: Decisive, more: Requirement, opens: bool
 def _debounce(leave: Exit) -> Iterator[Scenario]:
     """The guard has to be open on consecutive ticks; one closed tick starts the count anew."""
     ticks = leave.debounce
-    if ticks == 1 or 2 * ticks > LONGEST_RUN:
+    if ticks == 1:
         return
     steps = leave.comfortable([leave.opens], Exit.fires)
     yield leave.scenario(f"debounce: holds for {ticks - 1} ticks, fires on tick {ticks}", steps)
@@ -194,7 +193,7 @@ def _waiting(leave: Exit) -> Iterator[Scenario]:
 def _waits(leave: Exit, until: int) -> Steps:
     """Steps with an open guard whose debounce is over before a tick, up to that tick."""
     start = max(1, until - leave.debounce - 1)
-    if start + leave.debounce - 1 >= until or until >= leave.latest or leave.debounce > LONGEST_RUN:
+    if start + leave.debounce - 1 >= until or until >= leave.latest:
         return ()
     return leave.search(start, [([leave.opens], until - start + 1)], Exit.fires)
 
@@ -229,8 +228,6 @@ def _priority(first: Exit, second: Exit) -> Iterator[Scenario]:
 def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretch]]]:
     """Ticks from which on, and stretches in which, both exits may come to be due at once."""
     slow, fast = (first, second) if first.debounce >= second.debounce else (second, first)
-    if slow.debounce > LONGEST_RUN:
-        return
     both, due = [first.opens, second.opens], max(first.gate, second.gate)
     waits = [item for item in (first, second) if item.item.is_time_out]
     if waits:
@@ -268,7 +265,7 @@ def _from_entry(leave: Exit) -> Iterator[Steps]:
         yield _quiet(leave)[-leave.debounce - 1 :]
         return
     for requirements in [[leave.opens], *([*beside, Requirement(atom)] for atom, beside in leave.timed)]:
-        inside = leave.comfortable(requirements, Exit.fires) if leave.debounce <= LONGEST_RUN else ()
+        inside = leave.comfortable(requirements, Exit.fires)
         if inside and 1 < inside[-1].tick <= LONGEST_RUN:
             steps = constant(inside[0].vector, range(1, inside[-1].tick + 1))
             taken = leave.outcomes(steps)
@@ -279,7 +276,7 @@ def _from_entry(leave: Exit) -> Iterator[Steps]:
 def _elsewhere(leave: Exit) -> Iterator[Scenario]:
     """In another phase the exit does not exist; nothing if there is always something that leaves it."""
     for phase in leave.table.phase_names:
-        if phase != leave.item.source and leave.debounce <= LONGEST_RUN and (steps := _idle(leave, phase)):
+        if phase != leave.item.source and (steps := _idle(leave, phase)):
             what = f"holds in {phase}, which it does not leave"
             yield Scenario(what, phase, steps, (None,) * len(steps))
 
