@@ -88,6 +88,7 @@ REFUSED = {
         text_of().replace("\n0,", "\n2024-01-01,"),
         "expected a finite number in row 1, got '2024-01-01'",
     ),
+    "mark": (text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)), "a mark for a missing value"),
     "unit": (text_of().replace("dq2", "dq2 [counts/s]"), "no unit 'counts/s' of velocity is known"),
     "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "moves in 1 samples, at"),
 }
@@ -106,10 +107,12 @@ def test_records_that_follow_one_another_are_taken_apart(tmp_path):
     assert np.flatnonzero(samples.fresh).tolist() == [0, 250, 500, 750]
 
 
-def test_a_mark_for_a_missing_value_moves_no_parameter(tmp_path):
-    result = identified(tmp_path / "a.csv", text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)))
-    assert any("friction_torque reaches 9999 Nm" in line for line in result.warnings)
-    assert_allclose(list(result.models[0].fit.x), [3.0, 2.0], rtol=1e-2)
+def test_one_column_cannot_be_two_quantities(tmp_path):
+    (tmp_path / "a.csv").write_text(text_of())
+    with pytest.raises(ParameterFileError, match="dq2: is given for friction_torque and another quantity"):
+        read_log(
+            tmp_path / "a.csv", LogColumns(names={Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "dq2"})
+        )
 
 
 def test_a_velocity_in_degrees_is_doubted_in_a_series(tmp_path):

@@ -1,6 +1,6 @@
 """Read logs and series of measurements: any text table, any column names, units declared or by name.
 
-Then rows and columns that cannot be used: empty cells, disordered times, other units.
+Then rows and columns that cannot be used: empty cells, disordered times, other units, missing-value marks.
 """
 
 import math
@@ -105,6 +105,8 @@ def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[st
                 sign, asked = -1.0, asked[1:].strip()
             name = table.full_name(asked)
         if name is not None:
+            if name in (held for held, _ in found.values()):
+                raise ParameterFileError(table.source, name, f"is given for {quantity} and another quantity")
             factor = _factor(table.source, name, quantity, columns.units.get(quantity))
             found[quantity] = (name, sign * factor)
     return found
@@ -184,6 +186,8 @@ _NEEDED = {
 }
 _USELESS = {True: _CURRENTS, False: frozenset({Quantity.LOAD_TORQUE})}
 _SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
+_MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
+_USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
 
 
 def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[str, ...]]:
@@ -220,6 +224,8 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
         text = f"has {len(rows)} usable rows of {len(log)}, with no cell empty; expected at least {FEWEST}"
         raise ParameterFileError(log.source, "", text)
     columns.update({quantity: rows[quantity].to_numpy() for quantity in columns})
+    for quantity in sorted(_MEASURED.intersection(columns)):
+        _check_mark(log.source, quantity, columns[quantity])
     if doubt := _disorder(columns, notes, series=series):
         refuse(Quantity.TIME, doubt)
     for quantity in sorted(columns):
@@ -256,6 +262,18 @@ def _disorder(columns: Mapping[Quantity, np.ndarray], notes: list[str], *, serie
             "(--units time=ms); stiffness and damping of bristles depend on it"
         )
     return ""
+
+
+def _check_mark(source: str, quantity: Quantity, values: np.ndarray) -> None:
+    """Refuse values that stand for a missing one, such as -9999 or 1e30."""
+    size = np.abs(values)
+    usual, row = float(np.quantile(size, _USUAL)), int(np.argmax(size))
+    if size[row] > _MARK * usual > 0.0:
+        text = (
+            f"is {values[row]:.4g} once where {100 * _USUAL:g} % stay below {usual:.3g}: a mark for a "
+            "missing value? Leave such cells empty"
+        )
+        raise ParameterFileError(source, quantity, text)
 
 
 def _beyond(quantity: Quantity, values: np.ndarray) -> str:

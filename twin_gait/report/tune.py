@@ -48,7 +48,7 @@ def draw_figures(outcome: Outcome, experiment: Experiment, runs: Mapping[str, Ru
     return {
         "gait": canvas.draw_mean_cycles(experiment, runs, colours),
         "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
-        "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
+        "convergence": draw_convergence(outcome["convergence"]),
     }
 
 
@@ -91,19 +91,13 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
     return figure
 
 
-def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -> Figure:
-    """Draw the best cost after each generation, the start being 0, and the median of what it tried.
-
-    ``worst``: cost of the worst walk; a median above it, of falls, is drawn there.
-    """
+def draw_convergence(best: Sequence[float]) -> Figure:
+    """Draw the best cost after each generation; the start is 0."""
     figure = Figure(figsize=(canvas.SCREEN_WIDTH, 3.4), layout="constrained")
     axes = figure.subplots()
-    best, median = convergence["best"], np.minimum(convergence["median"], worst)
-    axes.plot(range(1, len(median)), median[1:], "o", color=BEFORE_COLOUR, label="median of a generation")
-    axes.step(range(len(best)), best, where="post", color=AFTER_COLOUR, label="best so far")
+    axes.step(range(len(best)), best, "o-", where="post", color=AFTER_COLOUR)
     axes.set_ylim(bottom=0.0)
-    style_panel(axes, "", "cost")
+    style_panel(axes, "", "best cost so far")
     axes.set_xlabel("generation")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(frameon=False)
     return figure

@@ -85,5 +85,3 @@ def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
     for row in table:
         cells = [text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True)]
         yield "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()
-
-

@@ -15,7 +15,6 @@ from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
-from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import KNEE_FRICTION
 from twin_gait.parameters.quantities import taken_from
