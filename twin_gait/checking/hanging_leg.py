@@ -106,11 +106,9 @@ class HangingLeg:
 
     def signals(self, angles: np.ndarray, velocities: Sequence[float] | np.ndarray = ()) -> dict[str, float]:
         """A posture in [rad], and velocities in [rad] / [s], in the units and digits of a counterexample."""
+        held = zip(self.joints, np.degrees(angles).tolist(), strict=True)
         moving = zip(self.joints, np.degrees(velocities).tolist(), strict=False)
-        found = {
-            ANGLE.of(joint): round(math.degrees(angle), 2)
-            for joint, angle in zip(self.joints, angles, strict=True)
-        }
+        found = {ANGLE.of(joint): round(angle, 2) for joint, angle in held}
         return found | {VELOCITY.of(joint): round(velocity, 1) for joint, velocity in moving}
 
     def limits(self) -> np.ndarray:
@@ -136,11 +134,7 @@ class HangingLeg:
         return model.gravity_torque(q)[indices]
 
     @property
-    def sticks(self) -> bool:
-        """Whether bristles hold a joint at rest."""
-        return bool(self._bristles().any())
-
-    def _bristles(self) -> np.ndarray:
+    def bristles(self) -> np.ndarray:
         """What holds joints at rest that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
         laws = self.problem.experiment.plant.true_friction()
         return np.diag([laws[joint].in_plant().bristle_stiffness for joint in self.joints])
@@ -150,7 +144,7 @@ class HangingLeg:
         experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
-        held = self._bristles() if velocity == 0.0 else 0.0  # sliding bristles hold nothing
+        held = self.bristles if velocity == 0.0 else 0.0  # sliding bristles hold nothing
         return LinearLoop(
             motion=leg_motion(self.mass(angles), _slope(self.gravity, angles) + held, friction),
             stiffness=self.column(STIFFNESS)[phase],

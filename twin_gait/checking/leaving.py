@@ -44,16 +44,15 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
 
 def _finding(leg: HangingLeg, phase: str, rest: Rest, in_motion: bool, reason: str, remains: str) -> Finding:
     """An error where nothing but the motors moves the leg and no exit opens on the way, else a warning."""
-    severity, way = Severity.WARNING, ""
-    suggestion = (
-        "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
-        "equilibrium beyond the threshold"
-    )
-    if not in_contact(leg, phase):
-        severity, way = Severity.ERROR, ", nor was it on the way"
-        suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
-        if in_motion:
-            severity, way = Severity.WARNING, ", though it can be on the way"
+    severity = Severity.WARNING if in_motion else Severity.ERROR
+    way = ", though it can be on the way" if in_motion else ", nor was it on the way"
+    suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
+    if in_contact(leg, phase):
+        severity, way = Severity.WARNING, ""
+        suggestion = (
+            "declare driven_by: contact at the exit that belt or other leg bring about, or move the "
+            "equilibrium beyond the threshold"
+        )
     middle = leg.signals(rest.middle)
     return leg.finding(phase, severity, f"{reason}{way}; {remains}", suggestion, counterexample=middle)
 

@@ -45,12 +45,12 @@ class _Phase(NamedTuple):
 def _phases(case: CheckCase) -> list[_Phase]:
     found = []
     for leg in hanging_legs(case):
+        rings = bool(leg.bristles.any())  # at rest within its bristles, whatever the table asks for
         for index, name in enumerate(leg.phases):
             loops = [leg.linear_loop(index, velocity) for velocity in VELOCITIES]
             maps = [transition_matrix(loop) for loop in loops]
             ratios = [
-                # A joint that sticks rings within its bristles, whatever the table asks for.
-                1.0 if leg.sticks and not velocity else effective_damping_ratio(matrix, loops[0].frame)
+                1.0 if rings and not velocity else effective_damping_ratio(matrix, loops[0].frame)
                 for velocity, matrix in zip(VELOCITIES, maps, strict=True)
             ]
             found.append(_Phase(leg, name, loops, list(map(spectral_radius, maps)), ratios))

@@ -154,14 +154,12 @@ def transition_table(table: StateTable) -> str:
 
     rows = [
         (
-            *(phase, item.target, item.cause, "" if item.is_time_out else f"`{item.guard}`"),
+            *(item.source, item.target, item.cause, "" if item.is_time_out else f"`{item.guard}`"),
             shown(item.debounce_ticks if item.debounce_ticks > 1 else 0),
-            shown(table.phases[phase].minimum_ticks),
+            shown(table.phases[item.source].minimum_ticks),
             shown((item.time_out_ticks or 0) * TICK),
         )
-        for phase in table.phases
-        for item in table.transitions
-        if item.source == phase
+        for item in sorted(table.transitions, key=lambda item: table.phase_index(item.source))
     ]
     heading = ("from", "to", "cause", "guard", "debounce [ms]", "minimum duration [ms]", "after [s]")
     title = f"# State transitions of {_text(table.name)}\n\n"

@@ -136,11 +136,7 @@ class GaitStateMachine:
         self._debounce[:] = [0] * len(self._debounce)
 
     def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
-        names = self._names
-        places = self._own_places if other_phase < 0 else range(len(names))
-        broken = [place for place in places if not math.isfinite(signals[place])]
-        if broken:
-            name = names[broken[0]].replace(OTHER, "other leg's ")
-            raise MeasurementError(
-                f"{self.owner}: the {name} is {signals[broken[0]]}; expected a finite measurement"
-            )
+        for place in self._own_places if other_phase < 0 else range(len(self._names)):
+            if not math.isfinite(value := signals[place]):
+                name = self._names[place].replace(OTHER, "other leg's ")
+                raise MeasurementError(f"{self.owner}: the {name} is {value}; expected a finite measurement")
