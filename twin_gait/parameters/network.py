@@ -65,9 +65,8 @@ class Outage:
     def __str__(self) -> str:
         """The outage in its notation; reading it gives an equal one."""
         node = f":{self.node}" if self.node else ""
-        return f"{self.kind}{node}@{self.time!r}s" + (
-            f"={self.duration!r}s" if math.isfinite(self.duration) else ""
-        )
+        lasting = f"={self.duration!r}s" if math.isfinite(self.duration) else ""
+        return f"{self.kind}{node}@{self.time!r}s{lasting}"
 
 
 def parse_outage(text: str) -> Outage:
