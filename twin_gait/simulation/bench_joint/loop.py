@@ -19,7 +19,6 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters import KNEE_FRICTION
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
-from twin_gait.simulation.bench_joint.episode import LAYOUT
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
 from twin_gait.simulation.binding import kernel_functions
 from twin_gait.simulation.compiled_engine import compiled_rows, run_at, text_of
@@ -66,12 +65,12 @@ def simulate_bench(
     """
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or record.BenchVariation()), bench_noise(test, ticks, seed)
-    rows, recording = np.zeros((ticks, len(LAYOUT.names))), episode.recording
+    rows, recording = np.zeros((ticks, len(record.LAYOUT.names))), episode.recording
     recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
     store, other_laws = stored(episode), episode.friction.law > ROTATIONAL
     done = _loop(store.dtype, other_laws, on_compile)(store.ctypes.data, 0, ticks)
     diverged = store[0]["status"] == DIVERGED
-    log = pd.DataFrame(rows[:done], columns=list(LAYOUT.names))
+    log = pd.DataFrame(rows[:done], columns=list(record.LAYOUT.names))
     return BenchRun(test, log, RunStatus.DIVERGED if diverged else RunStatus.COMPLETED)
 
 
@@ -81,7 +80,11 @@ def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Lo
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
 
-        names = {**bound_rooms(other_laws), **compiled_rows(len(LAYOUT.names), 1), "run_ticks": run_ticks}
+        names = {
+            **bound_rooms(other_laws),
+            **compiled_rows(len(record.LAYOUT.names), 1),
+            "run_ticks": run_ticks,
+        }
         return compile_loop(run_at, {**names, "episode_at": record_at(episode)})
 
     return kept_loop(source_key(f"bench {text_of(episode)} {other_laws} {TICK}"), make, on_compile)
@@ -89,7 +92,7 @@ def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Lo
 
 def bound_rooms(other_laws: bool) -> dict[str, Any]:
     """What the rooms of a test are bound to, beside the rows of its log and its noise."""
-    return {"OTHER_LAWS": other_laws, **kernel_functions(LAYOUT.writer, {"TICK": TICK})}
+    return {"OTHER_LAWS": other_laws, **kernel_functions(record.LAYOUT.writer, {"TICK": TICK})}
 
 
 def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
