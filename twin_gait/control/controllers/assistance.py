@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from twin_gait.control.controller import Controller, Plan, TickFunction, cycle_place
+from twin_gait.control.controller import Controller, Path, Plan, TickFunction, cycle_place
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
 from twin_gait.vocabulary import JointName
@@ -70,7 +70,6 @@ class AssistedJoint:
 class AssistedLeg:
     """The stride of a leg that is assisted."""
 
-    path_start: float  # share of the cycle at which the leg begins
     stride_ticks: int  # length of the last stride
     stride_start: int = 0  # tick in which its stride began
 
@@ -82,8 +81,7 @@ class AssistanceMemory:
     other: object  # memory of the controller whose impedance is shared
     assisted: list[AssistedJoint]  # leg by leg: left hip, left knee, right hip, …
     strides: list[AssistedLeg]  # of the legs; none where the shares stay
-    # walk against which the error is measured, over a cycle in [rad], by sample and joint of a leg
-    angles: list[list[float]]
+    path: Path  # against which the error is measured; none where the shares stay
     settings: AssistanceParameters
 
 
@@ -128,15 +126,12 @@ class Assistance(Controller):
 
     def memory(self, plan: Plan) -> AssistanceMemory:
         """That of the other controller, the shares, and the walk against which the error is measured."""
-        settings, strides, angles = self.parameters, [], []
+        settings = self.parameters
+        path = self.walk(plan) if settings.adaptive else Path([], 0, [])
         shares = [settings.share.get(JointName(name), 1.0) for _ in plan.sides for name in plan.joints]
-        if settings.adaptive:
-            path = self.walk(plan)
-            strides = [AssistedLeg(start, path.cycle_ticks) for start in path.starts]
-            angles = path.angles
-        return AssistanceMemory(
-            self.other.memory(plan), [AssistedJoint(share) for share in shares], strides, angles, settings
-        )
+        assisted = [AssistedJoint(share) for share in shares]
+        strides = [AssistedLeg(path.cycle_ticks) for _ in path.starts]
+        return AssistanceMemory(self.other.memory(plan), assisted, strides, path, settings)
 
     def constants(self) -> dict[str, int]:
         """With whether the shares adapt."""
@@ -151,10 +146,10 @@ class Assistance(Controller):
 
 def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, tick: int) -> None:
     """Add the tracking errors of this tick to those of a leg's stride."""
-    stride, angles = memory.strides[number], memory.angles
+    stride, angles = memory.strides[number], memory.path.angles
     progress = (tick - stride.stride_start) / stride.stride_ticks
     if stride.stride_start == 0:
-        progress += stride.path_start
+        progress += memory.path.starts[number]
     before, share = cycle_place(progress, len(angles))
     for position in range(JOINTS_PER_LEG):
         place = number * JOINTS_PER_LEG + position
