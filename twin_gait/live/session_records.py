@@ -18,7 +18,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from twin_gait.exceptions import TwinGaitError
+from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import private_files, write_new
 from twin_gait.live.protocol import Event
 from twin_gait.runs.folders import hold
@@ -45,8 +45,9 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def _unusable(path: Path, error: OSError) -> SessionError:
-    return SessionError(f"{path}: cannot be used ({error.strerror}); set {FOLDER_VARIABLE}")
+def _unusable(path: Path, error: Exception) -> SessionError:
+    reason = getattr(error, "strerror", error)
+    return SessionError(f"{path}: cannot be used ({reason}); set {FOLDER_VARIABLE}")
 
 
 class SessionRecorder:
@@ -71,7 +72,7 @@ class SessionRecorder:
                 path = write_new((_file(records, number) for number in numbers), line)
                 self._file = path.open("a", encoding="utf-8")
             fcntl.flock(self._file, fcntl.LOCK_EX)
-        except OSError as error:
+        except (OSError, RunDirectoryError) as error:
             raise _unusable(records, error) from error
         self.session = int(path.stem)
 
