@@ -14,6 +14,7 @@ from twin_gait.core.friction import advanced_deflection, friction_torque, rotati
 from twin_gait.core.friction_models import bristle_rate, bristle_step
 from twin_gait.identification import MODELS
 from twin_gait.identification.fitting import bounds
+from twin_gait.identification.identify import inherited_starts
 from twin_gait.identification.laws import bristle_deflection, over_arrays, remembered_start
 from twin_gait.identification.models import FrictionTest, Samples, join_tests
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE, law_of
@@ -196,6 +197,28 @@ def test_every_model_reports_as_many_parameters_as_it_has(name):
     model = MODELS[name]
     reported = model.parameters(vector(name, 7, samples()))
     assert len(reported) == model.size == len(set(model.names))
+
+
+@pytest.mark.parametrize(
+    ("child", "parent", "tolerance"),
+    [
+        ("asymmetric", "coulomb_viscous_tanh", 1e-12),
+        ("asymmetric_stribeck", "asymmetric", 1e-12),
+        ("asymmetric_stribeck", "stribeck", 1e-3),
+        ("load_dependent", "coulomb_viscous_tanh", 1e-12),
+        ("temperature_dependent", "coulomb_viscous_tanh", 1e-12),
+        ("load_temperature_dependent", "temperature_dependent", 1e-12),
+        ("load_temperature_dependent", "load_dependent", 1e-12),
+        ("lugre", "dahl", 1e-12),
+        ("lugre_asymmetric", "lugre", 1e-12),
+    ],
+)
+def test_a_model_starts_from_the_law_of_a_simpler_one(child, parent, tolerance):
+    rows = samples()
+    x = vector(parent, 11, rows)
+    (start,) = inherited_starts(child, {parent: x})
+    expected = MODELS[parent].predict(x, rows)
+    assert_allclose(MODELS[child].predict(start, rows), expected, atol=tolerance * np.abs(expected).max())
 
 
 def test_coulomb_viscous_friction_is_odd():

@@ -7,6 +7,7 @@ region reflective).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -21,6 +22,7 @@ HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count 
 _STARTS = 128
 _START_SAMPLES = 4_000  # that starts are compared on and polished
 _POLISHED, _POLISH_TOLERANCE, _POLISH_STEPS = 6, 1e-5, 50  # starts; share of the loss; evaluations
+_APART = 0.1  # of the span of the bounds
 _REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
 _CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
 _NEGLIGIBLE = 1e-5  # of the loss per sample and variance: far below what noise moves the parameters by
@@ -91,14 +93,19 @@ def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
     return np.array(low), np.array(high)
 
 
-def fit_model(model: FrictionModel, samples: Samples, options: FitOptions) -> Fit:
-    """Fit a model to samples with every column that it needs."""
+def fit_model(
+    model: FrictionModel, samples: Samples, options: FitOptions, *, seeds: Sequence[np.ndarray] = ()
+) -> Fit:
+    """Fit a model to samples with every column that it needs.
+
+    ``seeds``: further starts beside the many: the fits of simpler models.
+    """
     full = rows_of(model, samples)
     limits, threshold = bounds(model, full, physical=options.physical), math.inf
     number = int(full.used.sum())
     # Share of the loss that is worth another step: less than noise decides, exact for few samples.
     tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
-    x = _best_start(model, full, limits, options.seed)
+    x = _best_start(model, full, limits, seeds, options)
     x = refine(model, full, x, limits, tolerance=tolerance)
     values = model.errors(x, full)
     sigma = median_abs_deviation(values, scale="normal")
@@ -138,19 +145,36 @@ def refit(fit: Fit, samples: Samples) -> Fit:
     return replace(fit, x=x)
 
 
-def _best_start(model: FrictionModel, samples: Samples, limits: Bounds, seed: int) -> np.ndarray:
+def _best_start(
+    model: FrictionModel, samples: Samples, limits: Bounds, seeds: Sequence[np.ndarray], options: FitOptions
+) -> np.ndarray:
     count, dimensions = len(model.coefficients), len(model.shape)
     if not dimensions:
         return np.asarray(np.clip(best_coefficients(model, np.empty(0), samples)[0], *limits))
     few = _fewer(samples, model, _START_SAMPLES)
     low, high = (limit[count:] for limit in limits)
-    shapes = low + qmc.Sobol(dimensions, seed=seed).random(_STARTS) * (high - low)
+    draws = qmc.Sobol(dimensions, seed=options.seed).random(_STARTS)
+    shapes = low + draws * (high - low)
     found = [best_coefficients(model, np.exp(shape), few) for shape in shapes]
-    polished = []
-    for place in np.argsort([cost for _, cost in found], kind="stable")[:_POLISHED]:
-        start = np.concatenate([found[place][0], shapes[place]])
-        polished.append(refine(model, few, start, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS))
-    return min(polished, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
+    kept = _apart(draws, np.array([cost for _, cost in found]))
+    starts = [*(np.concatenate([found[place][0], shapes[place]]) for place in kept), *seeds]
+    polished = [
+        refine(model, few, x, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS) for x in starts
+    ]
+    # Compared on all samples, so that no model comes out worse than a simpler one that it contains.
+    candidates = [*polished, *(np.clip(seed, *limits) for seed in seeds)]
+    return min(candidates, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
+
+
+def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
+    """The best starts that do not lie beside a better one, in the unit cube of the shape."""
+    chosen: list[int] = []
+    for index in np.argsort(costs, kind="stable"):
+        if all(np.abs(places[index] - places[other]).max() > _APART for other in chosen):
+            chosen.append(int(index))
+        if len(chosen) == _POLISHED:
+            break
+    return chosen
 
 
 def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:

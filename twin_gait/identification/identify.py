@@ -1,9 +1,9 @@
-"""Identify friction: logs in, models out, best first; which models the samples can tell."""
+"""Identify friction: logs in, models out, best first; which models samples can tell, and their starts."""
 
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -37,6 +37,34 @@ def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     if OFFSET in model.coefficients and samples.rarer_direction < ONE_WAY:
         lacking.append("motion in both directions")
     return tuple(lacking)
+
+
+_ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction changes: the law with sgn ω
+_Rule = Callable[[np.ndarray, np.ndarray], tuple[list[float], list[float]]]
+
+
+# By model and simpler one: from the parameters of the simpler one to those that give the same law.
+_RULES: Mapping[tuple[str, str], _Rule] = {
+    ("asymmetric", "coulomb_viscous_tanh"): lambda b, e: ([b[0], b[1], b[1], 0.0], [1.0 / e[0]]),
+    ("asymmetric_stribeck", "asymmetric"): lambda b, e: ([0.0, *b], [e[0], 10.0 * e[0], 2.0, 1.0]),
+    ("asymmetric_stribeck", "stribeck"): lambda b, e: ([*b, b[2], 0.0], [_ABRUPT * e[0], *e, 1.0]),
+    ("load_dependent", "coulomb_viscous_tanh"): lambda b, e: ([b[0], b[1], 0.0], [1.0 / e[0]]),
+    ("temperature_dependent", "coulomb_viscous_tanh"): lambda b, e: ([*b, 0.0, 0.0], [1.0 / e[0]]),
+    ("load_temperature_dependent", "load_dependent"): lambda b, e: ([*b, 0.0, 0.0], [e[0]]),
+    ("load_temperature_dependent", "temperature_dependent"): lambda b, e: ([*b[:2], 0.0, *b[2:]], [e[0]]),
+    ("lugre", "dahl"): lambda b, e: ([b[0], 0.0, b[1]], [e[0], 1.0, 1.0]),
+    ("lugre_asymmetric", "lugre"): lambda b, e: ([b[0], b[1], b[2], b[2], 0.0], [*e, 2.0, 1.0]),
+}
+
+
+def inherited_starts(name: str, fits: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """Parameter vectors that give a model the law of a simpler one."""
+    found = []
+    for (model, parent), rule in _RULES.items():
+        if model == name and parent in fits:
+            beta, eta = rule(*MODELS[parent].split(fits[parent]))
+            found.append(np.concatenate([beta, np.log(eta)]))
+    return found
 
 
 Progress = Callable[[int, int], None]
@@ -128,7 +156,8 @@ def identify_tests(
     folds = statistics.folds_of(tests, samples) if options.cross_validation else {}
     total, done, found = len(models) * (1 + len(folds)), itertools.count(1), list[IdentifiedModel]()
     for model in models:
-        fit = fit_model(model, samples, options.fit)
+        starts = inherited_starts(model.name, {item.name: item.fit.x for item in found})
+        fit = fit_model(model, samples, options.fit, seeds=starts)
         progress(next(done), total)
         validations = []
         for by, labels in folds.items():
