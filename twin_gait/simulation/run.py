@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,6 +92,19 @@ class Run:
         size = f"{len(self.log)} ticks x {self.log.shape[1]} columns, {len(self.switches)} switches"
         word = self.verdict.outcome or self.status
         return f"<Run {self.experiment.name}: {word}, {self.duration:g} s ({size}){events}>"
+
+    def _repr_html_(self) -> str:
+        """The same as a small card in a notebook."""
+        word = self.verdict.outcome or self.status
+        rows = [
+            ("simulated", f"{self.duration:g} s in {self.wall_s:.2f} s, {len(self.log)} ticks"),
+            ("log", f"{self.log.shape[1]} columns; {len(self.switches)} switches of phase"),
+            *((f"{event.time:.2f} s", event.text) for event in self.events),
+            *(("why", reason) for reason in (self.verdict.reason,) if reason),
+        ]
+        lines = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
+        name = escape(self.experiment.name)
+        return f"<table><caption>{name}: <b>{escape(word)}</b></caption>{lines}</table>"
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the run directory; see :func:`twin_gait.save_run`."""
