@@ -186,9 +186,7 @@ def test_a_run_is_replayed_with_what_the_legs_were_told_by_belt_and_modes(tmp_pa
 def test_a_table_without_the_postures_of_a_run_is_refused(tmp_path):
     run = simulate(load_experiment("sit_to_stand", ["duration_s=1"]).experiment)
     save_run(run, tmp_path / "run", pictures=False)
-    with pytest.raises(
-        ParameterError, match=r"that gait table 'treadmill' offers under postures \(none\), got"
-    ):
+    with pytest.raises(ParameterError, match=r"that gait table 'treadmill' offers under postures \(none\)"):
         replay_log(str(tmp_path / "run"), table="treadmill")
 
 
