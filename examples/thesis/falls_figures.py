@@ -22,7 +22,6 @@ from thesis.friction import FACTOR
 from twin_gait.core import Motor
 from twin_gait.gait import TICK
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
-from twin_gait.parameters.quantities import taken_from
 from twin_gait.report import style_panel
 from twin_gait.worlds import TRANSPARENCY_STEPS, DutyControl, breakaway_duty, viscous_duty
 
@@ -60,7 +59,8 @@ def draw_viscous_duty(falls: Sequence[Fall]) -> Figure:
     axes, duty = figure.subplots(), DutyControl()
     end = 1.1 * max(float(fall.velocity.max()) for fall in falls)
     counts, bus, lowest = BENCH.drive.counts, BENCH.battery.voltage, duty.lowest_velocity
-    speeds, motor = np.linspace(lowest, end, 200), taken_from(Motor, BENCH.actuator)
+    speeds, actuator = np.linspace(lowest, end, 200), BENCH.actuator
+    motor = Motor(actuator.torque_constant, actuator.gear_ratio, actuator.resistance)
     for gain, colour in GAIN_COLOURS.items():
         for fall in falls:
             if fall.gain == gain:

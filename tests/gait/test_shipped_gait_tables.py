@@ -56,11 +56,11 @@ def leaving(table: GaitTable, source: str) -> list[int]:
     return [index for index, item in enumerate(table.transitions) if item.source == source]
 
 
-def of_transition(name: str, index: int) -> dict[str, TransitionTest]:
-    """The kit's tests of one transition, by what they show."""
+def of_transition(name: str, index: int) -> list[tuple[str, TransitionTest]]:
+    """The kit's tests of one transition, and what they show, which may be several's."""
     item = shipped(name).transitions[index]
     title = f"{item.source}→{item.target} ({item.cause})::"
-    return {test.name.removeprefix(title): test for test in kit(name) if test.name.startswith(title)}
+    return [(test.name.removeprefix(title), test) for test in kit(name) if test.name.startswith(title)]
 
 
 @each_table
@@ -102,7 +102,7 @@ def test_swing_ends_by_itself_when_the_foot_is_stuck(name: str) -> None:
 )
 def test_transition(name: str, index: int) -> None:
     """All that the kit shows of it; the first that fails says which."""
-    for what, test in of_transition(name, index).items():
+    for what, test in of_transition(name, index):
         assert test.undecided is None, f"{what}: {test.undecided}"
         try:
             test.run()
@@ -114,7 +114,7 @@ def test_transition(name: str, index: int) -> None:
 def test_kit_shows_every_condition_debounce_and_time_of_a_shipped_table(name: str) -> None:
     table = shipped(name)
     for index, item in enumerate(table.transitions):
-        shown = of_transition(name, index).keys()
+        shown = dict(of_transition(name, index)).keys()
         assert "refuses signals that are NaN, infinite or missing" in shown
         for entry in decisive(item.guard):
             assert _wanted(table, entry.atom) <= shown
@@ -144,7 +144,7 @@ def test_kit_shows_the_priority_of_every_two_exits_of_a_phase(name: str) -> None
         for first, second in itertools.combinations(leaving(table, source), 2):
             other = table.transitions[second]
             what = f"priority: wins over {other.target} ({other.cause}) when both are due"
-            assert (what in of_transition(name, first)) is ((first, second) not in apart)
+            assert (what in dict(of_transition(name, first))) is ((first, second) not in apart)
 
 
 @each_table

@@ -267,7 +267,7 @@ class _Page(HTMLParser):
 def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
     page = _Page()
     page.feed((folder / "report.html").read_text(encoding="utf-8"))
-    assert len(page.addresses) == 2  # each once: the style sheet turns them dark
+    assert len(page.addresses) == 3  # each once: the style sheet turns them dark
     assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
     for title in TITLES:
         assert title in page.text

@@ -54,8 +54,8 @@ class Settings(quantities.Parameters):
     blending: bool = True
     per_side: bool = False
     everyone: bool = False
-    search_duration: float = 14.0
-    robust_duration: float = 20.0
+    search_duration: quantities.Time = 14.0
+    robust_duration: quantities.Time = 20.0
 
 
 @dataclass(frozen=True, eq=False)
