@@ -32,7 +32,8 @@ def walk(bus: str) -> Experiment:
 
 def time_of(problem: Problem, *, record: bool) -> float:
     """Processor time of a tick in [s], the loop alone."""
-    engine = CompiledEngine(problem, record=record)
+    engine = CompiledEngine(problem)
+    engine.episode["recording"]["on"] = record
     began = time.process_time()
     engine.run()
     return (time.process_time() - began) / problem.experiment.n_ticks
