@@ -30,6 +30,8 @@ PAGES = {
 README = PAGES["README.md"]
 # A fenced block, whose language may be left out.
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
+# Commands of a page that runs; what the shell makes of their output is not the program's.
+CELL = re.compile(r"^```\{code-cell\}\n(?::.*\n)*%%bash\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 
 
 def test_the_readme_is_short():
@@ -111,6 +113,8 @@ def command_lines() -> list[tuple[str, str]]:
             if language in ("", "sh"):
                 lines = block.replace("\\\n", " ").splitlines()
                 found += [(page, part.strip()) for line in lines for part in line.split("&&")]
+        cells = "\n".join(CELL.findall(text)).replace("\\\n", " ").splitlines()
+        found += [(page, re.split(r"[|;]", line)[0].strip()) for line in cells]
         found += [(page, line) for line in re.findall(r"`(twin-gait [^`]+)`", BLOCK.sub("", text))]
     return [(page, line) for page, line in found if line.startswith("twin-gait ")]
 
