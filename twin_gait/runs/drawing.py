@@ -7,6 +7,7 @@ because drawing holds the interpreter's lock.
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -29,7 +30,8 @@ def drawing_beside(*, wanted: bool = True) -> Iterator[Executor | None]:
     if not wanted or (os.cpu_count() or 1) == 1:
         yield None
         return
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+    # A few figures are little to keep, and much to look through for cycles again and again.
+    with ProcessPoolExecutor(1, get_context("spawn"), initializer=gc.disable) as pool:
         # Ctrl-C reaches every process of a terminal, and only this one knows what to do about it.
         heeded = signal.signal(signal.SIGINT, signal.SIG_IGN)
         pool.submit(import_module, "twin_gait.report.figures")
