@@ -87,7 +87,7 @@ def test_every_measure_of_a_walk_written_by_hand() -> None:
     assert left["ankle_range_deg"] == pytest.approx(math.degrees(0.3))
     assert left["hip_lowest_deg"] == pytest.approx(math.degrees(-0.1))
     assert left["knee_at_contact_deg"] == pytest.approx(math.degrees(0.1))
-    assert left["knee_yield_deg"] == pytest.approx(math.degrees(0.05), abs=0.06)
+    assert left["knee_yield_deg"] == pytest.approx(math.degrees(0.05), abs=math.degrees(1e-3))
     assert left["clearance_m"] == pytest.approx(0.02)
     assert left["swing_entry"] == pytest.approx(0.6)
     assert left["swing_load_N"] == pytest.approx(float(stance_load(np.array(900.0))))
@@ -202,7 +202,7 @@ def test_standing_between_two_walks_is_in_no_measure() -> None:
 def told(total: float, offset: float, timing: float, shape: float, shift: float) -> Any:
     """Parts of an error in [rad] and as a share of the cycle, as they are told."""
     values = (*np.degrees([total, offset, timing, shape]), 100.0 * shift)
-    return pytest.approx(dict(zip(ERROR_PARTS, values, strict=True)), abs=1e-5)
+    return pytest.approx(dict(zip(ERROR_PARTS, values, strict=True)), abs=math.degrees(1e-7))
 
 
 def sine(harmonic: int = 1, *, late: float = 0.0) -> np.ndarray:

@@ -287,7 +287,7 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
     """
     styles: dict[str, dict[str, Any]] = {name: {"color": colours[name], "linewidth": 1.5} for name in runs}
     healthy = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
-    places = list(itertools.product(experiment.joints, experiment.leg.legs))
+    places, shown = list(itertools.product(experiment.joints, experiment.leg.legs)), dict[str, Any]()
     figure = Figure(figsize=(13.0 * len(places) / 6, 3.3), layout="constrained")
     panels = figure.subplots(1, len(places), squeeze=False)[0]
     for axes, (joint, side) in zip(panels, places, strict=True):
@@ -296,10 +296,12 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
             cycles = normalise_strides(record.angles[joint], record.strides())
             if len(cycles):
                 draw_cycle_curve(axes, np.degrees(cycles.mean(axis=0)), **styles[name])
+                shown[name] = styles[name]
         reference = reference_cycle(experiment, joint)
         if reference is not None:
             draw_cycle_curve(axes, np.degrees(reference), **healthy)
+            shown["healthy, same speed"] = healthy
         style_panel(axes, f"{side} {joint} [°]", "")
-    shown = {**styles, "healthy, same speed": healthy}
-    put_legend(figure, [Line2D([], [], label=name, **style) for name, style in shown.items()])
+    if shown:
+        put_legend(figure, [Line2D([], [], label=name, **style) for name, style in shown.items()])
     return figure

@@ -1,4 +1,4 @@
-"""What people read of a run: its wearer, a table of the walk, what the CAN bus has carried."""
+"""What people read of a run: its wearer, and a table of the walk."""
 
 from __future__ import annotations
 
