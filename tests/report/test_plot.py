@@ -157,6 +157,14 @@ def test_plot_replaces_with_force_only(folder, capsys):
     assert main([*command, "--force"]) == 0
 
 
+def test_plot_writes_nothing_where_one_of_its_files_exists(folder, tmp_path, capsys):
+    (tmp_path / "torques-85mm.svg").touch()
+    names = [word for name in ("joint_angles", "torques") for word in ("--figure", name)]
+    assert main(["plot", str(folder), *names, "--format", "svg", "--out", str(tmp_path)]) == 2
+    assert "torques-85mm.svg: exists" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["torques-85mm.svg"]
+
+
 # ---------------------------------------------------------------------- the public names
 
 

@@ -152,11 +152,12 @@ def plot(arguments: argparse.Namespace) -> int:
     shown, width, form = runs.load_run(arguments.directory), arguments.width, arguments.format
     folder = arguments.out or arguments.directory / FIGURES_FOLDER
     names = arguments.figures or list(screen_figures(shown))
-    drawn = {f"{name}-{width:g}mm.{form}": plot_run(shown, name, width_mm=width) for name in names}
+    drawn = {folder / f"{name}-{width:g}mm.{form}": plot_run(shown, name, width_mm=width) for name in names}
     folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in drawn.items():
-        options.check_file("--out", folder / name, force=arguments.force)
-        print(save(figure, folder / name, resolution=RESOLUTION))
+    for path in drawn:  # before any of them is written
+        options.check_file("--out", path, force=arguments.force)
+    for path, figure in drawn.items():
+        print(save(figure, path, resolution=RESOLUTION))
     return DONE
 
 
