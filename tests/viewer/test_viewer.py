@@ -21,6 +21,7 @@ import twin_gait.viewer
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
+from twin_gait.leg_model.urdf_document import UrdfWarning
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
@@ -256,6 +257,54 @@ def collada() -> str:
                      'offset="0"/><p>{corners}</p></triangles>'),
         bindings=joined('<instance_material symbol="{name}" target="#{name}-m"/>'),
     )  # fmt: skip
+
+
+def test_a_visual_that_cannot_be_read_is_left_out_with_one_warning_and_the_others_are_drawn(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "pointer.stl").write_text("version https://git-lfs.github.com/spec/v1\nsize 12345\n")
+    (tmp_path / "broken.stl").write_text("solid nothing")
+    shapes_of_file = (
+        '<capsule length="0.3" radius="0.05"/>',
+        '<mesh filename="pointer.stl"/>',
+        '<mesh filename="broken.stl"/>',
+        '<box size="0.1 x 0.1"/>',
+        '<sphere radius="0.05"/>',
+    )
+    visual = "".join(f"<visual><geometry>{one}</geometry></visual>" for one in shapes_of_file)
+    urdf = bare_urdf(tmp_path, visual)
+    with pytest.warns(UrdfWarning) as told:
+        (part,) = load_visuals(build_model(urdf), urdf)
+    np.testing.assert_allclose(np.ptp(part.shape.vertices, axis=0), 0.1, atol=1e-9)  # the sphere
+    messages = "\n".join(str(item.message) for item in told)
+    assert len(told) == 4
+    for explained in (
+        "a visual <capsule> cannot be read", "mesh pointer.stl is a Git LFS pointer (fetch it with: git lfs",
+        "broken.stl cannot be read (", "a visual <box> cannot be read (Unable to parse component [x]",
+    ):  # fmt: skip
+        assert explained in messages
+
+
+def test_a_mesh_has_the_size_that_the_unit_of_its_collada_file_gives_it(tmp_path: Path) -> None:
+    text = collada().replace("<asset>", '<asset><unit name="centimeter" meter="0.01"/>')
+    (tmp_path / "corner.dae").write_text(text)
+    visual = '<visual><geometry><mesh filename="corner.dae" scale="1 2 1"/></geometry></visual>'
+    urdf = bare_urdf(tmp_path, visual)
+    parts = load_visuals(build_model(urdf), urdf)
+    corners = np.concatenate([part.shape.vertices for part in parts])
+    # Flat triangles with corners at 0 and 1 cm, doubled sideways, on a node 5 cm above the origin.
+    np.testing.assert_allclose(corners.min(axis=0), [0.0, 0.0, 0.05], atol=1e-9)
+    np.testing.assert_allclose(corners.max(axis=0), [0.01, 0.02, 0.05], atol=1e-9)
+
+
+def test_the_first_of_two_materials_of_a_name_is_used(tmp_path: Path) -> None:
+    grey = '<material name="grey"><color rgba="{0} {0} {0} 1"/></material>'
+    visual = '<visual><geometry><sphere radius="0.05"/></geometry><material name="grey"/></visual>'
+    urdf = bare_urdf(tmp_path, visual)
+    first, second = grey.format(0.5), grey.format(0.6)
+    urdf.write_text(re.sub(r"(<robot[^>]*>)", rf"\1{first}{second}", urdf.read_text(), count=1))
+    (part,) = load_visuals(build_model(urdf), urdf)
+    assert part.colour == (0.5, 0.5, 0.5, 1.0)
 
 
 @pytest.mark.parametrize(

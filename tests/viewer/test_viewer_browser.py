@@ -19,6 +19,7 @@ from page_server import served
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
+from twin_gait.leg_model.urdf_document import mimic_joints
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.runs.record import StoredRun, read_run, write_run
 from twin_gait.runs.run_page import page_of
@@ -598,7 +599,12 @@ def urdf_named(name: str, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("name", "up"), [("twin.urdf", "z"), ("slides.urdf", "y"), ("panda_description/urdf/panda.urdf", "z")]
+    ("name", "up"),
+    [
+        ("twin.urdf", "z"),
+        ("slides.urdf", "y"),
+        ("panda_description/urdf/panda.urdf", "z"),  # of whose fingers one follows the other
+    ],
 )
 def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path, name: str, up: str) -> None:
     urdf = urdf_named(name, tmp_path)
@@ -617,7 +623,9 @@ def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path
     }"""
     paths = [figure.paths[name] for name in names]
     data = model.createData()
-    scale = [1e3 if joint["slides"] else math.degrees(1.0) for joint in joint_entries(figure)]
+    mimics = mimic_joints(urdf)
+    entries = list(joint_entries(figure, mimics))
+    scale = [1e3 if joint["slides"] else math.degrees(1.0) for joint in entries]
 
     def check(q: np.ndarray) -> None:
         pin.forwardKinematics(model, data, q)
@@ -628,13 +636,17 @@ def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path
     nearest = np.clip(np.zeros(model.nq), model.lowerPositionLimit, model.upperPositionLimit)
     check(nearest)
     # As a hand does it: the slider, then its event.
-    chosen = np.array([0.25 * entry["lower"] + 0.75 * entry["upper"] for entry in joint_entries(figure)])
+    chosen = np.array([0.25 * entry["lower"] + 0.75 * entry["upper"] for entry in entries])
+    for name, mimic in mimics.items():  # its slider is disabled, and it follows the other joint
+        chosen[names.index(name)] = mimic.multiplier * chosen[names.index(mimic.joint)] + mimic.offset
     told = one(
         """(values) => [...document.querySelectorAll(".joint input")].map((slider, index) => {
-            slider.value = values[index];
-            slider.dispatchEvent(new Event("input"));
-            return slider.closest("label").querySelector("output").textContent;
-        })""",
+            if (!slider.disabled) {
+                slider.value = values[index];
+                slider.dispatchEvent(new Event("input"));
+            }
+            return slider;
+        }).map((slider) => slider.closest("label").querySelector("output").textContent)""",
         (chosen * scale).tolist(),
     )
     check(chosen)

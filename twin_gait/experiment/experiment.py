@@ -1,5 +1,6 @@
 """One frozen value that says everything a run needs."""
 
+import warnings
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any
@@ -9,6 +10,7 @@ from twin_gait.experiment.device import ControlParameters, PlantParameters
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import Bodies, LegModel
+from twin_gait.leg_model.urdf_document import UrdfWarning
 from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters, require
 from twin_gait.parameters.quantities import WHOLE, AsInFile, Notation, Parameters, Range, Time, Word
 from twin_gait.vocabulary import JointName, PelvisGuide
@@ -208,6 +210,7 @@ class Experiment(Parameters):
         plant, pelvis = self.plant, self.scenario.pelvis
         require(pelvis in list(PelvisGuide), f"world {self.scenario.kind!r}: pelvis", "a PelvisGuide", pelvis)
         model = self.leg_model(self.patient, pelvis)
+        self._compare_effort_limits(model)
         world = built(
             self.scenario, model, plant=plant.rows(model), ankle_rest=plant.ankle.rest, gravity=plant.gravity
         )
@@ -222,6 +225,19 @@ class Experiment(Parameters):
         if stiff:
             self._require_step_for(world, " or ".join(stiff), " or ".join(stiff.values()))
         return world
+
+    def _compare_effort_limits(self, model: LegModel) -> None:
+        """Warn if the controller may command more torque than the URDF allows at a driven joint."""
+        limit = self.control.limits.torque
+        for side, leg in model.legs.items():
+            for joint, name in leg.items():
+                allowed = model.effort_limit(side, joint)
+                if joint in self.plant.actuators and limit > allowed:
+                    text = (
+                        f"joint {name!r} has an effort limit of {allowed:g} N·m, which is not applied: "
+                        f"control.limits.torque_Nm is {limit:g}; lower it, or correct the URDF"
+                    )
+                    warnings.warn(f"{self.leg.urdf}: {text}", UrdfWarning, stacklevel=3)
 
     def leg_model(
         self, patient: Patient | None, pelvis: PelvisGuide, bodies: Bodies = Bodies.BOTH

@@ -10,6 +10,7 @@ import pinocchio as pin
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import wearer
 from twin_gait.leg_model.joints import ALL_GUIDES, FORWARD, GUIDES, LegJoints, reversed_joints
+from twin_gait.leg_model.plausibility import check_couplings, check_segments
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
@@ -44,6 +45,8 @@ class Assembly:
         for leg in self.legs.values():
             for _, name in leg.items():
                 self._check_joint(name, first=name == leg.hip)
+        check_segments(path, self.model, self.legs)
+        check_couplings(path, self.legs)
         turned = reversed_joints(path, self.model, legs, self._up)
         if turned:
             self.model = self._lock_other_joints(self._read(turned))

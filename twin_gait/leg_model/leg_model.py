@@ -6,6 +6,7 @@ have one degree of freedom, so ``q`` and ``v`` and all that is returned have sha
 torques act on the joints.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -111,6 +112,10 @@ class LegModel:
         """Lower and upper limit of a joint from the URDF in [rad]."""
         index = self.index(side, joint)
         return float(self.model.lowerPositionLimit[index]), float(self.model.upperPositionLimit[index])
+
+    def effort_limit(self, side: Side, joint: JointName) -> float:
+        """Return the effort limit of a joint from the URDF in [N m], infinite if the file states none."""
+        return float(self.model.effortLimit[self.index(side, joint)]) or math.inf
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
         """Torques :math:`g(q)` that hold the posture against gravity, in [N m] ([N] at the pelvis)."""

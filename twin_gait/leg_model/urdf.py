@@ -8,19 +8,16 @@ import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from itertools import product
 from pathlib import Path
 
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.files import shipped_file
+from twin_gait.leg_model.urdf_document import joint_elements, urdf_text
 
 _SILENCE = threading.Lock()
 _STDERR = 2  # C's own, whatever Python's stands for
-_NOT_NEGATIVE = ("value", "ixx", "iyy", "izz")  # of a mass or an inertia
-# Drawing programs export a zero inertia as -5e-20 (iCub's hip); this much below zero is such a zero.
-_ROUNDING = 1e-12
 PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf")
 
 
@@ -44,58 +41,71 @@ def find_urdf(path_or_name: str | Path) -> Path:
     return path if path.is_file() else packaged_urdf(str(path_or_name))
 
 
-def read_urdf(path: Path, turned: frozenset[str] = frozenset()) -> str:
-    """Read a URDF as text, check that it is XML, unwrap continuous joints, and turn some joints round.
+def kinematic_text(path: Path, turned: frozenset[str] = frozenset()) -> str:
+    """Return a URDF as the text that Pinocchio builds a model of: links with their inertia, and joints.
 
-    Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine). Every law here acts on
-    one angle, so such joints become revolute ones without limits.
+    Visual and collision geometry, materials and transmissions are left out, so that none of them can make a
+    leg unusable. Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine); every law here
+    acts on one angle, so such joints become revolute ones without limits.
 
     ``turned``: joints that get the opposite axis, and limits to it. Raises ModelError if the file cannot be
     read or is not a URDF.
     """
-    try:
-        return _checked_text(path, path.read_text(encoding="utf-8"), turned)
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ElementTree.ParseError, ValueError) as error:
-        raise ModelError(f"{path}: not a URDF ({error}); expected XML with a <robot> element") from error
+    return _kinematic_text(urdf_text(path), turned)
 
 
-@lru_cache(maxsize=16)  # a batch asks for the same file thousands of times
-def _checked_text(path: Path, text: str, turned: frozenset[str]) -> str:
-    root = ElementTree.fromstring(text)
-    if root.tag != "robot":
-        raise ValueError(f"the outer element is <{root.tag}>")
-    for link in root.iter("link"):
-        for element, key in product(link.iterfind("inertial/*"), _NOT_NEGATIVE):
-            if _is_negative(element.get(key, "0")):
-                what = f"{element.tag} {key} of link {link.get('name')!r}"
-                raise ModelError(f"{path}: {what}: expected 0 or more, got {element.get(key)!r}")
-    for joint in root.iter("joint"):
-        limit = joint.find("limit")
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            if limit is None:
-                limit = ElementTree.SubElement(joint, "limit", effort="1e3", velocity="1e3")
-            limit.attrib |= {"lower": "-1e3", "upper": "1e3"}
-        if joint.get("name") in turned:
-            axis = joint.find("axis")
-            if axis is None:
-                axis = ElementTree.SubElement(joint, "axis")
-            # 0 - x, so that no zero becomes -0.
-            axis.set("xyz", " ".join(repr(0.0 - float(word)) for word in axis.get("xyz", "1 0 0").split()))
-            assert limit is not None  # the parser has read the file before
-            low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
-            limit.attrib |= {"lower": repr(0.0 - high), "upper": repr(0.0 - low)}
+@lru_cache(maxsize=16)  # a batch builds the same model thousands of times
+def _kinematic_text(text: str, turned: frozenset[str]) -> str:
+    root = _normalized(text, turned)
+    for material in root.findall("material"):
+        root.remove(material)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _is_negative(text: str) -> bool:
-    """Whether a text is a number below zero; of one that is no number the parser tells."""
-    try:
-        return float(text) < -_ROUNDING
-    except ValueError:
-        return False
+def visual_document(path: Path) -> ElementTree.Element:
+    """Return a URDF as the document that Pinocchio reads its visual geometry from.
+
+    Raises ModelError if the file cannot be read or is not a URDF.
+    """
+    return _normalized(urdf_text(path))
+
+
+def _normalized(text: str, turned: frozenset[str] = frozenset()) -> ElementTree.Element:
+    """Return links, joints and materials of a URDF in the form that Pinocchio reads."""
+    root = ElementTree.fromstring(text)
+    for element in list(root):
+        if element.tag not in ("link", "joint", "material"):
+            root.remove(element)
+    for name, joint in joint_elements(root).items():
+        _normalize_joint(joint, turned=name in turned)
+    return root
+
+
+def _normalize_joint(joint: ElementTree.Element, *, turned: bool) -> None:
+    """Give a joint the form that Pinocchio needs, and the opposite axis if it is turned."""
+    for dynamics in joint.findall("dynamics"):
+        joint.remove(dynamics)
+    limit = joint.find("limit")
+    if joint.get("type") == "continuous":
+        joint.set("type", "revolute")
+        if limit is None:
+            limit = ElementTree.SubElement(joint, "limit", effort="1e3", velocity="1e3")
+        limit.attrib |= {"lower": "-1e3", "upper": "1e3"}
+    if limit is not None:
+        # Pinocchio refuses a limit without them; 0 means that none is stated.
+        limit.attrib = {"effort": "0", "velocity": "0", **limit.attrib}
+    if turned:
+        axis = joint.find("axis")
+        if axis is None:
+            axis = ElementTree.SubElement(joint, "axis")
+        # 0 - x, so that no zero becomes -0.
+        axis.set("xyz", " ".join(repr(0.0 - float(word)) for word in axis.get("xyz", "1 0 0").split()))
+        assert limit is not None  # the parser has read the file before
+        low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
+        limit.attrib |= {"lower": repr(0.0 - high), "upper": repr(0.0 - low)}
 
 
 def urdf_hash(path: Path) -> str:
@@ -112,7 +122,7 @@ def build_model(
     ``turned``: joints whose angle is counted the other way than in the file. Raises ModelError if Pinocchio
     refuses the file.
     """
-    text = read_urdf(path, turned)
+    text = kinematic_text(path, turned)
     model, reason = None, ""
     with quiet_stderr() as said:
         try:

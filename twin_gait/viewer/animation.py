@@ -1,7 +1,7 @@
 """Pages that need no server and no network: a run that plays, and any URDF with a slider for every joint."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -14,6 +14,7 @@ from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
+from twin_gait.leg_model.urdf_document import Mimic, mimic_joints
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, Window, set_animation
@@ -144,7 +145,7 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
 
     Every joint is at zero, or at the limit that is nearest to it. ``path``: the file, or the name of a
     packaged one; ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the
-    URDF cannot be read. Raises ViewerError if a mesh cannot be read.
+    URDF cannot be read.
     """
     urdf = find_urdf(path)
     model = build_model(urdf)
@@ -153,17 +154,18 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     counted = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
     page = page_data(
         About(title=urdf.name, subtitle=counted), mode="model", view=scene.view,
-        joints=list(joint_entries(scene.figure)),
+        joints=list(joint_entries(scene.figure, mimic_joints(urdf))),
         scene=packed(recorder.packed()),
     )  # fmt: skip
     return recorded_page([page])
 
 
-def joint_entries(figure: Figure) -> Iterator[dict[str, Any]]:
+def joint_entries(figure: Figure, mimics: Mapping[str, Mimic]) -> Iterator[dict[str, Any]]:
     """What a slider needs to know of each joint that turns about or slides along one axis.
 
-    Yields name, place in the scene, ``slides``, axis in the frame of the joint, position in [m] and
-    quaternion (x, y, z, w) at zero, and range in [rad] or [m], which is ``free`` if the file has no limits.
+    ``mimics``: couplings of joints that follow another one. Yields name, place in the scene, ``slides``, axis
+    in the frame of the joint, position in [m] and quaternion (x, y, z, w) at zero, and range in [rad] or [m],
+    which is ``free`` if the file has no limits; of a joint that follows another one also ``mimic``.
     """
     model, rest = figure.model, figure.posture(pin.neutral(figure.model))
     for joint, name in zip(model.joints[1:], list(model.names)[1:], strict=True):
@@ -181,4 +183,5 @@ def joint_entries(figure: Figure) -> Iterator[dict[str, Any]]:
             "name": name, "path": path, "slides": slides, "axis": figure.axis(name).tolist(),
             "position": rest[path, "position"], "quaternion": rest[path, "quaternion"],
             "lower": lower, "upper": upper, "free": free,
+            **({"mimic": mimics[name]._asdict()} if name in mimics else {}),
         }  # fmt: skip

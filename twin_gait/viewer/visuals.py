@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import warnings
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,8 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.joints import ALL_GUIDES
-from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, read_urdf
+from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, visual_document
+from twin_gait.leg_model.urdf_document import GIT_LFS_POINTER, UrdfWarning
 from twin_gait.viewer import shapes
 from twin_gait.viewer.shapes import Shape
 
@@ -41,10 +43,10 @@ def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
     """Load the visual geometry of a URDF for a model that was built from it.
 
     The model may have locked joints, a joint between world and pelvis, and resized segments and feet: parts
-    grow with what carries them. A mesh that is not there is warned of and left out. Raises ModelError if the
-    URDF cannot be read. Raises ViewerError if a mesh cannot be read.
+    grow with what carries them. A visual that cannot be read, such as a mesh that is not there, is left out
+    with a warning. Raises ModelError if the URDF cannot be read.
     """
-    nominal, geometry = _nominal(model, urdf, _read_with_meshes(urdf))
+    nominal, geometry = _nominal(model, urdf)
     guides = [name for name in ALL_GUIDES if model.existJointName(name)]
     carrier = {FIXED_JOINT: guides[-1]} if guides else {}
     found: dict[tuple[str, Colour], list[Shape]] = {}
@@ -58,24 +60,101 @@ def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
     return [LinkPart(*key, shapes.merged(items)) for key, items in found.items()]
 
 
-def _read_with_meshes(urdf: Path) -> str:
-    """URDF text with absolute mesh paths, without the visuals of meshes that were not found."""
-    root = ElementTree.fromstring(read_urdf(urdf))
-    coloured = {item.get("name") for item in root.iter("material") if item.find("color") is not None}
-    for link in root.iter("link"):
+def _located_visuals(urdf: Path) -> ElementTree.Element:
+    """Read a URDF and write absolute paths into its meshes; those that are not there are left out."""
+    root = visual_document(urdf)
+    defined: set[str] = set()
+    for material in root.findall("material"):
+        name = material.get("name", "")
+        if name in defined:  # Pinocchio refuses a second material of the same name
+            root.remove(material)
+        defined.add(name)
+    coloured = {item.get("name", "") for item in root.iter("material") if item.find("color") is not None}
+    for link in root.findall("link"):
         for visual in link.findall("visual"):
             for material in visual.findall("material"):
                 # One that has a texture and no colour would be black.
                 if material.get("name") not in coloured:
                     visual.remove(material)
-            for mesh in visual.findall("geometry/mesh"):
-                name = mesh.get("filename", "")
-                found = _find_mesh(name, urdf.parent)
-                mesh.set("filename", str(found))
-                if found is None:
-                    warnings.warn(f"{urdf}: mesh {name} is not there, and not drawn", stacklevel=2)
-                    link.remove(visual)
-    return ElementTree.tostring(root, encoding="unicode")
+    _leave_out(root, urdf, partial(_locate, urdf))
+    return root
+
+
+def _leave_out(
+    root: ElementTree.Element, urdf: Path, problem_of: Callable[[ElementTree.Element], str]
+) -> None:
+    """Remove the visuals that have a problem, with a warning for each."""
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            problem = problem_of(visual)
+            if problem:
+                warnings.warn(f"{urdf}: {problem}, and not drawn", UrdfWarning, stacklevel=2)
+                link.remove(visual)
+
+
+def _locate(urdf: Path, visual: ElementTree.Element) -> str:
+    """Write the absolute path of the mesh of a visual and its scale in [m], or return the problem."""
+    mesh = visual.find("geometry/mesh")
+    if mesh is None:
+        return ""
+    name = mesh.get("filename", "")
+    found = _find_mesh(name, urdf.parent)
+    if found is None:
+        return f"mesh {name} is not there"
+    with found.open("rb") as file:
+        if file.read(len(GIT_LFS_POINTER)) == GIT_LFS_POINTER:
+            return f"mesh {name} is a Git LFS pointer (fetch it with: git lfs pull)"
+    mesh.set("filename", str(found))
+    unit = collada_unit(found) if found.suffix.lower() == ".dae" else 1.0
+    if unit != 1.0:
+        scales = mesh.get("scale", "1 1 1").split()
+        mesh.set("scale", " ".join(repr(unit * float(scale)) for scale in scales))
+    return ""
+
+
+def collada_unit(path: Path) -> float:
+    """Return the length of the unit of a COLLADA file in [m]; 1 if it states none."""
+    try:
+        for _, element in ElementTree.iterparse(path, events=("start",)):
+            name = element.tag.rpartition("}")[2]
+            if name == "unit":
+                unit = float(element.get("meter", "1"))
+                return unit if unit > 0.0 else 1.0
+            if name.startswith("library_"):  # the asset comes before the content
+                break
+    except (OSError, ElementTree.ParseError, ValueError):
+        pass  # the reader of the mesh states the reason
+    return 1.0
+
+
+def _geometry(model: pin.Model, root: ElementTree.Element) -> pin.GeometryModel | None:
+    """Read the visuals of a URDF; None if one of them cannot be read."""
+    text = ElementTree.tostring(root, encoding="unicode")
+    with quiet_stderr() as printed:
+        try:
+            geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
+        except (ValueError, RuntimeError):
+            return None
+    return None if any(line.startswith("Error:") for line in printed) else geometry
+
+
+def _problem_of(visual: ElementTree.Element) -> str:
+    """Return the reason why Pinocchio cannot read a visual, or an empty text."""
+    robot = ElementTree.Element("robot", name="trial")
+    link = ElementTree.SubElement(robot, "link", name="link")
+    ElementTree.SubElement(link, "visual").extend(visual.findall("origin") + visual.findall("geometry"))
+    text = ElementTree.tostring(robot, encoding="unicode")
+    reason = ""
+    with quiet_stderr() as printed:
+        try:
+            pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.GeometryType.VISUAL)
+        except (ValueError, RuntimeError) as error:
+            reason = str(error).partition("message:")[2].partition("Hint:")[0]
+    reasons = [line.removeprefix("Error:") for line in printed if line.startswith("Error:")]
+    reason = " ".join((reasons[0] if reasons else reason).split())
+    shape = visual.find("geometry/*")
+    kind = "a visual" if shape is None else shape.get("filename", f"a visual <{shape.tag}>")
+    return f"{kind} cannot be read ({reason})" if reason else ""
 
 
 def _find_mesh(name: str, folder: Path) -> Path | None:
@@ -87,15 +166,15 @@ def _find_mesh(name: str, folder: Path) -> Path | None:
     return next((path.resolve() for path in (Path(relative), *nearby) if path.is_file()), None)
 
 
-def _nominal(model: pin.Model, urdf: Path, text: str) -> tuple[pin.Model, pin.GeometryModel]:
+def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel]:
     """Model and visuals as the file has them, without the joints that the given model lacks."""
-    nominal = build_model(urdf)
-    try:
-        with quiet_stderr():
-            geometry = pin.buildGeomFromUrdfString(nominal, text, pin.GeometryType.VISUAL)
-    except (ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())
-        raise ViewerError(f"{urdf}: its visual meshes cannot be read ({reason})") from error
+    nominal, root = build_model(urdf), _located_visuals(urdf)
+    geometry = _geometry(nominal, root)
+    if geometry is None:
+        _leave_out(root, urdf, _problem_of)
+        geometry = _geometry(nominal, root)
+    if geometry is None:
+        raise ViewerError(f"{urdf}: its visuals cannot be read; remove them, or correct their numbers")
     locked = [index for index, name in enumerate(nominal.names) if index and not model.existJointName(name)]
     if locked:
         nominal, geometry = pin.buildReducedModel(nominal, geometry, locked, pin.neutral(nominal))

@@ -40,17 +40,32 @@ const joints = {
     const end = (value) => make("span", "end", entry.free ? "" : number(factor * value, 0) + unit);
     Object.assign(slider, { type: "range", min: factor * entry.lower, max: factor * entry.upper, step: "any" });
     label.append(make("span", "name", entry.name), told, end(entry.lower), slider, end(entry.upper));
-    label.title = entry.name + (entry.free ? " (no limits)" : "");
+    label.title = entry.name + (entry.free ? " (no limits)" : "") + (entry.mimic ? ` (follows ${entry.mimic.joint})` : "");
+    slider.disabled = Boolean(entry.mimic);
     list.append(label);
-    const row = { entry, slider, set: (value) => {
-      slider.value = value;
-      told.textContent = number(Number(slider.value), digits) + unit;
+    const show = (value) => {
+      told.textContent = number(factor * value, digits) + unit;
       slider.setAttribute("aria-valuetext", told.textContent);
-      this.move(entry, Number(slider.value) / factor);
+      this.move(entry, value);
+      this.follow(entry.name, value);
+    };
+    const row = { entry, show, slider, set: (value) => {
+      slider.value = value;
+      show(Number(slider.value) / factor);
     } };
     slider.oninput = () => row.set(slider.value);
     slider.ondblclick = () => row.set(0);
     return row;
+  },
+
+  // A joint with <mimic> takes its position from another joint, beyond its own limits if the file says so.
+  follow(leader, value) {
+    for (const { entry, show, slider } of this.rows) {
+      if (entry.mimic?.joint !== leader) continue;
+      const position = entry.mimic.multiplier * value + entry.mimic.offset;
+      slider.value = position * (entry.slides ? 1000 : 180 / Math.PI);
+      show(position);
+    }
   },
 
   // The group of a joint lies where the file puts it, turned or shifted along the axis.
@@ -62,7 +77,7 @@ const joints = {
     this.stage.viewer.handle_command({ type: "set_property", path, property: name, value: moved.toArray() });
   },
 
-  reset() { for (const row of this.rows) row.set(0); },
+  reset() { for (const row of this.rows) if (!row.entry.mimic) row.set(0); },
 
   key(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
