@@ -4,7 +4,8 @@ A page quotes the number ``fit.gain`` of ``examples/results/NAME/results.json`` 
 
     <!-- value NAME fit.gain .2f -->0.58<!-- / -->
 
-with a format as in Python, or none, and a list of mappings with the same keys as
+with a format as in Python, or none; ``NAME+OTHER`` adds the numbers of several scripts up. A list of mappings
+with the same keys is quoted as
 
     <!-- table NAME rows -->
     | k [Nm/deg] | outcome |
@@ -63,7 +64,9 @@ def results_of(name: str) -> Any:
 
 
 def looked_up(name: str, key: str) -> Any:
-    """Entry of a result by its dotted key."""
+    """Return the entry of a result by its dotted key; the sum of several if their names are joined by +."""
+    if "+" in name:
+        return sum(looked_up(one, key) for one in name.split("+"))
     entry = results_of(name)
     for part in key.split("."):
         entry = entry[int(part)] if isinstance(entry, list) else entry[part]

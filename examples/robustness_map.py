@@ -1,13 +1,15 @@
 """Robustness map of the shipped gait table: which wearers, belt speeds and supports it walks with.
 
-The sweep of examples/sweep.yaml: 320 walks over mass, height, belt speed and supported share of the weight.
-Two minutes on two cores; page: docs/background/robustness_map.md.
+The sweep of examples/sweep.yaml: 320 walks over mass, height, belt speed and supported share of the weight. A
+Latin hypercube of 400 walks goes on to heavier wearers and less support, with friction and battery voltage
+varied as well, to find where it ends. Two minutes on two cores; page: docs/background/robustness_map.md.
 """
 
 # %% [markdown]
 # The same map of a table of your own is `twin-gait sweep` with `table:` under `settings` in its file.
 
 # %%
+import itertools
 import shutil
 import tempfile
 from pathlib import Path
@@ -25,6 +27,19 @@ SHORT = {
     "scenario.belt_speed_m_per_s": "speed_m_per_s",
     "scenario.support.share": "support_share",
 }
+# Beyond the grid: up to the heaviest wearer of the device, and down to a fifth of the weight supported.
+BEYOND = {
+    "patient.mass_kg": {"from": 50, "to": 110},
+    "patient.height_m": {"from": 1.60, "to": 1.90},
+    "scenario.belt_speed_m_per_s": {"from": 0.30, "to": 0.42},
+    "scenario.support.share": {"from": 0.2, "to": 0.7},
+    "plant.friction_ratio.hip": {"from": 0.35, "to": 1.0},
+    "plant.friction_ratio.knee": {"from": 0.35, "to": 1.0},
+    "plant.battery.voltage_V": {"from": 24.0, "to": 28.8},
+}
+BEYOND_SAMPLES = 400
+DEVICE_MASS = 20.0  # [kg]
+CARRIED_BOUNDS = (0.0, 60.0, 70.0, 80.0, 110.0)  # [kg]
 
 
 # %%
@@ -38,6 +53,37 @@ def spec_in(folder: str, *, quick: bool) -> Path:
     path = Path(folder) / "spec.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     return path
+
+
+def spec_beyond(folder: str, *, quick: bool) -> Path:
+    """Write the specification of the wider sample; the quick form takes a few walks and no time."""
+    document = yaml.safe_load(SPEC.read_text(encoding="utf-8"))
+    document |= {"method": "latin_hypercube", "parameters": BEYOND, "samples": 8 if quick else BEYOND_SAMPLES}
+    if quick:
+        document["settings"]["duration_s"] = 0.3
+    path = Path(folder) / "beyond.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return path
+
+
+def carried_rows(walks: pd.DataFrame) -> list[dict]:
+    """Return the share that walked by the mass that the legs carry: (wearer + device) · (1 - support)."""
+    carried = (walks["mass_kg"] + DEVICE_MASS) * (1.0 - walks["support_share"])
+    rows = []
+    for low, high in itertools.pairwise(CARRIED_BOUNDS):
+        block = walks[(low <= carried) & (carried < high)]
+        if len(block):
+            rows.append({"carried mass": f"{low:g} to {high:g} kg", **outcomes_of(block)})
+    return rows
+
+
+def outcomes_of(block: pd.DataFrame) -> dict[str, str]:
+    """Count the walks of a block that walked, and the outcomes of the others."""
+    others = block["outcome"][block["outcome"] != "walked"].value_counts()
+    return {
+        "walked": f"{len(block) - others.sum()} of {len(block)}",
+        "others": ", ".join(f"{count} {word}" for word, count in others.items()) or "none",
+    }
 
 
 def rows_of(table: pd.DataFrame) -> pd.DataFrame:
@@ -56,18 +102,11 @@ def rows_of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def support_rows(walks: pd.DataFrame) -> list[dict]:
-    """Share that walked at each support, and what became of the others."""
-    rows = []
-    for support, block in walks.groupby("support_share"):
-        others = block["outcome"][block["outcome"] != "walked"].value_counts()
-        rows.append(
-            {
-                "support": f"{support:.0%}",
-                "walked": f"{len(block) - others.sum()} of {len(block)}",
-                "others": ", ".join(f"{count} {word}" for word, count in others.items()) or "none",
-            }
-        )
-    return rows
+    """Return the share that walked at each support, and the outcomes of the others."""
+    return [
+        {"support": f"{support:.0%}", **outcomes_of(block)}
+        for support, block in walks.groupby("support_share")
+    ]
 
 
 # %%
@@ -79,8 +118,11 @@ if __name__ == "__main__":
         result = run_sweep(sweep, out, workers=workers)
         for name in ("heat_map_walked.png", "main_effects_walked.png"):
             shutil.copy(out / "figures" / name, form.out)
+        wider = load_sweep(spec_beyond(folder, quick=form.quick))
+        beyond = rows_of(run_sweep(wider, Path(folder) / "beyond", workers=workers).table)
     walks = rows_of(result.table)
     walks.to_csv(form.out / "robustness_map.csv", index=False, lineterminator="\n")
+    beyond.to_csv(form.out / "beyond.csv", index=False, lineterminator="\n")
     share = float((walks["outcome"] == "walked").mean())
     print(f"{len(walks)} walks of {sweep.experiment.duration:g} s: {share:.1%} walked")
     form.keep(
@@ -89,5 +131,6 @@ if __name__ == "__main__":
             "walked": int((walks["outcome"] == "walked").sum()),
             "share": share,
             "supports": support_rows(walks),
+            "beyond": carried_rows(beyond),
         }
     )

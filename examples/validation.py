@@ -84,7 +84,10 @@ check("pull of the ground at a foot", "unilateral contact", pull, 0.0, "N")
 if not mujoco:
     print("without MuJoCo, which pip install 'twin-gait[test]' brings: its checks are left out")
 failed = sum(row["passed"] != "yes" for row in rows)
-form.keep({"checks": rows, "count": len(rows), "failed": failed, "mujoco": mujoco})
+with_mujoco = sum(row["compared with"].startswith("MuJoCo") for row in rows)
+form.keep(
+    {"checks": rows, "count": len(rows), "with_mujoco": with_mujoco, "failed": failed, "mujoco": mujoco}
+)
 print(f"{len(rows) - failed} passed, {failed} failed")
 if failed:
     raise SystemExit(1)

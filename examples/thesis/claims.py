@@ -17,8 +17,13 @@ from twin_gait.report import save
 
 RESOLUTION = 75  # of figures in dots per inch
 CLAIMS = Path(__file__).with_name("claims.yaml")
-IN_BAND, OUT_OF_BAND, CALIBRATED = "in band", "OUT OF BAND", "calibrated"
+OUT_OF_BAND, CALIBRATED = "OUT OF BAND", "calibrated"
+AGREES = "in band, as the thesis's number"
+UNSTATED = "in band; the thesis prints no number"
 CONTRADICTED = "in band; the thesis's number is not"
+GIVEN_BACK = "given back"  # the bench was built from the thesis's number
+# Names under which results.json counts the verdicts on numbers that are in their bands.
+COUNTED = {"agrees": AGREES, "unstated": UNSTATED, "contradicted": CONTRADICTED, "given_back": GIVEN_BACK}
 
 Numbers = Mapping[str, Any]
 
@@ -34,7 +39,10 @@ def number_of(entry: float | str | None, numbers: Numbers) -> float | None:
 
 
 def verdict_of(claim: Mapping[str, Any], numbers: Numbers) -> str:
-    """Whether a predicted number is in its band, ends included; a calibrated one is not judged."""
+    """Return the verdict on a number: whether it is in its band, ends included, and the thesis's as well.
+
+    A calibrated number has no band and is not judged.
+    """
     if "band" not in claim:
         return CALIBRATED
     low, high = (number_of(end, numbers) for end in claim["band"])
@@ -42,7 +50,11 @@ def verdict_of(claim: Mapping[str, Any], numbers: Numbers) -> str:
     ours, thesis = numbers[claim["ours"]], number_of(claim.get("thesis"), numbers)
     if not (math.isfinite(ours) and low <= ours <= high):
         return OUT_OF_BAND
-    return IN_BAND if thesis is None or low <= thesis <= high else CONTRADICTED
+    if claim.get("given_back"):
+        return GIVEN_BACK
+    if thesis is None:
+        return UNSTATED
+    return AGREES if low <= thesis <= high else CONTRADICTED
 
 
 def number_text(value: float | None, unit: str = "1") -> str:
@@ -104,13 +116,15 @@ class Answers:
             save(picture, self.form.out / f"{figure}.png", resolution=RESOLUTION)
 
     def conclude(self) -> None:
-        """Write results.json with the table of claims; exit with 1 if a predicted number left its band."""
+        """Write results.json with the table of claims; exit with 1 if a number left its band."""
         rows = list(rows_of(self.script, self.found))
         judged = [row for row in rows if row["verdict"] != CALIBRATED]
         failed = [row for row in judged if row["verdict"] == OUT_OF_BAND]
         held = len(judged) - len(failed)
-        self.form.keep({"predicted": len(judged), "in_band": held, "claims": rows, **self.found})
-        print(f"{held} of {len(judged)} predicted numbers in their bands; see {self.form.out}")
+        verdicts = [row["verdict"] for row in rows]
+        counts = {name: verdicts.count(verdict) for name, verdict in COUNTED.items()}
+        self.form.keep({"judged": len(judged), "in_band": held, **counts, "claims": rows, **self.found})
+        print(f"{held} of {len(judged)} numbers in their bands; see {self.form.out}")
         for row in failed:
             print("out of band:", ", ".join(f"{name} {text}" for name, text in row.items()))
         if failed:

@@ -10,10 +10,13 @@ import pytest
 from gallery import Form
 from thesis import claims
 from thesis.claims import (
+    AGREES,
     CALIBRATED,
     CONTRADICTED,
-    IN_BAND,
+    COUNTED,
+    GIVEN_BACK,
     OUT_OF_BAND,
+    UNSTATED,
     Answers,
     band_text,
     claims_of,
@@ -30,9 +33,9 @@ CLAIM = {"claim": "slope", "thesis": 0.0493, "ours": "slope", "band": [0.049, "h
 @pytest.mark.parametrize(
     ("ours", "verdict"),
     [
-        (0.05, IN_BAND),
-        (0.049, IN_BAND),
-        (0.051, IN_BAND),
+        (0.05, AGREES),
+        (0.049, AGREES),
+        (0.051, AGREES),
         (0.0489, OUT_OF_BAND),
         (0.0511, OUT_OF_BAND),
         (math.nan, OUT_OF_BAND),
@@ -50,10 +53,24 @@ def test_a_calibrated_number_is_not_judged_however_far_off() -> None:
 
 @pytest.mark.parametrize(
     ("thesis", "ours", "verdict"),
-    [(0.5, 0.05, CONTRADICTED), (0.05, 0.05, IN_BAND), (None, 0.05, IN_BAND), (0.5, 0.06, OUT_OF_BAND)],
+    [(0.5, 0.05, CONTRADICTED), (0.05, 0.05, AGREES), (None, 0.05, UNSTATED), (0.5, 0.06, OUT_OF_BAND)],
 )
 def test_the_thesis_is_contradicted_only_by_a_number_that_holds(thesis, ours, verdict) -> None:
     assert verdict_of({**CLAIM, "thesis": thesis}, {"slope": ours, "high": 0.051}) == verdict
+
+
+def test_a_number_that_the_bench_was_built_from_is_no_prediction_even_if_it_comes_back() -> None:
+    claim = {**CLAIM, "given_back": True}
+    assert verdict_of(claim, {"slope": 0.05, "high": 0.051}) == GIVEN_BACK
+    assert verdict_of(claim, {"slope": 0.06, "high": 0.051}) == OUT_OF_BAND
+
+
+def test_claims_on_the_friction_of_the_bench_are_given_back() -> None:
+    """Table 3.1 and the curves of figure 3.4 are the parameters of the bench."""
+    found = {figure: entries for script in SCRIPTS for figure, entries in claims_of(script).items()}
+    for figure, entries in found.items():
+        for claim in entries:
+            assert claim.get("given_back", False) == (figure in ("table_3_1", "fig_3_4")), claim
 
 
 def test_numbers_have_four_digits_a_true_minus_and_a_unit_and_bands_words() -> None:
@@ -88,7 +105,9 @@ def test_the_kept_results_answer_every_claim_with_the_verdicts_of_today(script: 
     rows = list(rows_of(script, kept))
     assert kept["claims"] == rows
     assert len(rows) == sum(map(len, claims_of(script).values()))
-    assert kept["in_band"] == kept["predicted"] == sum(row["verdict"] != CALIBRATED for row in rows)
+    assert kept["in_band"] == kept["judged"] == sum(row["verdict"] != CALIBRATED for row in rows)
+    for name, verdict in COUNTED.items():
+        assert kept[name] == sum(row["verdict"] == verdict for row in rows)
 
 
 def test_a_number_out_of_its_band_is_kept_printed_and_ends_in_status_1(tmp_path, capsys) -> None:
@@ -99,5 +118,5 @@ def test_a_number_out_of_its_band_is_kept_printed_and_ends_in_status_1(tmp_path,
     assert ended.value.code == 1
     assert "figure fig-A.1" in capsys.readouterr().out
     kept = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
-    assert (kept["predicted"], kept["in_band"], kept["fig_A_1"]) == (1, 0, {"counts": 70.0})
+    assert (kept["judged"], kept["in_band"], kept["fig_A_1"]) == (1, 0, {"counts": 70.0})
     assert [row["verdict"] for row in kept["claims"]] == [OUT_OF_BAND]
