@@ -25,10 +25,11 @@ import pandas as pd
 from twin_gait.measures import strides
 from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, swings
 from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.phases import phase_entries
 from twin_gait.vocabulary import JointName, Side
 
-MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which the trough between the peaks is looked for
+MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which one foot of a healthy walk carries the weight
 WEIGHT_ACCEPTANCE = slice(6, 21)  # [%] of the cycle, in which the load rises in healthy walking
 YIELD_UNTIL = 30  # [%] of the cycle; the knee yields under load before midstance
 # A belt whose mean pull on both feet is less than this share of the carried weight does not carry a walk. In
@@ -77,7 +78,7 @@ def walk_measures(
         "cadence_per_min": strides.cadence(times),
         "step_length_m": ground_speed(log, bounds, leg.tick) * _mean(counted_steps(leg, other, bounds)),
         "load_peak": _mean(strides.stride_extremes(load, bounds)[:, 1]),
-        **load_shape(mean_stride(load, bounds)),
+        **load_measures(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         "pressure_crossing": _midfoot(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
         **_joints(log, leg.side, bounds),
@@ -145,29 +146,30 @@ def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
     return _mean(strides.over_strides(signal, bounds))
 
 
-def load_shape(cycle: np.ndarray) -> dict[str, float]:
-    """Peaks, trough and least load of a vertical force.
+def load_measures(cycle: np.ndarray) -> dict[str, float]:
+    """Measure the peaks, the trough and the least loads of a vertical force.
 
     ``cycle``: force over carried weight at every percent of the cycle, shape ``(101,)``. Returns them by
-    their names in a summary.
+    their names in a summary; peaks and trough are NaN where :func:`load_shape` finds no two peaks.
     """
-    middle = MIDSTANCE.start + int(np.argmin(cycle[MIDSTANCE]))
+    shape = load_shape(cycle)
     return {
-        "loading_peak": float(cycle[: middle + 1].max()),
-        "trough": float(cycle[middle]),
-        "push_off_peak": float(cycle[middle:-1].max()),
+        "loading_peak": shape.loading_peak,
+        "trough": shape.trough,
+        "push_off_peak": shape.push_off_peak,
         "least_load": float(cycle[WEIGHT_ACCEPTANCE].min()),
+        "least_midstance_load": float(cycle[MIDSTANCE].min()),
     }
 
 
 def fore_aft_peaks(cycle: np.ndarray) -> dict[str, float]:
-    """Largest backward and forward force over carried weight; as :func:`load_shape`."""
+    """Largest backward and forward force over carried weight; as :func:`load_measures`."""
     low, high = float(cycle.min()), float(cycle.max())
     return {"braking_peak": 0.0 if low > 0.0 else low, "propulsion_peak": 0.0 if high < 0.0 else high}
 
 
 def knee_shape(cycle: np.ndarray) -> dict[str, float]:
-    """Knee at contact and its yield after it, of angles in [rad]; as :func:`load_shape`."""
+    """Knee at contact and its yield after it, of angles in [rad]; as :func:`load_measures`."""
     bent = cycle[: YIELD_UNTIL + 1].max() - cycle[0]
     return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
 
