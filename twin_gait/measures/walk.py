@@ -111,7 +111,8 @@ def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.nd
 WALK_COLUMNS = (
     "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm",
     "_push_torque_Nm", "_foot_normal_force_N", "_foot_friction_force_N", "_foot_pressure_place",
-    "_foot_clearance_m", "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s", "belt_speed_m_per_s",
+    "_foot_clearance_m", "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s",
+    "belt_speed_m_per_s",
 )  # fmt: skip
 
 
