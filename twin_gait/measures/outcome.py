@@ -6,6 +6,8 @@ applies counts:
 - *diverged*: the state was no longer finite.
 - *fell*: the pelvis sank below the height of a fall, before a trip or after it.
 - *held*: the safety monitor or the operator stopped the legs, and the wearer did not fall.
+- *too short to judge*: a leg made no whole stride in the time in which it was to walk, and this time is too
+  short for *stalled*.
 - *hung*: the harness carried the wearer: both feet were off the ground for more than
   ``HIGHEST_FLIGHT_SHARE`` of the time. Walking has no time without a foot on the ground (D. A. Winter: The
   biomechanics and motor control of human gait, 2nd edition, 1991); the allowance is for feet that bounce
@@ -44,18 +46,25 @@ class Verdict(NamedTuple):
 def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
     """Whether legs that neither fell nor were held walked.
 
-    Only the times in which they are to walk evenly count, each for itself. Returns ``WALKED``, ``STALLED`` or
-    ``HUNG``.
+    Only the times in which they are to walk evenly count, each for itself. Returns ``WALKED``, ``STALLED``,
+    ``HUNG`` or ``TOO_SHORT``.
     """
+    gaps = [
+        max((_longest_without_stride(leg, span) for span in leg.steady_ticks), key=itemgetter(1), default=None)
+        for leg in legs
+    ]
+    for leg, gap in zip(legs, gaps, strict=True):
+        if gap is not None and gap[1] <= LONGEST_STRIDE and not len(leg.strides(skip=0)):
+            length = sum(int(leg.clock[span.stop] - leg.clock[span.start]) for span in leg.steady_ticks)
+            text = f"the {leg.side} leg made no whole stride in {length * leg.tick:g} s; simulate a longer run"
+            return Verdict(Outcome.TOO_SHORT, text)
     flight = flight_share(legs)
     if flight > HIGHEST_FLIGHT_SHARE:
         text = f"both feet were off the ground {100.0 * flight:.0f} % of the time"
         return Verdict(Outcome.HUNG, f"the harness carried the wearer: {text}")
-    for leg in legs:
-        gaps = (_longest_without_stride(leg, span) for span in leg.steady_ticks)
-        start, longest = max(gaps, key=itemgetter(1), default=(0.0, 0.0))
-        if longest > LONGEST_STRIDE:
-            text = f"the {leg.side} leg began no stride for {longest:.1f} s from {start:.1f} s on"
+    for leg, gap in zip(legs, gaps, strict=True):
+        if gap is not None and gap[1] > LONGEST_STRIDE:
+            text = f"the {leg.side} leg began no stride for {gap[1]:.1f} s from {gap[0]:.1f} s on"
             return Verdict(Outcome.STALLED, text)
     for leg in legs:
         variation = coefficient_of_variation(stride_times(leg.clock[leg.strides()], leg.tick))
