@@ -49,22 +49,19 @@ def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
     Only the times in which they are to walk evenly count, each for itself. Returns ``WALKED``, ``STALLED``,
     ``HUNG`` or ``TOO_SHORT``.
     """
-    gaps = [
-        max((_longest_without_stride(leg, span) for span in leg.steady_ticks), key=itemgetter(1), default=None)
-        for leg in legs
-    ]
-    for leg, gap in zip(legs, gaps, strict=True):
-        if gap is not None and gap[1] <= LONGEST_STRIDE and not len(leg.strides(skip=0)):
-            length = sum(int(leg.clock[span.stop] - leg.clock[span.start]) for span in leg.steady_ticks)
-            text = f"the {leg.side} leg made no whole stride in {length * leg.tick:g} s; simulate a longer run"
-            return Verdict(Outcome.TOO_SHORT, text)
+    gaps = [_longest_without_stride(leg) for leg in legs]
+    for leg, (_, longest) in zip(legs, gaps, strict=True):
+        if leg.steady and longest <= LONGEST_STRIDE and not len(leg.strides(skip=0)):
+            ticks = sum(int(leg.clock[span.stop] - leg.clock[span.start]) for span in leg.steady_ticks)
+            text = f"the {leg.side} leg made no whole stride in {ticks * leg.tick:g} s"
+            return Verdict(Outcome.TOO_SHORT, f"{text}; simulate a longer run")
     flight = flight_share(legs)
     if flight > HIGHEST_FLIGHT_SHARE:
         text = f"both feet were off the ground {100.0 * flight:.0f} % of the time"
         return Verdict(Outcome.HUNG, f"the harness carried the wearer: {text}")
-    for leg, gap in zip(legs, gaps, strict=True):
-        if gap is not None and gap[1] > LONGEST_STRIDE:
-            text = f"the {leg.side} leg began no stride for {gap[1]:.1f} s from {gap[0]:.1f} s on"
+    for leg, (start, longest) in zip(legs, gaps, strict=True):
+        if longest > LONGEST_STRIDE:
+            text = f"the {leg.side} leg began no stride for {longest:.1f} s from {start:.1f} s on"
             return Verdict(Outcome.STALLED, text)
     for leg in legs:
         variation = coefficient_of_variation(stride_times(leg.clock[leg.strides()], leg.tick))
@@ -89,14 +86,16 @@ def flight_share(legs: Sequence[LegRecord]) -> float:
     return float(np.mean(~np.any(loaded, axis=0)))
 
 
-def _longest_without_stride(leg: LegRecord, span: slice) -> tuple[float, float]:
-    """Beginning and length in [s] of the longest time within some ticks in which no stride begins."""
-    events = leg.stride_events
-    inside = events[(events >= span.start) & (events < span.stop)]
-    edges = np.concatenate(([span.start], inside, [span.stop]))
-    gaps = np.diff(leg.clock[edges])
-    longest = int(np.argmax(gaps))
-    return float(edges[longest] * leg.tick), float(gaps[longest] * leg.tick)
+def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:
+    """Return beginning and length in [s] of the longest time of steady walk in which no stride begins."""
+    found, events = [(0.0, 0.0)], leg.stride_events
+    for span in leg.steady_ticks:
+        inside = events[(events >= span.start) & (events < span.stop)]
+        edges = np.concatenate(([span.start], inside, [span.stop]))
+        gaps = np.diff(leg.clock[edges])
+        longest = int(np.argmax(gaps))
+        found.append((float(edges[longest] * leg.tick), float(gaps[longest] * leg.tick)))
+    return max(found, key=itemgetter(1))
 
 
 class EventKind(StrEnum):
