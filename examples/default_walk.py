@@ -96,7 +96,7 @@ def measured(run: Run) -> dict[str, float | str]:
         "knee_rmse_deg": max(side["rmse_knee_by_contact_deg"] for side in sides),
         "stride_time_s": float(np.mean([side["stride_time_mean_s"] for side in sides])),
         "load_peak": max(leg["load_peak"] for leg in legs),
-        "trough": min(leg["trough"] for leg in legs),
+        "trough": min(leg["least_midstance_load"] for leg in legs),
         "least_load": min(leg["least_load"] for leg in legs),
         "fore_aft_force_N": sum(leg["fore_aft_force_N"] for leg in legs),
         "belt_power_W": power["belt_W"],

@@ -53,7 +53,8 @@ for support in SUPPORTS:
     summary = summarise(walk(support))
     row = {"support": f"{support:.0%}", "outcome": summary["outcome"]}
     if "walk" in (left := summary["sides"]["left"]):
-        row |= {name: f"{left['walk'][key]:.2f}" for name, key in MEASURES.items()}
+        found = {name: left["walk"][key] for name, key in MEASURES.items()}
+        row |= {name: "–" if value is None else f"{value:.2f}" for name, value in found.items()}
     rows.append(row)
 form.keep({"rows": rows})
 print(pd.DataFrame(rows).fillna("").to_string(index=False))

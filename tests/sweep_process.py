@@ -23,10 +23,10 @@ _SERVER.set_forkserver_preload(
 
 
 def write_spec(path: Path, **entries: object) -> Path:
-    """A sweep of very short episodes on the bench, unless the entries say otherwise."""
+    """A sweep of short episodes with one stride on the bench, unless the entries say otherwise."""
     spec = {
         "experiment": "bench_leg",
-        "settings": {"duration_s": 0.2, "sensors.ideal": False, "sensors.angle_noise_rad": 1e-5},
+        "settings": {"duration_s": 2.0, "sensors.ideal": False, "sensors.angle_noise_rad": 1e-5},
         "method": "latin_hypercube",
         "samples": 12,
         "seed": 3,

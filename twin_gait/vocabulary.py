@@ -55,6 +55,7 @@ class Outcome(StrEnum):
     """Outcome of a run; :mod:`twin_gait.measures.outcome` decides it."""
 
     WALKED = "walked"
+    TOO_SHORT = "too short to judge"
     STALLED = "stalled"
     HUNG = "hung"
     HELD = "held"

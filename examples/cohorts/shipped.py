@@ -22,12 +22,15 @@ def experiment_of(name: str, support: float, duration: float) -> Experiment:
 
 
 def wearer_peak(run: Run, joint: JointName) -> float:
-    """Highest torque of the wearer at either joint in [N m]."""
+    """Return the highest torque of effort and passive moments at either joint in [N m]; no push acts here."""
     return max(float(run.log[f"{side}_{joint}_patient_torque_Nm"].abs().max()) for side in Side)
 
 
 def wearer_power(run: Run, joint: JointName) -> float:
-    """Mean power of the wearer's torques at both joints in [W]; the wearer is one body with the device."""
+    """Compute the mean power of effort and passive moments together at both joints in [W].
+
+    The wearer is one body with the device, and no push acts here.
+    """
     names = [f"{side}_{joint}" for side in Side]
     torques = run.log[[f"{name}_patient_torque_Nm" for name in names]].to_numpy()
     velocities = run.log[[f"{name}_velocity_rad_per_s" for name in names]].to_numpy()

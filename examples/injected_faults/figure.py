@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from twin_gait import Run
-from twin_gait.palette import BLACK, BLUE, GREY, ORANGE, SIDE_COLOURS, SKY_BLUE, VERMILLION
+from twin_gait.palette import BLACK, BLUE, GREY, ORANGE, SIDE_COLOURS, SKY_BLUE, VERMILLION, YELLOW
 
 TICK = 1e-3  # [s]
 SHOWN = (3.4, 6.4)  # [s]
@@ -21,6 +21,7 @@ COLOURS = {
     "hung": BLACK,
     "fell": ORANGE,
     "diverged": VERMILLION,
+    "too short to judge": YELLOW,
 }
 
 

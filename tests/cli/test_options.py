@@ -163,6 +163,18 @@ def test_faults_answer_with_a_row_each(capsys):
     assert {"fault", "outcome", "within_limits"} <= set(told["faults"][0])
 
 
+def test_faults_in_a_run_that_does_not_walk_are_refused(capsys):
+    """Faults added to it would break no limit, and so show nothing."""
+    held = ("--set", "control.safety.speed_share=0.05", "--unchecked")
+    words = ("faults", "treadmill", "--count", "2", "--duration", "3", "--workers", "1", *held)
+    assert main(words) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("treadmill, 3 s without a fault: the baseline does not walk: held, held from ")
+    assert main([*words, "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["baseline_problem"].startswith("the baseline does not walk") and told["faults"] == []
+
+
 def test_compare_answers_with_its_numbers(tmp_path, capsys):
     out = tmp_path / "out"
     words = ("compare", "--controllers", "transparent", "--duration", 2, "--patient", "stroke_left")

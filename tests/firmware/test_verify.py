@@ -112,7 +112,7 @@ def test_vectors_are_what_the_log_has(bench):
 
 
 def test_a_controller_that_runs_away_is_refused(capsys):
-    words = ["firmware", "treadmill", "--verify", "--duration", "2"]
+    words = ["firmware", "treadmill", "--verify", "--duration", "4"]
     assert main([*words, "--set", 'faults=["controller_runaway:left_knee@1s"]']) == 2
     said = capsys.readouterr().err
     assert "controller_runaway:left_knee@1.0s" in said and said.count("\n") == 1
@@ -190,7 +190,7 @@ def test_switches_that_come_late_or_otherwise_are_told(bench):
 
 def test_without_tools_nothing_is_claimed(project, monkeypatch):
     monkeypatch.setenv("PATH", "")
-    found = verify(replace(project.problem.experiment, duration=1.0))
+    found = verify(project.problem.experiment)
     assert [check["passed"] for check in found["checks"]] == [None] * 4
     assert found["passed"]
     assert all("apt-get install" in check["found"]["missing"] for check in found["checks"])
@@ -203,9 +203,24 @@ def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp
     for name in ("gcc", "as", "ld"):
         (tmp_path / name).symlink_to(str(shutil.which(name)))
     monkeypatch.setenv("PATH", str(tmp_path))
-    found = verify(replace(project.problem.experiment, duration=1.0))
+    found = verify(project.problem.experiment)
     assert [check["passed"] for check in found["checks"]] == [True, True, None, None]
     assert INSTALL in found["checks"][TARGET]["found"]["missing"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        (["duration_s=0.3"], "too short to judge, the left leg made no whole stride in 0.3 s"),
+        (["duration_s=3", "control.safety.speed_share=0.05"], "held, held from "),
+    ],
+)
+def test_nothing_is_proven_by_a_run_that_is_no_walk(settings, reason, capsys):
+    words = [word for setting in settings for word in ("--set", setting)]
+    assert main(["firmware", "treadmill", "--verify", "--unchecked", *words]) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith(f"FAILED: the baseline does not walk: {reason}")
+    assert line.endswith("; nothing was compared")
 
 
 def verification(*passed: bool | None) -> dict[str, Any]:

@@ -186,6 +186,8 @@ def test_a_push_is_in_the_log_for_just_its_ticks_and_moves_the_joint(bench):
     pushed = column(run, "right_knee_patient_torque_Nm")
     assert np.flatnonzero(pushed).tolist() == list(range(305, 428))
     assert set(pushed[305:428].tolist()) == {7.5}
+    assert column(run, "right_knee_push_torque_Nm").tolist() == pushed.tolist()
+    assert not column(run, "right_knee_voluntary_torque_Nm").any()
     # The tick after the first with the push: the torque over the inertia, by the leg's own mass matrix.
     model = bench.world.model
     index = bench.joints[1].coordinate

@@ -120,6 +120,21 @@ def test_only_the_steady_time_counts():
     assert gait_verdict([replace(item, steady=((9.0, 20.0),)) for item in late]).outcome is Outcome.WALKED
 
 
+@pytest.mark.parametrize("end, outcome", [(1.3, Outcome.TOO_SHORT), (2.7, Outcome.WALKED)])
+def test_a_run_without_a_whole_stride_of_each_leg_is_too_short_to_judge(end, outcome):
+    """Heel strikes of the left leg at 1.4 and 2.6 s, of the right leg at 0.8 and 2.0 s."""
+    verdict = gait_verdict([replace(item, steady=((0.0, end),)) for item in walker()])
+    assert verdict.outcome is outcome
+    if outcome is Outcome.TOO_SHORT:
+        assert verdict.reason == "the left leg made no whole stride in 1.3 s; simulate a longer run"
+
+
+def test_legs_that_hang_for_long_are_not_too_short_to_judge():
+    hanging = [leg(side, [], duration=4.5) for side in Side]
+    assert gait_verdict(hanging).outcome is Outcome.HUNG
+    assert gait_verdict([leg(side, [], duration=3.9) for side in Side]).outcome is Outcome.TOO_SHORT
+
+
 def test_who_is_not_to_walk_is_nothing_against_it():
     assert gait_verdict([replace(item, steady=()) for item in walker()]) == (Outcome.WALKED, "")
 
@@ -137,6 +152,12 @@ def test_standing_between_two_walks_is_no_gap_and_no_stride():
 
 
 # ---------------------------------------------------------------- runs
+
+
+def test_a_run_of_three_tenths_of_a_second_is_no_walk():
+    run = simulate(load_experiment("treadmill", ["duration_s=0.3"]).experiment)
+    assert run.verdict.outcome is Outcome.TOO_SHORT
+    assert summarise(run)["outcome"] == flat_summary(run)["outcome"] == "too short to judge"
 
 
 @pytest.fixture(scope="module")

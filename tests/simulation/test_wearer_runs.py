@@ -235,6 +235,21 @@ def test_work_of_the_wearer_is_his_torque_times_the_angle_turned():
     assert_allclose(log["patient_work_J"], work, rtol=0.0, atol=1e-9 * np.abs(work).max() + 1e-10)
 
 
+def test_torques_of_the_wearer_and_of_pushes_add_up_to_the_outside_torque():
+    """Every row of the log."""
+    log = bench(ALL, SAFE).log
+    for joint in ("hip", "knee"):
+        parts = [log[f"right_{joint}_{name}_torque_Nm"] for name in ("voluntary", "passive", "push")]
+        assert_allclose(sum(parts), torque(log, joint), rtol=0.0, atol=1e-12)
+        assert all(np.abs(part).max() > 0.1 for part in parts[:2])
+
+
+def test_stiff_and_spastic_joints_are_no_voluntary_effort():
+    log = bench(STIFF, SPASTIC.replace("both", "right")).log
+    assert not log.filter(regex="_voluntary_torque_Nm$").to_numpy().any()
+    assert_allclose(torque(log, "knee"), log["right_knee_passive_torque_Nm"], rtol=0.0)
+
+
 @pytest.mark.slow
 def test_engines_agree_on_a_walk_with_an_active_wearer():
     """On the treadmill, ankles included: 0.3 s in all columns; every law of the wearer acts."""

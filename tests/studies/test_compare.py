@@ -11,11 +11,10 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from twin_gait import load_experiment, simulate
+from twin_gait import load_experiment, simulate, summarise
 from twin_gait.cli import studies as command
 from twin_gait.cli.terminal import DONE
 from twin_gait.control import AssistanceParameters, TripCause
@@ -32,7 +31,7 @@ from twin_gait.studies.compare.comparing import (
     interval_of,
     varied,
 )
-from twin_gait.studies.compare.measures import run_measures, voluntary_torque
+from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import (
     PAGE_FILE,
     RUNS_FILE,
@@ -149,25 +148,25 @@ def test_stop_leaves_nothing():
 
 def test_effort_is_what_is_left_of_the_wearers_torque(stroke):
     """Recomputed for single ticks: the log less passive moment and catch, law by law."""
-    run = stroke.runs["table"]
-    found = {joint: voluntary_torque(run, Side.LEFT, joint) for joint in (JointName.HIP, JointName.KNEE)}
+    log = stroke.runs["table"].log
     for tick in (150, 4321, 15_000):
-        row = run.log.iloc[tick]
+        row = log.iloc[tick]
         hip, knee, ankle = (row[f"left_{joint}_angle_rad"] for joint in ("hip", "knee", "ankle"))
         rest = row["left_hip_patient_torque_Nm"] - passive_hip_torque(hip, knee)
-        assert found[JointName.HIP][tick] == pytest.approx(rest, abs=1e-9)
+        assert row["left_hip_voluntary_torque_Nm"] == pytest.approx(rest, abs=1e-9)
         speed = row["left_knee_velocity_rad_per_s"]
         catch = -3.0 * math.copysign(max(0.0, abs(speed) - math.radians(60.0)), speed)
         rest = row["left_knee_patient_torque_Nm"] - passive_knee_torque(hip, knee, ankle) - catch
-        assert found[JointName.KNEE][tick] == pytest.approx(rest, abs=1e-9)
+        assert row["left_knee_voluntary_torque_Nm"] == pytest.approx(rest, abs=1e-9)
 
 
-def test_wearer_without_effort_gives_none_though_the_tissue_does():
-    run = simulate(with_effort(walk("stroke_left", 2.0), 0.0))
-    for side in Side:
-        for joint in (JointName.HIP, JointName.KNEE):
-            assert np.abs(run.log[f"{side}_{joint}_patient_torque_Nm"]).max() > 1.0
-            assert np.abs(voluntary_torque(run, side, joint)).max() < 1e-9
+def test_wearer_without_effort_gives_no_voluntary_power_though_the_tissue_takes_some():
+    run = simulate(walk("complete_sci", 12.0))
+    numbers, summary = run_measures(run), summarise(run)
+    assert numbers["voluntary_power_W"] == 0.0 == summary["power"]["voluntary_W"]
+    assert numbers["effort_rms_Nm"] == 0.0 == numbers["push_power_W"]
+    assert numbers["passive_power_W"] == pytest.approx(summary["power"]["passive_W"], rel=1e-12)
+    assert numbers["passive_power_W"] < -0.5
 
 
 def test_numbers_agree_with_the_log_by_another_way(stroke):

@@ -150,7 +150,8 @@ def test_what_cannot_be_missed_is_not(campaign):
 
 def test_the_table_counts_every_run_once(campaign):
     rows = outcome_table(campaign)
-    counts = rows[[str(item) for item in Outcome]].sum(axis=1)
+    # A column for an outcome that no run had is there for those that a fault can have.
+    counts = rows[[str(item) for item in Outcome if item is not Outcome.TOO_SHORT]].sum(axis=1)
     assert (rows["runs"] == counts).all()
     assert rows["runs"].iloc[:-1].sum() == rows["runs"].iloc[-1] == 20
     assert rows["fault"].iloc[-1] == "all"

@@ -67,7 +67,7 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
         * max(abs(side["stride_time_mean_s"] - healthy) for side in sides)
         / healthy,
         "load_peak_pct": 100.0 * max(leg["load_peak"] for leg in legs) - 100.0,
-        "trough_pct": 100.0 - 100.0 * min(leg["trough"] for leg in legs),
+        "trough_pct": 100.0 - 100.0 * min(leg["least_midstance_load"] for leg in legs),
         "slow_loading_pct": 100.0 - 100.0 * min(leg["least_load"] for leg in legs),
         "fore_aft_pct": 100.0 * abs(sum(leg["fore_aft_force_N"] for leg in legs)) / carried,
         "propulsion_lack_pct": max(0.0, 100.0 - 100.0 * min(leg["propulsion_peak"] for leg in legs) / push),

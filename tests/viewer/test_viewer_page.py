@@ -178,7 +178,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
 
 def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path) -> None:
     stored = read_run(run_folder).run
-    power = {"belt_W": 9.0, "motors_W": 1.0, "wearer_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
+    power = {"belt_W": 9.0, "motors_W": 1.0, "voluntary_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
     leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}, "stride_time_mean_s": None}
     summary = {
         "sides": {"left": leg, "right": leg},

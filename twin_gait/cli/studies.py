@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -148,14 +148,21 @@ def faults(arguments: argparse.Namespace) -> int:
     """Inject seeded faults and tabulate the outcomes.
 
     Simulate an experiment once for each of many seeded faults of encoders, motors, controller, load sensors
-    and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, or a
-    trip did not end in the hold.
+    and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, a
+    trip did not end in the hold, or the experiment does not walk without a fault.
     """
     from twin_gait.studies.fault_campaign import violations
 
     workers, seed = options.workers_of(arguments), arguments.seed
     base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
     drawn = studies.draw_faults(base, arguments.count, seed)
+    healthy = simulation.simulate(replace(base, faults=()), on_compile=terminal.note_compilation)
+    terminal.clear_line()
+    if problem := healthy.baseline_problem:
+        text = f"{base.name}, {base.duration:g} s without a fault: {problem}; faults in it show nothing"
+        document = {"experiment": base.name, "baseline_problem": problem, "faults": []}
+        terminal.answer(arguments, [text], document)
+        return FAILED
     with terminal.watched("faults", "fault") as watch:
         table = studies.simulate_faults(base, drawn, workers=workers, **watch)
     status = simulation.RunStatus.COMPLETED if len(table) == len(drawn) else simulation.RunStatus.INTERRUPTED

@@ -23,6 +23,7 @@ from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, Project, pr
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import simulate
 from twin_gait.worlds.faults import Fault, FaultKind
 
 MOST_SHIFT = 1  # ticks between a switch in float and in double numbers
@@ -105,15 +106,24 @@ def verify(
     """Print an experiment's controller, build it, and compare it with the simulation.
 
     Its walk is run, and a shorter one with a fault of each kind. A controller that runs away is a fault of
-    the controller itself, which no C has.
+    the controller itself, which no C has. Nothing is compared if the experiment does not walk without faults.
 
     ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all of
     each of the runs. ``on_compile``: called if an engine has to be compiled first. Returns what
     ``verification.json`` keeps: the hash of the source, whether nothing is wrong, and of each check its name,
-    whether it has passed (None if a tool is missing) and what was found. Raises FirmwareError: it uses
-    something that the firmware does not have, or a compiler refuses the C.
+    whether it has passed (None if a tool is missing) and what was found; if it does
+    not walk, no check and the reason as ``baseline_problem``. Raises FirmwareError: it uses something that
+    the firmware does not have, or a compiler refuses the C.
     """
     project = print_project(experiment)
+    problem = simulate(replace(experiment, faults=()), on_compile=on_compile).baseline_problem
+    if problem:
+        return {
+            "source_sha256": project.program.source_hash,
+            "passed": False,
+            "baseline_problem": problem,
+            "checks": [],
+        }
     vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     checks = list[dict[str, Any]]()
     with TemporaryDirectory() as folder:

@@ -109,6 +109,8 @@ def _told(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[st
     outcome, reason = gait_verdict(records)
     if outcome is Outcome.WALKED:
         return f"walks on {ahead}", False
+    if outcome is Outcome.TOO_SHORT:
+        return f"makes no whole stride {ahead}", True
     return f"{outcome} {ahead}: {reason}", True
 
 

@@ -6,6 +6,8 @@ applies counts:
 - *diverged*: the state was no longer finite.
 - *fell*: the pelvis sank below the height of a fall, before a trip or after it.
 - *held*: the safety monitor or the operator stopped the legs, and the wearer did not fall.
+- *too short to judge*: a leg made no whole stride in the time in which it was to walk, and this time is too
+  short for *stalled*.
 - *hung*: the harness carried the wearer: both feet were off the ground for more than
   ``HIGHEST_FLIGHT_SHARE`` of the time. Walking has no time without a foot on the ground (D. A. Winter: The
   biomechanics and motor control of human gait, 2nd edition, 1991); the allowance is for feet that bounce
@@ -44,16 +46,20 @@ class Verdict(NamedTuple):
 def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
     """Whether legs that neither fell nor were held walked.
 
-    Only the times in which they are to walk evenly count, each for itself. Returns ``WALKED``, ``STALLED`` or
-    ``HUNG``.
+    Only the times in which they are to walk evenly count, each for itself. Returns ``WALKED``, ``STALLED``,
+    ``HUNG`` or ``TOO_SHORT``.
     """
+    gaps = [_longest_without_stride(leg) for leg in legs]
+    for leg, (_, longest) in zip(legs, gaps, strict=True):
+        if leg.steady and longest <= LONGEST_STRIDE and not len(leg.strides(skip=0)):
+            ticks = sum(int(leg.clock[span.stop] - leg.clock[span.start]) for span in leg.steady_ticks)
+            text = f"the {leg.side} leg made no whole stride in {ticks * leg.tick:g} s"
+            return Verdict(Outcome.TOO_SHORT, f"{text}; simulate a longer run")
     flight = flight_share(legs)
     if flight > HIGHEST_FLIGHT_SHARE:
         text = f"both feet were off the ground {100.0 * flight:.0f} % of the time"
         return Verdict(Outcome.HUNG, f"the harness carried the wearer: {text}")
-    for leg in legs:
-        gaps = (_longest_without_stride(leg, span) for span in leg.steady_ticks)
-        start, longest = max(gaps, key=itemgetter(1), default=(0.0, 0.0))
+    for leg, (start, longest) in zip(legs, gaps, strict=True):
         if longest > LONGEST_STRIDE:
             text = f"the {leg.side} leg began no stride for {longest:.1f} s from {start:.1f} s on"
             return Verdict(Outcome.STALLED, text)
@@ -80,14 +86,16 @@ def flight_share(legs: Sequence[LegRecord]) -> float:
     return float(np.mean(~np.any(loaded, axis=0)))
 
 
-def _longest_without_stride(leg: LegRecord, span: slice) -> tuple[float, float]:
-    """Beginning and length in [s] of the longest time within some ticks in which no stride begins."""
-    events = leg.stride_events
-    inside = events[(events >= span.start) & (events < span.stop)]
-    edges = np.concatenate(([span.start], inside, [span.stop]))
-    gaps = np.diff(leg.clock[edges])
-    longest = int(np.argmax(gaps))
-    return float(edges[longest] * leg.tick), float(gaps[longest] * leg.tick)
+def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:
+    """Return beginning and length in [s] of the longest time of steady walk in which no stride begins."""
+    found, events = [(0.0, 0.0)], leg.stride_events
+    for span in leg.steady_ticks:
+        inside = events[(events >= span.start) & (events < span.stop)]
+        edges = np.concatenate(([span.start], inside, [span.stop]))
+        gaps = np.diff(leg.clock[edges])
+        longest = int(np.argmax(gaps))
+        found.append((float(edges[longest] * leg.tick), float(gaps[longest] * leg.tick)))
+    return max(found, key=itemgetter(1))
 
 
 class EventKind(StrEnum):

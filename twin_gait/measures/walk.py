@@ -25,16 +25,20 @@ import pandas as pd
 from twin_gait.measures import strides
 from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, swings
 from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.phases import phase_entries
 from twin_gait.vocabulary import JointName, Side
 
-MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which the trough between the peaks is looked for
+MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which one foot of a healthy walk carries the weight
 WEIGHT_ACCEPTANCE = slice(6, 21)  # [%] of the cycle, in which the load rises in healthy walking
 YIELD_UNTIL = 30  # [%] of the cycle; the knee yields under load before midstance
 # A belt whose mean pull on both feet is less than this share of the carried weight does not carry a walk. In
 # healthy walking at an even speed it is nought; the share is an assumption, a tenth of what a foot brakes
 # with at its peak.
 LEAST_DRAG = 0.02
+# Torques on a driven joint from outside the device, as columns of the log are named; patient_torque_Nm is
+# their sum.
+OUTSIDE_SOURCES = ("voluntary", "passive", "push")
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ def walk_measures(
         "cadence_per_min": strides.cadence(times),
         "step_length_m": ground_speed(log, bounds, leg.tick) * _mean(counted_steps(leg, other, bounds)),
         "load_peak": _mean(strides.stride_extremes(load, bounds)[:, 1]),
-        **load_shape(mean_stride(load, bounds)),
+        **load_measures(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         "pressure_crossing": _midfoot(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
         **_joints(log, leg.side, bounds),
@@ -105,9 +109,10 @@ def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.nd
 
 # Ends of the names of the columns of a log that the measures of a walk read, beside time and phases.
 WALK_COLUMNS = (
-    "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_patient_torque_Nm", "_foot_normal_force_N",
-    "_foot_friction_force_N", "_foot_pressure_place", "_foot_clearance_m", "guide_force_N",
-    "pelvis_forward_m", "pelvis_forward_velocity_m_per_s", "belt_speed_m_per_s",
+    "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm",
+    "_push_torque_Nm", "_foot_normal_force_N", "_foot_friction_force_N", "_foot_pressure_place",
+    "_foot_clearance_m", "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s",
+    "belt_speed_m_per_s",
 )  # fmt: skip
 
 
@@ -145,29 +150,30 @@ def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
     return _mean(strides.over_strides(signal, bounds))
 
 
-def load_shape(cycle: np.ndarray) -> dict[str, float]:
-    """Peaks, trough and least load of a vertical force.
+def load_measures(cycle: np.ndarray) -> dict[str, float]:
+    """Measure the peaks, the trough and the least loads of a vertical force.
 
     ``cycle``: force over carried weight at every percent of the cycle, shape ``(101,)``. Returns them by
-    their names in a summary.
+    their names in a summary; peaks and trough are NaN where :func:`load_shape` finds no two peaks.
     """
-    middle = MIDSTANCE.start + int(np.argmin(cycle[MIDSTANCE]))
+    shape = load_shape(cycle)
     return {
-        "loading_peak": float(cycle[: middle + 1].max()),
-        "trough": float(cycle[middle]),
-        "push_off_peak": float(cycle[middle:-1].max()),
+        "loading_peak": shape.loading_peak,
+        "trough": shape.trough,
+        "push_off_peak": shape.push_off_peak,
         "least_load": float(cycle[WEIGHT_ACCEPTANCE].min()),
+        "least_midstance_load": float(cycle[MIDSTANCE].min()),
     }
 
 
 def fore_aft_peaks(cycle: np.ndarray) -> dict[str, float]:
-    """Largest backward and forward force over carried weight; as :func:`load_shape`."""
+    """Largest backward and forward force over carried weight; as :func:`load_measures`."""
     low, high = float(cycle.min()), float(cycle.max())
     return {"braking_peak": 0.0 if low > 0.0 else low, "propulsion_peak": 0.0 if high < 0.0 else high}
 
 
 def knee_shape(cycle: np.ndarray) -> dict[str, float]:
-    """Knee at contact and its yield after it, of angles in [rad]; as :func:`load_shape`."""
+    """Knee at contact and its yield after it, of angles in [rad]; as :func:`load_measures`."""
     bent = cycle[: YIELD_UNTIL + 1].max() - cycle[0]
     return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
 
@@ -245,15 +251,33 @@ def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[st
 
 
 def _powers(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
-    """Mean powers of each motor at its joint, and of the wearer at all of them."""
-    found, wearer = dict[str, float](), 0.0
+    """Compute the mean powers of each motor at its joint, and of the wearer and of pushes at all of them."""
+    found = {}
     for joint in leg.angles:
         name = f"{leg.side}_{joint}"
         motor = log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"]
-        velocity = log[wearer_column(log.columns, leg.side, joint, "velocity_rad_per_s")]
         found[f"{joint}_motor_power_W"] = mean_over(motor.to_numpy(), bounds)
-        wearer += mean_over((log[f"{name}_patient_torque_Nm"] * velocity).to_numpy(), bounds)
-    return {"wearer_power_W": wearer, **found}
+    return {**wearer_powers(log, leg, bounds), **found}
+
+
+def wearer_powers(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
+    """Compute the mean powers of voluntary effort, passive joint moments and pushes on a leg.
+
+    Each is the sum over the driven joints of the torque in the log times the velocity of the joint: of the
+    wearer's own joint for effort and passive moments, of the joint of the device, on which pushes act.
+    ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W], positive if they
+    drive the leg, by the names in a summary; NaN without strides.
+    """
+    found = {}
+    for source in OUTSIDE_SOURCES:
+        power = 0.0
+        for joint in leg.angles:
+            torque, columns = log[f"{leg.side}_{joint}_{source}_torque_Nm"], log.columns
+            own = () if source == "push" else columns
+            velocity = log[wearer_column(own, leg.side, joint, "velocity_rad_per_s")]
+            power += mean_over((torque * velocity).to_numpy(), bounds)
+        found[f"{source}_power_W"] = power
+    return found
 
 
 def walk_power(
@@ -264,18 +288,22 @@ def walk_power(
     ``guide_W`` is what guide or harness, off the rails arms and seat too, give to the pelvis as it goes
     forwards, ``guide_force_N`` their mean forward force.
     """
-    belt, wearer = (sum(leg[name] for leg in legs) for name in ("belt_power_W", "wearer_power_W"))
+    belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *OUTSIDE_SOURCES))
     motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
     force, power = log["guide_force_N"].to_numpy(), 0.0
     holding, speed = mean_over(force, bounds), mean_over(log["belt_speed_m_per_s"].to_numpy(), bounds)
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
         if forward in log:  # with braces the harness is the wearer's
             power = mean_over(force * log[forward].to_numpy(), bounds)
-    carried = belt_carries(holding, speed, motors + wearer, walkway.carried_weight)
+    carried = belt_carries(holding, speed, motors + sum(outside), walkway.carried_weight)
     return {
-        "belt_W": belt, "motors_W": motors, "wearer_W": wearer, "guide_W": power, "guide_force_N": holding,
+        "belt_W": belt,
+        "motors_W": motors,
+        **{f"{source}_W": value for source, value in zip(OUTSIDE_SOURCES, outside, strict=True)},
+        "guide_W": power,
+        "guide_force_N": holding,
         "carried_by_belt": carried,
-    }  # fmt: skip
+    }
 
 
 def belt_carries(holding: float, speed: float, legs: float, carried_weight: float) -> bool:
@@ -283,7 +311,7 @@ def belt_carries(holding: float, speed: float, legs: float, carried_weight: floa
 
     Told by what holds the pelvis against it: on level ground what the feet are dragged with, on a slope
     without what the weight pulls. ``holding``: mean forward force of guide or harness on the pelvis in [N];
-    ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors and wearer in [W]; ``carried_weight``:
-    as in :class:`Walkway`. Returns false without strides.
+    ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors, wearer and pushes in [W];
+    ``carried_weight``: as in :class:`Walkway`. Returns false without strides.
     """
     return holding > LEAST_DRAG * carried_weight and holding * speed > legs

@@ -10,7 +10,7 @@ import numpy as np
 from twin_gait.experiment import Experiment
 from twin_gait.measures import reference
 from twin_gait.measures.strides import PERCENT, cadence
-from twin_gait.measures.walk import fore_aft_peaks, knee_shape, load_shape
+from twin_gait.measures.walk import fore_aft_peaks, knee_shape, load_measures
 from twin_gait.vocabulary import JointName
 
 
@@ -65,7 +65,7 @@ def reference_measures(experiment: Experiment) -> dict[str, float]:
         "cadence_per_min": cadence(np.array([time])),
         "step_length_m": 0.5 * walk[0] * time,
         "load_peak": float(force.vertical.max()),
-        **load_shape(force.vertical),
+        **load_measures(force.vertical),
         **fore_aft_peaks(force.forward),
         "fore_aft_force_N": 0.0,
         "belt_power_W": 0.0,

@@ -76,12 +76,12 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
     """A measure of every episode.
 
     ``measure``: a column, or ``walked``. Returns numbers, NaN where the wearer did not walk or there is none,
-    shape ``(n,)``; 1 or 0 for ``walked``.
+    shape ``(n,)``; for ``walked`` 1 or 0, and NaN for a run that was too short to judge.
     """
     # An episode without a verdict is one that was not asked to walk, such as a held posture on the bench.
     walked = (table["outcome"].isna() | (table["outcome"] == Outcome.WALKED)).to_numpy()
     if measure == WALKED:
-        return walked.astype(float)
+        return np.where(table["outcome"] == Outcome.TOO_SHORT, np.nan, walked.astype(float))
     if measure not in table:
         return np.full(len(table), np.nan)
     values: np.ndarray = table[measure].to_numpy(dtype=float, na_value=np.nan)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from twin_gait.experiment import Experiment
+from twin_gait.measures.load_shape import TWO_PEAKS
 from twin_gait.measures.strides import stride_count
 
 
@@ -65,6 +66,16 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
         return ""
     force = amount(power["guide_force_N"], "N")
     return f"The belt carries this walk: it drags the feet back, and {force} at the pelvis hold against it."
+
+
+def missing_peaks(summary: Mapping[str, Any]) -> list[str]:
+    """Return a sentence for each leg whose load has no loading peak, trough and push-off peak."""
+    patterns = {side: leg.get("load_pattern", TWO_PEAKS) for side, leg in summary["sides"].items()}
+    return [
+        f"The load of the {side} foot has no loading and push-off peak with a trough between them: {pattern}."
+        for side, pattern in patterns.items()
+        if pattern != TWO_PEAKS and summary["sides"][side]["strides_counted"]
+    ]
 
 
 def strides_of(leg: Mapping[str, Any]) -> str:

@@ -14,7 +14,9 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, phases, strides, switching
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
+from twin_gait.measures.walk import mean_stride
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
@@ -66,10 +68,16 @@ class MeasuredLeg:
         return {
             **self.by_contact(),
             **self.by_phase(),
-            **({} if measures is None else {"walk": dict(measures)}),
+            **({} if measures is None else {"load_pattern": self.load_pattern(), "walk": dict(measures)}),
             **self.errors(),
             "joints": {str(joint): self.joint(joint) for joint in self.record.angles},
         }
+
+    def load_pattern(self) -> str:
+        """Return ``two peaks``, or the reason why loading peak, trough and push-off peak are not defined."""
+        force, walkway = self.record.normal_force, self.run.walkway
+        assert force is not None and walkway is not None  # there is ground, and it carries weight
+        return load_shape(mean_stride(force / walkway.carried_weight, self.strides)).pattern
 
     def in_brief(self) -> dict[str, Any]:
         """The part of :meth:`summary` that a table of many runs holds."""

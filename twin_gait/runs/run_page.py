@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin_gait.experiment import Experiment
-from twin_gait.report.walk_words import carried_by_belt, describe, table_of_walk
+from twin_gait.report.walk_words import carried_by_belt, describe, missing_peaks, table_of_walk
 from twin_gait.runs.record import StoredRun
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
@@ -20,7 +20,7 @@ def about(stored: StoredRun) -> About:
     return About(
         title=f"twin_gait · {name or run.experiment.name}",
         subtitle=describe(run.experiment),
-        notes=[*filter(None, (carried_by_belt(summary),))],
+        notes=[*filter(None, (carried_by_belt(summary),)), *missing_peaks(summary)],
         events=run.events,
         outcome=run.verdict.outcome or run.status,
         walk=table_of_walk(summary),

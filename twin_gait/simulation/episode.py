@@ -44,6 +44,7 @@ class Joint:
     due: float = 0.0  # Command that reaches the drive in this tick, where they come late, in [N m].
     push: float = 0.0  # Torque from outside, held over the tick, in [N m].
     outside: float = 0.0  # Torque of wearer, push and imposed motion in [N m], as the log has it.
+    pushed: float = 0.0  # The part of it that is push and imposed motion, in [N m].
     off: bool = False  # Whether its board is rebooting.
     heard: Demand = field(default_factory=Demand)  # What its board heard last over the bus.
 
@@ -190,6 +191,8 @@ class Episode:
     a: list[float]  # Accelerations.
     motor: list[float]  # Motor torques on the coordinates in [N m].
     external: list[float]  # Torques of push and wearer on them.
+    voluntary: list[float]  # Part of these torques that is the wearer's voluntary effort.
+    passive_moment: list[float]  # Part that is the wearer's passive moment with the stretch reflex.
     torque: list[float]  # All torques on them.
     stages: Stages
     bodies: list[float]  # Run-time values of the plant's kernel.

@@ -61,6 +61,8 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         a=[0.0] * n,
         motor=[0.0] * n,
         external=[0.0] * n,
+        voluntary=[0.0] * n,
+        passive_moment=[0.0] * n,
         torque=[0.0] * n,
         stages=episode.Stages(*([0.0] * n for _ in range(4))),
         bodies=body_values(bodies.bodies, bodies.points),

@@ -12,7 +12,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.simulation.problem import Problem
 from twin_gait.vocabulary import JointName
 
-LOG_SCHEMA_VERSION = 2
+LOG_SCHEMA_VERSION = 3
 UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
 # How a unit is written at the end of a name.
 SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
@@ -53,7 +53,10 @@ JOINT = Columns(
     motor_torque_Nm=("e.motor[place]", "of the motor times the gear ratio, before the losses of the gear"),
     friction_torque_Nm=("e.plant[place].friction_torque", "of motor and gear, with its losses under load"),
     stop_torque_Nm=("e.plant[place].stop_torque", "of the mechanical stops"),
-    patient_torque_Nm=("joint.outside", "of the wearer, a push or an imposed motion"),
+    patient_torque_Nm=("joint.outside", "of the wearer, a push or an imposed motion: sum of the next three"),
+    voluntary_torque_Nm=("e.voluntary[place + SHIFT]", "of the wearer's voluntary effort"),
+    passive_torque_Nm=("e.passive_moment[place + SHIFT]", "of the wearer's tissue and stretch reflex"),
+    push_torque_Nm=("joint.pushed", "of a push or an imposed motion"),
     target_current_A=("asked.target_current", "that the drive is asked for"),
     measured_current_A=("joint.current", "that flows"),
     stiffness_Nm_per_rad=("demand.stiffness", "k of the impedance, blended"),

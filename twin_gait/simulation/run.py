@@ -205,6 +205,14 @@ class Run:
         return gait_verdict(self.leg_records())
 
     @property
+    def baseline_problem(self) -> str:
+        """Return why other runs cannot be compared with this one because it does not walk; else nothing."""
+        outcome, reason = self.verdict
+        if outcome in (Outcome.WALKED, None):  # where no walk was asked for, nothing has to walk
+            return ""
+        return f"the baseline does not walk: {outcome}, {reason}" if reason else f"the baseline {outcome}"
+
+    @property
     def steady(self) -> Spans:
         """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold.
 

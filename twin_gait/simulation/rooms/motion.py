@@ -87,6 +87,7 @@ def _sum_up_outside(e: Episode, number: int) -> None:
     """Torque from outside on a joint."""
     place = e.joints[number].place
     imposed = e.imposed_motion.torque if e.imposed_motion.place == place else 0.0
+    e.joints[number].pushed = imposed + e.joints[number].push
     e.joints[number].outside = imposed + e.external[place]
     if SHIFT > 0:
         e.joints[number].outside += e.external[place + SHIFT]

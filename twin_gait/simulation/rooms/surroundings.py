@@ -91,7 +91,9 @@ def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> Non
     effort = delayed_sample(limb.effort_line, tick, condition.effort * condition.strength * moment)
     effort *= 1.0 + noise_row(e, tick)[len(e.joints) + number]
     reflex = spastic_torque(e.v[place], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
-    e.external[place] += condition.passive * passive + reflex + effort
+    e.passive_moment[place] = condition.passive * passive + reflex
+    e.voluntary[place] = effort
+    e.external[place] += e.passive_moment[place] + effort
 
 
 def hold_trunk(e: Episode, q: list[float], v: list[float]) -> None:

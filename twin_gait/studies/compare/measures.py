@@ -5,14 +5,11 @@ import math
 import numpy as np
 import pandas as pd
 
-from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, strides
-from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
-from twin_gait.measures.walk import counted_steps, ground_speed
-from twin_gait.parameters import JointCondition, Patient
+from twin_gait.measures.walk import counted_steps, ground_speed, wearer_powers
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import MeasuredLeg, continuous_current
 from twin_gait.simulation.run import Run
@@ -45,7 +42,8 @@ def run_measures(run: Run) -> Measures:
     of_places |= {f"{side}_{joint}": values for (side, joint), values in of_joints.items()}
     of_places |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
     found |= {f"{place}_{name}": value for place, row in of_places.items() for name, value in row.items()}
-    return {**found, **_together(run, by_leg, by_joint)}
+    powers = pd.DataFrame([wearer_powers(run.log, leg.record, leg.strides) for leg in legs]).sum(skipna=False)
+    return {**found, **_together(run, by_leg, by_joint), **powers}
 
 
 def _means(rows: pd.DataFrame) -> Measures:
@@ -90,7 +88,7 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
         for values in (
             _device_torque(run.log, f"{side}_{joint}", actuator.armature),
             leg.wearer_velocity(joint),
-            voluntary_torque(run, side, joint),
+            leg.column(joint, "voluntary_torque_Nm"),
             leg.column(joint, "measured_current_A"),
         )
     )
@@ -106,25 +104,6 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
         "current_rms_A": current,
         "current_rms_share": current / continuous_current(actuator),
     }
-
-
-def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
-    """Torque of the wearer's effort at a joint, in [N m] at every tick: less tissue and spastic muscles."""
-    log, patient = run.log, run.experiment.patient or Patient()
-    conditions = {item: patient.conditions.get((side, item), JointCondition()) for item in JointName}
-    condition, whole = conditions[joint], log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
-    speeds = log[wearer_column(log, side, joint, "velocity_rad_per_s")]
-    reflex = condition.stretch_reflex_threshold, condition.stretch_reflex_gain
-    catch = [spastic_torque(speed, *reflex) for speed in speeds]
-    # A contracture acts as if the joint were further extended.
-    hip, knee = (
-        log[wearer_column(log, side, item, "angle_rad")] - conditions[item].contracture
-        for item in (JointName.HIP, JointName.KNEE)
-    )
-    ankle = log.get(wearer_column(log, side, JointName.ANKLE, "angle_rad"), np.zeros(len(log)))
-    at_hip = joint is JointName.HIP
-    tissue = map(passive_hip_torque, hip, knee) if at_hip else map(passive_knee_torque, hip, knee, ankle)
-    return np.asarray(whole - condition.passive * np.array([*tissue]) - np.array(catch))
 
 
 def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
