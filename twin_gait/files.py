@@ -7,6 +7,7 @@ import io
 import json
 import math
 import os
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -87,16 +88,36 @@ def private_files() -> Iterator[None]:
         os.umask(mask)
 
 
+# Kinds of files that are never replaced, by the format bits of their mode.
+_SPECIAL = {
+    stat.S_IFLNK: "a symbolic link", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device", stat.S_IFBLK: "a device",
+}  # fmt: skip
+
+
+def check_replaceable(path: Path) -> None:
+    """Check that a path is free, a regular file or a folder.
+
+    Raises:
+        RunDirectoryError: If it is a symbolic link, a FIFO, a socket or a device.
+    """
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        kind = _SPECIAL.get(stat.S_IFMT(path.lstat().st_mode))
+        if kind is not None:
+            raise RunDirectoryError(f"{path}: is {kind}, which is never replaced; name a new file")
+
+
 def write_atomically(path: str | Path, content: str | bytes) -> None:
-    """Write a file through a temporary one beside it; it is on the disk when this returns.
+    """Write a file through a temporary one in its folder; it is on the disk when this returns.
 
     Args:
         content: Text (written as UTF-8) or bytes.
 
     Raises:
-        RunDirectoryError: If it cannot be written.
+        RunDirectoryError: If it cannot be written, or replaces something other than a regular file.
     """
     path, data = Path(path), content.encode("utf-8") if isinstance(content, str) else content
+    check_replaceable(path)
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     except OSError as error:

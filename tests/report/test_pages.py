@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,11 @@ from twin_gait.report.pages import TEMPLATES, render
 
 def test_what_is_filled_in_is_escaped_and_nothing_is_loaded(tmp_path: Path) -> None:
     write_figures_page(
-        tmp_path / "page.html", {"<u>": Figure(figsize=(1.0, 1.0))}, "<b>&", "'\"<i>", [("<th>",), ("<td>",)]
+        tmp_path / "page.html",
+        {"<u>": partial(Figure, figsize=(1.0, 1.0))},
+        "<b>&",
+        "'\"<i>",
+        [("<th>",), ("<td>",)],
     )
     page = (tmp_path / "page.html").read_text()
     assert "&lt;b&gt;&amp;" in page and "&lt;th&gt;" in page

@@ -90,9 +90,9 @@ def legend_labels(figure: Figure) -> list[str]:
 
 
 def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
-    files = write_figures(walk, tmp_path)
-    assert [path.name for path in files] == [f"{name}.png" for name in FIGURES]
-    assert sorted(files) == sorted(tmp_path.iterdir())
+    assert write_figures(walk, tmp_path) == {}
+    files = sorted(tmp_path.iterdir())
+    assert [path.name for path in files] == sorted(f"{name}.png" for name in FIGURES)
     for path in files:
         width, height = png_size(path)
         assert width >= 1200 and height >= 800
@@ -100,16 +100,16 @@ def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
 
 
 def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Path) -> None:
-    names = [path.name for path in write_figures(bench_run, tmp_path)]
+    assert write_figures(bench_run, tmp_path) == {}
     absent = ("gait_cycle", "ground_forces", "feet")
-    assert names == [f"{name}.png" for name in FIGURES if name not in absent]
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == sorted(f"{name}.png" for name in FIGURES if name not in absent)
     assert all(draw(bench_run) is None for draw in (draw_cycle, draw_ground_forces, draw_feet))
 
 
 def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
-    assert (
-        len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(FIGURES) - 2
-    )  # no strides
+    assert write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path) == {}
+    assert len(list(tmp_path.iterdir())) == len(FIGURES) - 2  # no strides
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -84,7 +84,8 @@ def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
 def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
     nothing = {"candidates": [], "before": [9.0, 24.0, 9.5], "after": [8.0, 24.0, 9.5]}
     outcome = {"trade_offs": nothing, "joints": JOINTS, "convergence": [9.5, 9.0]}
-    figures = pictures.draw_figures(outcome, walk.experiment, {"before": walk, "after": walk})
+    drawings = pictures.drawings_of(outcome, walk.experiment, {"before": walk, "after": walk})
+    figures = {name: draw() for name, draw in drawings.items()}
     panels = figures["gait"].axes
     assert [axes.get_title() for axes in panels[::2]] == [f"left {joint} [°]" for joint in JOINTS]
     assert all(len(axes.lines) == 3 for axes in panels)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import inspect
 import json
 import os
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration
 from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
+from twin_gait.files import check_replaceable
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
@@ -163,8 +163,7 @@ def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
     ending = path.suffix[1:].lower()
     if form and ending in _ENDINGS and ending != form:
         raise ParameterError(f"{flag} {path}: ends in .{ending}, but {form} is written")
-    with contextlib.suppress(FileNotFoundError):
-        path.stat()  # of a name that is too long Python 3.14 says that there is nothing
+    check_replaceable(path)
     if path.is_dir():
         raise RunDirectoryError(f"{flag} {path}: is a directory; name a file")
     if path.exists() and not force:

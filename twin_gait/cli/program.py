@@ -85,6 +85,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     gc.set_threshold(COLLECT_AFTER)
     # Before NumPy is loaded: with two threads a fit takes half as long again, and twice the processor time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # matplotlib refuses to be imported with a backend that it does not have, and pictures are only written.
+    os.environ["MPLBACKEND"] = "agg"
     arguments = build_parser().parse_args(argv)
     command: options.Command = arguments.run
     try:

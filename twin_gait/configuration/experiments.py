@@ -107,8 +107,9 @@ def _find_files(found: dict[str, Any], source: str, folder: Path) -> None:
 
 
 def _beside(folder: Path, name: str) -> str:
-    """A path from the folder of the file, if there is such a file; else the name as it is."""
-    return str((folder / name).resolve()) if (folder / name).is_file() else name
+    """Return the absolute path of a file in ``folder`` or the working folder; else the name as it is."""
+    paths = (folder / name, Path(name).expanduser())
+    return next((str(path.resolve()) for path in paths if path.is_file()), name)
 
 
 def people() -> dict[str, str]:
@@ -196,23 +197,37 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
             wearer.pop(side, None)  # what a wearer does has no default but nothing
     whole = {key: data[key] for key in ("table", "modes") if data.get(key) is not None}
     typed = {key: value for key, value in data.items() if key not in (*whole, "modes", "provenance", "leg")}
-    return {**merge(defaults, typed), **whole}
+    document = {**merge(defaults, typed), **whole}
+    if experiment.network is not None and isinstance(document["network"], dict):
+        document["network"]["dbc"] = experiment.network.dbc  # an absolute path
+    return document
+
+
+# Keys of the files that an experiment names, by their sections.
+_FILE_KEYS = {"leg": "urdf", "network": "dbc"}
 
 
 def resolved_document(
-    experiment: Experiment, typed: dict[str, Any] | None, versions: dict[str, str]
+    experiment: Experiment,
+    typed: dict[str, Any] | None,
+    versions: dict[str, str],
+    files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Mapping that reproduces an experiment, for ``experiment.yaml``.
 
     The mapping as typed is kept if it still gives this very experiment; otherwise (the experiment was
     made or changed in Python) everything is written in SI.
 
-    An integrator and step that were left to the engine are written out.
+    An integrator and step that were left to the engine are written out. ``files``: names of the files of
+    the experiment by section, in place of their absolute paths.
     """
     document = experiment_document(experiment)
     table_hash = content_hash(document["table"])
     if typed is not None and experiment_from_mapping(typed, "experiment", Path()) == experiment:
         document = typed
+    for section, name in (files or {}).items():
+        given = document[section] if isinstance(document[section], dict) else {"kind": document[section]}
+        document = {**document, section: {**given, _FILE_KEYS[section]: name}}
     return {
         "integration": section_of(type(experiment.stepping)).document(experiment.stepping),
         **document,

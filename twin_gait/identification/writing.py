@@ -4,6 +4,7 @@ import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from twin_gait.identification.models import Samples
 from twin_gait.identification.processing import BenchSetup
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import FIGURES_FOLDER, readable, style_panel, write_pictures
+from twin_gait.report.failures import failed_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
@@ -54,12 +56,12 @@ def write_identification(
     document: dict[str, Any] = plain(_identification_document(result, joint))
     document["parameter_files"] = {file: model for file, (model, _) in files.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
-        write_json(staging / DOCUMENT_FILE, document)
         for file, (_, text) in files.items():
             write_atomically(staging / file, text)
         if pictures:
-            figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
-            write_pictures(figures, staging / FIGURES_FOLDER)
+            drawings = {"fits": partial(draw_fits, result), "residuals": partial(draw_residuals, result)}
+            document |= failed_pictures(write_pictures(drawings, staging / FIGURES_FOLDER).failed)
+        write_json(staging / DOCUMENT_FILE, document)
     return document
 
 

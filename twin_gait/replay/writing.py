@@ -1,6 +1,7 @@
 """What a replay tells and leaves behind in a folder: strides, agreement with recorded phases, a picture."""
 
 from collections import Counter
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from twin_gait.measures.phases import phase_entries, phase_spells
 from twin_gait.palette import JOINT_COLOURS
 from twin_gait.replay.machine import Replay
 from twin_gait.report import canvas
+from twin_gait.report.failures import failed_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
 from twin_gait.vocabulary import JointName
@@ -103,9 +105,11 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     with staged_directory(target, REPLAY, force=force) as staging:
         write_atomically(staging / PHASES_FILE, table.to_csv(lineterminator="\n"))
         write_atomically(staging / SWITCHES_FILE, switches)
-        write_json(staging / SUMMARY_FILE, summarise_replay(result))
+        failed = dict[str, str]()
         if pictures:
-            canvas.write_pictures({"replay": replay_figure(result)}, staging / canvas.FIGURES_FOLDER)
+            drawings = {"replay": partial(replay_figure, result)}
+            failed = canvas.write_pictures(drawings, staging / canvas.FIGURES_FOLDER).failed
+        write_json(staging / SUMMARY_FILE, {**summarise_replay(result), **failed_pictures(failed)})
 
 
 def joints_of(result: Replay) -> list[str]:

@@ -6,11 +6,12 @@ needed.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -28,6 +29,7 @@ from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES, normalise_strides
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, REFERENCE_COLOUR, phase_colour
+from twin_gait.report.failures import reason_of
 from twin_gait.report.pages import render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import describe
@@ -42,6 +44,24 @@ LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
+
+Drawing = Callable[[], Figure | None]  # draws a picture, or returns None if it does not apply
+# matplotlib's own defaults, without the settings of the user.
+_STANDARD = {name: value for name, value in mpl.rcParamsDefault.items() if name != "backend"}
+
+
+class Pictures(NamedTuple):
+    """Pictures that were written, and those that could not be drawn."""
+
+    written: dict[str, bytes]  # PNG by name
+    failed: dict[str, str]  # reason by name
+
+
+@contextlib.contextmanager
+def standard_settings(more: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw with the defaults of matplotlib and ``more``, whatever a matplotlibrc of the user sets."""
+    with mpl.rc_context({**_STANDARD, **(more or {})}):
+        yield
 
 
 def style_panel(axes: Axes, title: str, unit: str) -> None:
@@ -107,28 +127,42 @@ def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTIO
     # Half of the usual effort makes a file 7 % larger in two thirds of the time.
     packing: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
     room = io.BytesIO()
-    with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
+    with standard_settings({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
         figure.savefig(room, format=form, dpi=resolution, metadata=undated.get(form), **packing)
     return room.getvalue()
 
 
-def write_pictures(figures: Mapping[str, Figure], folder: Path) -> dict[str, bytes]:
-    """Write figures as PNG under their names into a folder, which may be new; the pictures by name."""
+def write_pictures(drawings: Mapping[str, Drawing], folder: Path) -> Pictures:
+    """Draw pictures and write them as PNG under their names into a folder, which may be new.
+
+    A picture that cannot be drawn is left out, with the reason, so that it never costs the numbers.
+    """
     folder.mkdir(exist_ok=True)
-    pictures = {name: picture_bytes(figure) for name, figure in figures.items()}
-    for name, picture in pictures.items():
-        write_atomically(folder / f"{name}.png", picture)
+    pictures = Pictures({}, {})
+    for name, draw in drawings.items():
+        try:
+            with standard_settings():
+                figure = draw()
+                if figure is not None:
+                    pictures.written[name] = picture_bytes(figure)
+                    write_atomically(folder / f"{name}.png", pictures.written[name])
+        except Exception as error:
+            pictures.failed[name] = reason_of(error)
     return pictures
 
 
 def write_figures_page(
-    path: Path, figures: Mapping[str, Figure], title: str, subtitle: str, rows: Sequence[Sequence[str]]
-) -> None:
-    """Write figures into a folder beside a page that shows them under a table; its first row is the head."""
-    pictures = write_pictures(figures, path.with_name(FIGURES_FOLDER))
-    named = {readable(name): picture for name, picture in pictures.items()}
+    path: Path, drawings: Mapping[str, Drawing], title: str, subtitle: str, rows: Sequence[Sequence[str]]
+) -> dict[str, str]:
+    """Write figures into a folder, and a page that shows them under a table; its first row is the head.
+
+    Returns the reason of each figure that could not be drawn, by name.
+    """
+    pictures = write_pictures(drawings, path.with_name(FIGURES_FOLDER))
+    named = {readable(name): picture for name, picture in pictures.written.items()}
     content = {"title": title, "subtitle": subtitle, "heads": rows[0], "rows": rows[1:], "pictures": named}
     write_atomically(path, render("figures.html", content))
+    return pictures.failed
 
 
 def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLUTION) -> Path:

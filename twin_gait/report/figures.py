@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report import run_figures
-from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
+from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, standard_settings, write_pictures
 from twin_gait.simulation.run import Run
 
 # By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
@@ -49,8 +49,9 @@ def screen_figures(run: Run) -> dict[str, Figure]:
 
     A run without strides has no picture of the gait cycle, and one without ground none of the feet.
     """
-    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in FIGURES.items() if len(run.log) > 1)
-    return {name: figure for name, figure in drawn if figure is not None}
+    with standard_settings():
+        drawn = {name: draw(run, width=SCREEN_WIDTH) for name, draw in FIGURES.items() if len(run.log) > 1}
+    return {name: figure for name, figure in drawn.items() if figure is not None}
 
 
 def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
@@ -74,7 +75,7 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
     if width_mm is not None and not NARROWEST <= width_mm <= WIDEST:
         raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width_mm:g}")
     width = SCREEN_WIDTH if width_mm is None else width_mm / INCH
-    with mpl.rc_context({} if width_mm is None else _PRINT):
+    with standard_settings(None if width_mm is None else _PRINT):
         drawn = FIGURES[figure](run, width=width) if len(run.log) > 1 else None
         if drawn is None:
             known = ", ".join(screen_figures(run)) or "none"
@@ -109,6 +110,8 @@ def _size(figure: Figure) -> None:
         axes.locator_params(nbins=5)
 
 
-def write_figures(run: Run, directory: Path) -> list[Path]:
-    """Draw a run into a folder."""
-    return [save(figure, directory / f"{name}.png") for name, figure in screen_figures(run).items()]
+def write_figures(run: Run, directory: Path) -> dict[str, str]:
+    """Draw a run into a folder; return the reason of each picture that could not be drawn, by name."""
+    every = FIGURES.items() if len(run.log) > 1 else ()
+    drawings = {name: partial(draw, run, width=SCREEN_WIDTH) for name, draw in every}
+    return write_pictures(drawings, directory).failed

@@ -16,7 +16,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from twin_gait.palette import BLUE
-from twin_gait.report.canvas import style_panel
+from twin_gait.report.canvas import Drawing, style_panel
 from twin_gait.vocabulary import Outcome
 
 WALKED = "walked"
@@ -53,22 +53,22 @@ def names_of(axis: pd.Series) -> list[str]:
 
 def sweep_figures(
     table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
-) -> dict[str, Figure]:
-    """Draw a sweep: the share that walked, or a measure over the episodes that did.
+) -> dict[str, Drawing]:
+    """Return the figures of a sweep: the share that walked, or a measure over the episodes that did.
 
     ``parameters``: columns of what was varied; ``measures``: ``walked`` and columns. Returns
     ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
     laid_out = (axis_of(table, name) for name in parameters)
     axes = [axis for axis in laid_out if axis is not None][:MOST_PARAMETERS]
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Drawing] = {}
     for measure in measures:
         values = values_of(table, measure)
         if not axes or not np.isfinite(values).any():
             continue
-        figures[f"main_effects_{measure}"] = draw_main_effects(axes, values, measure, title)
+        figures[f"main_effects_{measure}"] = partial(draw_main_effects, axes, values, measure, title)
         if len(axes) > 1:
-            figures[f"heat_map_{measure}"] = draw_heat_maps(axes, values, measure, title)
+            figures[f"heat_map_{measure}"] = partial(draw_heat_maps, axes, values, measure, title)
     return figures
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ Outcome = Mapping[str, Any]
 def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
     """The report as one page that needs no other file.
 
-    ``outcome``: content of ``tune.json``; ``pictures``: PNG of what :func:`draw_figures` draws, by its names.
+    ``outcome``: content of ``tune.json``; ``pictures``: PNG of what :func:`drawings_of` draws, by its names.
     """
     title = f"A gait table tuned to {outcome['wearer']}"
     return render("tune.html", {**_content(outcome), "title": title, "pictures": pictures})
@@ -42,13 +43,15 @@ def _content(outcome: Outcome) -> dict[str, Any]:
     return {**outcome, "errors": errors, "amount": amount}
 
 
-def draw_figures(outcome: Outcome, experiment: Experiment, runs: Mapping[str, Run]) -> dict[str, Figure]:
-    """Draw all figures: of the content of ``tune.json``, and of walks ``before`` and ``after``."""
+def drawings_of(
+    outcome: Outcome, experiment: Experiment, runs: Mapping[str, Run]
+) -> dict[str, canvas.Drawing]:
+    """Return the figures of the content of ``tune.json`` and of walks ``before`` and ``after``."""
     colours = {"before": BEFORE_COLOUR, "after": AFTER_COLOUR}
     return {
-        "gait": canvas.draw_mean_cycles(experiment, runs, colours),
-        "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
-        "convergence": draw_convergence(outcome["convergence"]),
+        "gait": partial(canvas.draw_mean_cycles, experiment, runs, colours),
+        "trade_offs": partial(draw_trade_offs, outcome["trade_offs"], outcome["joints"]),
+        "convergence": partial(draw_convergence, outcome["convergence"]),
     }
 
 

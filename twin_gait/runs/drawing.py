@@ -18,6 +18,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin_gait.report.failures import reason_of
+
 if TYPE_CHECKING:
     from twin_gait.simulation.run import Run
 
@@ -39,24 +41,34 @@ def drawing_beside(*, wanted: bool = True) -> Iterator[Executor | None]:
         yield pool
 
 
-def draw(run: Run, folder: Path) -> None:
-    """Draw the pictures of a run into a folder."""
-    from twin_gait.report.figures import write_figures
+def draw(run: Run, folder: Path) -> dict[str, str]:
+    """Draw the pictures of a run into a folder.
 
-    write_figures(run, folder)
+    Returns the reason of each picture that could not be drawn, by name; that of all of them under
+    ``figures``.
+    """
+    try:
+        from twin_gait.report.figures import write_figures
+
+        return write_figures(run, folder)
+    except Exception as error:  # matplotlib cannot be imported, for example
+        return {folder.name: reason_of(error)}
 
 
-def begin_drawing(run: Run, folder: Path, beside: Executor | None) -> Callable[[], None]:
-    """Have the pictures of a run drawn; what it gives back waits until they are there."""
+def begin_drawing(run: Run, folder: Path, beside: Executor | None) -> Callable[[], dict[str, str]]:
+    """Begin to draw the pictures of a run; the result waits for them and returns what :func:`draw` does."""
     here = partial(draw, run, folder)
     if beside is None or run.log.memory_usage().sum() > LARGEST_LOG:
         return here
-    drawing = beside.submit(draw, run, folder)
+    try:
+        drawing = beside.submit(draw, run, folder)
+    except BrokenExecutor:
+        return here
 
-    def finish() -> None:
+    def finish() -> dict[str, str]:
         try:
-            drawing.result()
+            return drawing.result()
         except BrokenExecutor:  # the system has ended the process
-            here()
+            return here()
 
     return finish

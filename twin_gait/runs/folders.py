@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import permitted, sync_folder
+from twin_gait.files import check_replaceable, permitted, sync_folder
 
 PARTIAL = ".partial"  # how the name of a folder ends that is being written
 SETTLED = 60.0  # [s]
@@ -88,6 +88,7 @@ def abandoned(parent: Path) -> list[Path]:
 def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
     """Refuse a folder that exists, unless it is of its kind and may be replaced."""
     target = target.expanduser().absolute()
+    check_replaceable(target)
     if not target.exists():
         return
     if not force:

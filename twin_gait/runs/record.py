@@ -17,8 +17,10 @@ from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.report.failures import failed_pictures, reason_of
 from twin_gait.runs.drawing import begin_drawing
 from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
+from twin_gait.runs.own_files import store_files
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
 from twin_gait.simulation.problem import scaled_table
@@ -51,15 +53,17 @@ def write_run(
     accuracy: dict[str, Any] | None = None,
     beside: Executor | None = None,
 ) -> dict[str, Any]:
-    """Write everything that a run leaves behind into a folder.
+    """Write everything that a run leaves behind into a folder; return the summary.
 
-    ``beside``: what draws the figures while all else is written.
+    A picture or page that cannot be made is warned of, recorded in the summary and left out.
+    ``beside``: process that draws the figures while all else is written.
     """
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
         finish_drawing = begin_drawing(run, directory / FIGURES_FOLDER, beside)
-    resolved = resolved_document(run.experiment, document, versions())
+    files = store_files(run.experiment, directory)
+    resolved = resolved_document(run.experiment, document, versions(), files)
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     write_log(run.log, directory / LOG_FILE, run.status)
     switches = switches_csv(run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy())
@@ -69,11 +73,23 @@ def write_run(
         summary["accuracy"] = accuracy
     write_json(directory / SUMMARY_FILE, summary)
     if pictures:
-        from twin_gait.runs.run_page import page_of  # takes its time; the figures are under way
-
-        write_atomically(directory / ANIMATION_FILE, page_of([StoredRun(run, summary)]))
-        finish_drawing()
+        failed = _write_page(StoredRun(run, summary), directory / ANIMATION_FILE)
+        record = failed_pictures(finish_drawing() | failed)
+        if record:
+            summary |= record
+            write_json(directory / SUMMARY_FILE, summary)
     return summary
+
+
+def _write_page(stored: StoredRun, path: Path) -> dict[str, str]:
+    """Write the page that plays a run; return the reason by the name of the file if that is not possible."""
+    try:
+        from twin_gait.runs.run_page import page_of  # the import takes time while the figures are drawn
+
+        write_atomically(path, page_of([stored]))
+    except Exception as error:
+        return {path.name: reason_of(error)}
+    return {}
 
 
 def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:

@@ -6,6 +6,7 @@ are read here.
 
 from __future__ import annotations
 
+import hashlib
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping
@@ -157,13 +158,33 @@ def _problem_of(visual: ElementTree.Element) -> str:
     return f"{kind} cannot be read ({reason})" if reason else ""
 
 
+def stored_mesh(name: str, folder: Path) -> Path:
+    """Return the path of the copy of a mesh, by its name in a URDF that was copied into ``folder`` as it is.
+
+    The name may be an address or a path outside of the folder, so that a hash of it tells copies apart.
+    """
+    mark = hashlib.sha256(name.encode()).hexdigest()[:8]
+    return folder / "meshes" / f"{mark}-{Path(name).name}"
+
+
+def mesh_files(urdf: Path) -> dict[str, Path]:
+    """Return the files of the visual meshes of a URDF by their names in it, without those that are missing.
+
+    Raises ModelError if the URDF cannot be read.
+    """
+    meshes = ElementTree.fromstring(read_urdf(urdf)).iterfind("link/visual/geometry/mesh")
+    found = {name: _find_mesh(name, urdf.parent) for name in (item.get("filename", "") for item in meshes)}
+    return {name: path for name, path in found.items() if path is not None}
+
+
 def _find_mesh(name: str, folder: Path) -> Path | None:
     relative = name.removeprefix("package://").removeprefix("file://")
     inside_package = relative.split("/", 1)[-1] if name.startswith("package://") else relative
     # A copy of a packaged URDF keeps its looks without a copy of the meshes.
     folders = (folder, *folder.resolve().parents, packaged_urdf(PACKAGED_URDFS[0]).parent)
     nearby = (base / part for base in folders for part in (relative, inside_package))
-    return next((path.resolve() for path in (Path(relative), *nearby) if path.is_file()), None)
+    places = (stored_mesh(name, folder), Path(relative), *nearby)
+    return next((path.resolve() for path in places if path.is_file()), None)
 
 
 def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel]:

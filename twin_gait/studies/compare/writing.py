@@ -1,7 +1,7 @@
 """The folder of a comparison: one page, its figure, and the numbers as CSV and JSON."""
 
 import math
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,7 +9,8 @@ import yaml
 from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
-from twin_gait.report.canvas import draw_mean_cycles, picture_bytes
+from twin_gait.report.canvas import draw_mean_cycles, write_pictures
+from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import render
 from twin_gait.report.walk_words import describe, lines_of
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -19,7 +20,8 @@ from twin_gait.vocabulary import JointName, Outcome
 
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
-PICTURE_FILE, RUNS_FILE, SUMMARY_FILE = "compare.png", "runs.csv", "compare.json"
+RUNS_FILE, SUMMARY_FILE = "runs.csv", "compare.json"
+PICTURE = "compare"  # name of the PNG file without its ending
 
 
 class Shown(NamedTuple):
@@ -58,11 +60,11 @@ def text_of(found: Interval, shown: Shown) -> str:
 def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
     """Write the folder of a comparison; it appears when all is written."""
     with staged_directory(target, COMPARISON, force=force) as staging:
-        picture = picture_bytes(figure_of(comparison))
-        write_atomically(staging / PICTURE_FILE, picture)
-        write_atomically(staging / PAGE_FILE, page_of(comparison, who, picture))
+        pictures = write_pictures({PICTURE: partial(figure_of, comparison)}, staging)
+        write_atomically(staging / PAGE_FILE, page_of(comparison, who, pictures.written.get(PICTURE)))
         write_atomically(staging / RUNS_FILE, comparison.table.to_csv(index=False, lineterminator="\n"))
-        write_json(staging / SUMMARY_FILE, summary_of(comparison, who))
+        summary = {**summary_of(comparison, who), **failed_pictures(pictures.failed)}
+        write_json(staging / SUMMARY_FILE, summary)
 
 
 def subtitle_of(comparison: Comparison, who: str) -> str:
@@ -93,7 +95,7 @@ def lines_of_comparison(comparison: Comparison) -> list[str]:
     return list(lines_of([("", *(item.name for item in comparison.controllers)), *rows]))
 
 
-def page_of(comparison: Comparison, who: str, picture: bytes) -> str:
+def page_of(comparison: Comparison, who: str, picture: bytes | None) -> str:
     """The report as HTML."""
     content = {
         "title": "Controllers compared",

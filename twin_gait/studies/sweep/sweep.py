@@ -24,6 +24,7 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
+from twin_gait.report.failures import failed_pictures
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
 from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
 from twin_gait.simulation import RunStatus
@@ -166,7 +167,10 @@ def run_sweep(
         }
         write_json(directory / SUMMARY_FILE, summary)
         if pictures and len(table) > 1:
-            write_report(sweep, table, directory)
+            record = failed_pictures(write_report(sweep, table, directory))
+            if record:
+                summary |= record
+                write_json(directory / SUMMARY_FILE, summary)
     return SweepResult(table, summary)
 
 
@@ -208,8 +212,11 @@ def _outcomes(table: pd.DataFrame) -> pd.Series:
     return table["outcome"].fillna(table["status"]).value_counts()
 
 
-def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
-    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
+def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> dict[str, str]:
+    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them.
+
+    Returns the reason of each figure that could not be drawn, by name.
+    """
     parameters = [str(name) for name in batch.settings_of(sweep.overrides)]
     title = sweep.document["name"].replace("_", " ")
     measures = (WALKED, *(sweep.document["measures"] or DEFAULT_MEASURES))
@@ -218,4 +225,4 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     figures = sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)
+    return write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)

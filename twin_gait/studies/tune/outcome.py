@@ -14,7 +14,8 @@ from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures import KILOMETRES_PER_HOUR
 from twin_gait.report.canvas import write_pictures
-from twin_gait.report.tune import draw_figures, page
+from twin_gait.report.failures import failed_pictures
+from twin_gait.report.tune import drawings_of, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.simulation import simulate
@@ -84,8 +85,10 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
         for name, document in (("before", tuning.before.table), ("after", table))
     }
     with staged_directory(directory, TUNING, force=force) as staging:
-        pictures = write_pictures(draw_figures(result, tuning.experiment, runs), staging / FIGURES_FOLDER)
-        write_atomically(staging / REPORT_FILE, page(result, pictures))
+        drawings = drawings_of(result, tuning.experiment, runs)
+        pictures = write_pictures(drawings, staging / FIGURES_FOLDER)
+        write_atomically(staging / REPORT_FILE, page(result, pictures.written))
+        result |= failed_pictures(pictures.failed)
         write_atomically(staging / TABLE_FILE, dump_yaml(table))
         write_json(staging / OUTCOME_FILE, result)
     return result
