@@ -159,7 +159,7 @@ def test_merge_and_assign_leave_their_arguments_alone():
 
 
 def test_assignment_values_are_yaml():
-    assert parse_assignment("a.b[2].c={x: [1, no]}") == (["a", "b", 2, "c"], {"x": [1, False]})
+    assert parse_assignment("a.b[2].c={x: [1, false]}") == (["a", "b", 2, "c"], {"x": [1, False]})
 
 
 BAD_SETTINGS = {
@@ -170,7 +170,7 @@ BAD_SETTINGS = {
     "sead=1": "did you mean 'seed'",
     "patient.mass=3": "did you mean 'mass_kg'",
     "patient.mass_kg=-3": "30 to 110 kg",
-    "patient.mass_kg=heavy": "valid number",
+    "patient.mass_kg=heavy": "expected a number",
     "patient.mass_kg=true": "expected a number",
     "patient.height_m=3": "1.464 to 1.951 m",
     "patient.segment_model=dempster": "'de_leva' or 'winter'",

@@ -14,7 +14,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
-from twin_gait.files import shipped_file
+from twin_gait.files import read_bytes, read_text, shipped_file
 
 _SILENCE = threading.Lock()
 _STDERR = 2  # C's own, whatever Python's stands for
@@ -54,7 +54,7 @@ def read_urdf(path: Path, turned: frozenset[str] = frozenset()) -> str:
     read or is not a URDF.
     """
     try:
-        return _checked_text(path, path.read_text(encoding="utf-8"), turned)
+        return _checked_text(path, read_text(path), turned)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error.strerror})") from error
     except (ElementTree.ParseError, ValueError) as error:
@@ -100,7 +100,7 @@ def _is_negative(text: str) -> bool:
 
 def urdf_hash(path: Path) -> str:
     """SHA-256 of a URDF file's content, in hexadecimal."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(path)).hexdigest()
 
 
 def build_model(
