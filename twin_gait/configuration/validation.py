@@ -21,16 +21,24 @@ from twin_gait.files import read_text
 from twin_gait.parameters.quantities import EXCHANGEABLE
 from twin_gait.vocabulary import JointName
 
-# Keys that name the same quantity in another unit, or as a ratio; the longest suffix wins.
-_UNIT_SUFFIX = re.compile(f"_(ratio|{'|'.join(sorted(EXCHANGEABLE))})$")
 # "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
 _NO_UNIT = frozenset({"friction_ratio"})
 _JOINTS = frozenset(JointName)
 
 
 def quantity_of(key: str) -> str:
-    """Name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one quantity."""
-    return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
+    """Return the name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one.
+
+    The longest unit wins. Worlds of other packages may declare more units at any time.
+    """
+    if key.rpartition(".")[2] in _NO_UNIT:
+        return key
+    place = key.find("_")
+    while place >= 0:
+        if key[place + 1 :] == "ratio" or key[place + 1 :] in EXCHANGEABLE:
+            return key[:place]
+        place = key.find("_", place + 1)
+    return key
 
 
 def refuse_two_units(keys: Iterable[Any], place: str = "") -> None:
