@@ -10,7 +10,6 @@ reference pages are made from that.
 """
 
 import dataclasses
-import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -19,6 +18,7 @@ from enum import Enum
 from numbers import Integral, Real
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from twin_gait.docstrings import docstring_of
 from twin_gait.parameters.ranges import DAMPING_RATIOS as DAMPING_RATIOS
 from twin_gait.parameters.ranges import FINITE as FINITE
 from twin_gait.parameters.ranges import LATER as LATER
@@ -267,7 +267,7 @@ def _meanings(parameters: Any) -> dict[str, str]:
     """Meaning of each field: the section ``Attributes`` of the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for kind in reversed(parameters.__mro__):
-        section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")[2]
+        section = docstring_of(kind).partition("Attributes:\n")[2]
         found |= {name: re.sub(r"\n +", " ", text) for name, text in _ENTRY.findall(section)}
     return {name: _ROLE.sub(r"`\1`", text) for name, text in found.items()}
 
