@@ -123,7 +123,7 @@ def keys(section: str) -> list[dict[str, Any]]:
             {
                 "key": f"`{first}`{units}",
                 "default": _default(item.default),
-                "range": re.sub("^a number (of |from )?", "", item.range.expected)
+                "range": re.sub("^a (whole )?number (of |from )?", "", item.range.expected)
                 if number and item.range
                 else "",
                 "meaning": item.meaning.replace("|", "or"),

@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 # The longest run, an hour, has 3.6 million rows; with braces some 600 million numbers, 5 GB.
 MOST_ROWS, MOST_CELLS = 10_000_000, 700_000_000
 MOST_TEXT, LONGEST_LINE = 2**30, 65_536  # [bytes] of a log that is text; characters
+MOST_DOCUMENT = 2**26  # [bytes] of a URDF, DBC or JSON file; a summary has some thousands
+
+# Kinds of files that are never read or replaced, by the format bits of their mode.
+_SPECIAL = {
+    stat.S_IFLNK: "a symbolic link", stat.S_IFIFO: "a FIFO (named pipe)", stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device", stat.S_IFBLK: "a device",
+}  # fmt: skip
 
 
 def shipped_file(name: str) -> Path | None:
@@ -35,6 +42,60 @@ def shipped_file(name: str) -> Path | None:
     package = Path(__file__).parent
     paths = (package / "urdf" / name, package.parent / "urdf" / name)
     return next((path for path in paths if path.is_file()), None)
+
+
+def require_regular(path: Path, most: int | None = None) -> None:
+    """Raise a ParameterFileError unless a path leads to a regular file of at most ``most`` bytes.
+
+    A pipe or a device may block a reader, or never end. Raises OSError if there is no file.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        kind = _SPECIAL.get(stat.S_IFMT(status.st_mode), "a folder")
+        raise ParameterFileError(path, "", f"cannot be read: it is {kind}; expected a regular file")
+    if most is not None and status.st_size > most:
+        problem = f"is larger than {most} bytes, the most that is read; check the path, or cut it in parts"
+        raise ParameterFileError(path, "", problem)
+
+
+def read_bytes(path: Path, most: int = MOST_DOCUMENT) -> bytes:
+    """Return the content of a regular file; every file that a user names is read here.
+
+    Args:
+        most: Largest accepted size in bytes.
+
+    Raises:
+        ParameterFileError: If it is no regular file, or larger.
+        OSError: If it cannot be read.
+    """
+    require_regular(path, most)
+    # Without O_NONBLOCK a pipe that took its place since then would block.
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise ParameterFileError(path, "", f"is larger than {most} bytes, the most that is read")
+    return data
+
+
+def read_text(path: Path, most: int = MOST_DOCUMENT, encoding: str = "utf-8") -> str:
+    """Return the text of a regular file with lines that end as in Unix; raises as :func:`read_bytes`.
+
+    Raises:
+        UnicodeDecodeError: If it has another encoding.
+    """
+    return io.TextIOWrapper(io.BytesIO(read_bytes(path, most)), encoding=encoding).read()
+
+
+def read_json(path: Path) -> Any:
+    """Return the value of a JSON file; raises as :func:`read_text`.
+
+    Raises:
+        ValueError: If it is no JSON, or nested too deeply.
+    """
+    try:
+        return json.loads(read_text(path))
+    except RecursionError as error:
+        raise ValueError(f"{path.name} is nested too deeply") from error
 
 
 def finite_or_none(value: float) -> float | None:
@@ -86,13 +147,6 @@ def private_files() -> Iterator[None]:
         yield
     finally:
         os.umask(mask)
-
-
-# Kinds of files that are never replaced, by the format bits of their mode.
-_SPECIAL = {
-    stat.S_IFLNK: "a symbolic link", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device", stat.S_IFBLK: "a device",
-}  # fmt: skip
 
 
 def check_replaceable(path: Path) -> None:
@@ -193,12 +247,12 @@ def require_table_size(path: Path, rows: int, columns: int) -> None:
 
 
 def read_parquet(path: Path) -> pd.DataFrame:
-    """Read a parquet file, unless it unpacks to more than any log of a walk.
+    """Read a regular parquet file, unless it unpacks to more than any log of a walk.
 
     Column by column: the whole of it beside the frame would take the memory twice.
 
     Raises:
-        ParameterFileError: If it is too large.
+        ParameterFileError: If it is no regular file, or too large.
         pyarrow.ArrowException: If it is no such file.
         OSError: If it cannot be read.
     """
@@ -206,6 +260,7 @@ def read_parquet(path: Path) -> pd.DataFrame:
     import pandas as pd
     import pyarrow.parquet as pq
 
+    require_regular(path)
     with pq.ParquetFile(path) as file:
         require_table_size(path, file.metadata.num_rows, file.metadata.num_columns)
         names, others = file.schema_arrow.names, {}

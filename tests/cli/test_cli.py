@@ -258,7 +258,7 @@ def test_folder_below_a_file_is_refused(tmp_path, capsys):
 
 def test_a_diverging_run_keeps_its_log_marked_and_exits_1(tmp_path):
     out = tmp_path / "run"
-    settings = ["plant.stops.stiffness_Nm_per_rad=1e9", "scenario.start={hip_deg: 20, knee_deg: -20}"]
+    settings = ["plant.stops.stiffness_Nm_per_rad=1e7", "scenario.start={hip_deg: 20, knee_deg: -20}"]
     settings = [word for setting in settings for word in ("--set", setting)]
     assert run("simulate", "bench_leg", "--duration", "1", "--out", str(out), *settings, *FAST) == 1
     summary = json.loads((out / "summary.json").read_text())

@@ -159,7 +159,7 @@ def test_merge_and_assign_leave_their_arguments_alone():
 
 
 def test_assignment_values_are_yaml():
-    assert parse_assignment("a.b[2].c={x: [1, no]}") == (["a", "b", 2, "c"], {"x": [1, False]})
+    assert parse_assignment("a.b[2].c={x: [1, false]}") == (["a", "b", 2, "c"], {"x": [1, False]})
 
 
 BAD_SETTINGS = {
@@ -170,11 +170,11 @@ BAD_SETTINGS = {
     "sead=1": "did you mean 'seed'",
     "patient.mass=3": "did you mean 'mass_kg'",
     "patient.mass_kg=-3": "30 to 110 kg",
-    "patient.mass_kg=heavy": "valid number",
+    "patient.mass_kg=heavy": "expected a number",
     "patient.mass_kg=true": "expected a number",
     "patient.height_m=3": "1.464 to 1.951 m",
     "patient.segment_model=dempster": "'de_leva' or 'winter'",
-    "plant.friction_ratio.knee=-1": "friction_ratio.knee: expected a number of 0 or more, got -1",
+    "plant.friction_ratio.knee=-1": "friction_ratio.knee: expected a number from 0 to 10",
     "plant.actuators.hip.gear_efficiency=0.2": "hip.gear_efficiency: expected 0.5 to 1, got 0.2",
     "plant.electronics.regeneration=1.1": "regeneration: expected",
     "plant.friction.knee={law: lugr}": "'rotational', 'asymmetric', 'lugre'",
@@ -182,7 +182,7 @@ BAD_SETTINGS = {
     "plant.friction.knee={law: lugre, sigma0: 2}": "plant.friction.knee.sigma0: unknown key; allowed:",
     "plant.friction.knee={law: asymmetric, bristle_damping: 2}": "transition_velocity_rad_per_s",
     "plant.friction.knee={law: lugre, coulomb_friction_Nm: -2, bristle_stiffness_Nm_per_rad: 9}": (
-        "knee.coulomb_friction_Nm: expected a number above 0, got -2"
+        "knee.coulomb_friction_Nm: expected a number above 0"
     ),
     "control.friction_model.knee={law: lugre}": "input should be 'rotational', got 'lugre'",
     "scenario.amplitude_m=1": "unknown key; allowed: kind, belt_speed_m_per_s",

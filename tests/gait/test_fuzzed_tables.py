@@ -21,7 +21,8 @@ from twin_gait.configuration.validation import parse_yaml
 from twin_gait.exceptions import GaitTableError, TwinGaitError
 from twin_gait.gait import compile_guards
 from twin_gait.gait.guards import parse_guard
-from twin_gait.gait.table import LARGEST
+from twin_gait.gait.table import LONGEST, JointImpedance
+from twin_gait.parameters.quantities import declarations
 
 GUARD_RULES = [rule for module in (graph, exits) for rule in module.RULES]
 # Shrinking such trees takes minutes.
@@ -150,7 +151,7 @@ def test_every_well_formed_table_can_be_checked(data: st.DataObject) -> None:
         if "after_s" not in entry and data.draw(st.booleans()):
             entry.pop("all")
             entry["any"] = [data.draw(true_guards)]
-            entry["debounce_ms"] = data.draw(st.integers(1, 10**9))
+            entry["debounce_ms"] = data.draw(st.integers(1, LONGEST))
     assert ends_well(tree)
 
 
@@ -288,11 +289,12 @@ def test_number_of_phases_is_bounded_by_what_the_evaluator_holds(count: int, fit
 
 def test_largest_numbers_that_a_table_may_hold_are_checked_by_all_rules() -> None:
     data = copy.deepcopy(shipped("treadmill"))
+    ranges = {item.name: item.range for item in declarations(JointImpedance)}
     for phase in data["phases"].values():
         phase["hip"] = {
-            "stiffness_Nm_per_deg": LARGEST,
-            "damping_Nms_per_deg": LARGEST,
-            "equilibrium_deg": LARGEST,
+            "stiffness_Nm_per_rad": ranges["stiffness"].most,
+            "damping_Nms_per_rad": ranges["damping"].most,
+            "equilibrium_rad": ranges["equilibrium_angle"].most,
             "friction_compensation_gain": 1,
         }
     table = gait_table_from_mapping(data, "large.yaml", "large")

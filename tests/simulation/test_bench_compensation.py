@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from idealised import idealised
 from numpy.testing import assert_allclose
 from plain_bench import plain_rows
 
@@ -158,7 +159,7 @@ def test_noise_of_the_unit_is_as_large_as_it_says_and_seeded(sensor: InertialSen
     unit = InertialUnit(sensor=sensor, delay=0, time_constant=0.0, noise=noise, lever=0.3)
     # A heavy joint that does not answer to the torque.
     still = moved(None, inertial_unit=unit, imposed_motion=None, gravity=0.0)
-    still = replace(still, link=replace(still.link, inertia=1e9))
+    still = replace(still, link=idealised(still.link, inertia=1e9))
     runs = [estimate(still, seed)[0] for seed in (1, 1, 2)]
     assert (runs[0] == runs[1]).all() and (runs[0] != runs[2]).any()
     one = unit.noise / 0.3 if sensor is InertialSensor.ACCELEROMETER else unit.noise * math.sqrt(2.0) / 1e-3

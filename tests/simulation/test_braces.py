@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cohorts.shipped import stiffened
+from idealised import idealised
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
@@ -95,11 +96,12 @@ def test_device_and_wearer_apart_make_up_the_whole(preset):
 def test_two_inertias_swing_against_each_other_as_the_closed_form_says():
     """The hip alone: a rotor of a million kg m² holds the device's knee, a stiff brace the wearer's."""
     brace = BraceParameters(
-        hip=SpringDamper(stiffness=700.0, damping=11.0), knee=SpringDamper(stiffness=1e7, damping=0.0)
+        hip=SpringDamper(stiffness=700.0, damping=11.0),
+        knee=idealised(SpringDamper(stiffness=1.0, damping=0.0), stiffness=1e7),
     )
     experiment = bench(interface=brace)
     plant = experiment.plant
-    locked = replace(plant.actuators[JointName.KNEE], gear_inertia=1e6)
+    locked = idealised(plant.actuators[JointName.KNEE], gear_inertia=1e6)
     actuators = {**plant.actuators, JointName.KNEE: locked}
     free = replace(plant, actuators=actuators, gravity=0.0, friction_ratio=dict.fromkeys(actuators, 0.0))
     alone = replace(experiment, plant=free)

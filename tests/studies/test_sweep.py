@@ -193,7 +193,7 @@ def test_a_damaged_table_is_named(swept, tmp_path):
 
 
 def test_a_fall_and_a_divergence_are_results(tmp_path):
-    hard = {"plant.stops.stiffness_Nm_per_rad": 1e9, "scenario.start": {"hip_deg": 20, "knee_deg": -20}}
+    hard = {"plant.stops.stiffness_Nm_per_rad": 1e7, "scenario.start": {"hip_deg": 20, "knee_deg": -20}}
     spec = write_spec(
         tmp_path / "spec.yaml", method="list", episodes=[{}, hard], parameters=None, samples=None
     )

@@ -11,6 +11,7 @@ from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, inval
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_state_table, packaged_gait_tables
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
+from twin_gait.docstrings import summary_of
 from twin_gait.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, part_of
@@ -30,7 +31,7 @@ TRUNK = part_of(TRUNK_PITCH.name)
 def rules() -> dict[str, str]:
     """Ids of all rules with one line on what each finds."""
     everything: tuple[Callable[..., Any], ...] = (*RULES, *MODE_RULES, invalid_waiver)
-    return {rule.__name__: (rule.__doc__ or "").splitlines()[0] for rule in everything}
+    return {rule.__name__: summary_of(rule) for rule in everything}
 
 
 def load_case(

@@ -105,13 +105,13 @@ def identify(arguments: argparse.Namespace) -> int:
 
 def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
     """Turn arguments into options."""
-    from twin_gait.parameters.quantities import WHOLE
+    from twin_gait.parameters.quantities import SEEDS
 
     def by_quantity(flag: str, text: str) -> dict[of.Quantity, str]:
         given = options.pairs(flag, text, list(map(str, of.Quantity)))
         return {of.Quantity(name): value for name, value in given.items()}
 
-    WHOLE.require("--seed", arguments.seed)
+    SEEDS.require("--seed", arguments.seed)
     names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)
     return of.IdentificationOptions(
         columns=of.LogColumns(names=names, units=units),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import inspect
 import json
 import os
 import shlex
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait import configuration
+from twin_gait.docstrings import docstring_of
 from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
 from twin_gait.files import check_replaceable
 
@@ -49,7 +49,7 @@ Command = Callable[[argparse.Namespace], int]
 
 def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentParser:
     """Add a command whose help and description are the docstring of what runs it."""
-    summary, _, rest = inspect.cleandoc(run.__doc__ or "").partition("\n\n")
+    summary, _, rest = docstring_of(run).partition("\n\n")
     text, about = summary[:1].lower() + summary[1:].rstrip("."), " ".join(rest.split()) or summary
     parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=about)
     parser.set_defaults(run=run)

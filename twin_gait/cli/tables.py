@@ -60,10 +60,9 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
     List what ships, or print a preset with every value, a person or a table, ready to be edited.
     """
-    import yaml
-
     from twin_gait.configuration.schema import json_schema
     from twin_gait.report.pages import lines
+    from twin_gait.yaml12 import load_yaml
 
     if arguments.schema is not None:
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
@@ -74,7 +73,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
         answer(arguments, lines("presets.txt", known), known)
     else:
         text = _text_of(arguments.name, as_table=arguments.as_table)
-        answer(arguments, [text.removesuffix("\n")], yaml.safe_load(text))
+        answer(arguments, [text.removesuffix("\n")], load_yaml(text))
     return DONE
 
 

@@ -8,17 +8,11 @@ import hashlib
 import json
 from typing import Any
 
-import yaml
-
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.sections import written
 from twin_gait.experiment import Experiment
 from twin_gait.gait import StateTable
-
-
-def dump_yaml(mapping: dict[str, Any]) -> str:
-    """Write a mapping as YAML, keys in their own order."""
-    return yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True, width=110)
+from twin_gait.yaml12 import dump_yaml as dump_yaml
 
 
 def content_hash(mapping: dict[str, Any]) -> str:

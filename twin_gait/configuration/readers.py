@@ -9,7 +9,7 @@ from pydantic import Field, create_model, model_validator
 from twin_gait.configuration.sections import Section, reads
 from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.sections import type_of as type_of
-from twin_gait.configuration.validation import Number, Strict
+from twin_gait.configuration.validation import Flag, Number, Strict
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
@@ -101,7 +101,7 @@ class TransitionReader(Section):
     all: list[Any] | None = None
     any: list[Any] | None = None
     after_s: Annotated[Number, Field(gt=TICK / 2, le=LONGEST * TICK)] | None = None
-    remove: bool = False
+    remove: Flag = False
 
     @model_validator(mode="after")
     def _one_condition(self) -> TransitionReader:

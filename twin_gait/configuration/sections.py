@@ -14,7 +14,8 @@ from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origi
 
 from pydantic import AfterValidator, BeforeValidator, Field, WrapValidator, create_model, model_validator
 
-from twin_gait.configuration.validation import Count, Number, Strict, merge
+from twin_gait.configuration.validation import Count, Flag, Number, Strict, merge
+from twin_gait.docstrings import summary_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import Declaration, Parameters, Word, declarations, is_mapping
@@ -183,6 +184,8 @@ def _type(item: Declaration, kind: Any, factor: float) -> Any:
     if isinstance(kind, type) and issubclass(kind, Parameters):
         word = item.mark(Word)
         return _section_or_word(kind, word) if word else type_of(kind)
+    if kind is bool:
+        return Flag
     return _number(item, kind, factor) if kind in _PLAIN else kind
 
 
@@ -233,7 +236,7 @@ def _section(parameters: type[Any]) -> Any:
                 defaults[next(iter(item.keys))] = written(item.default, item)
     model: Any = create_model(parameters.__name__, __base__=base, **fields)
     model.parameters, model.defaults, model.inline = parameters, defaults, inline
-    model.__doc__ = (parameters.__doc__ or "").splitlines()[0]
+    model.__doc__ = summary_of(parameters)
     return model
 
 

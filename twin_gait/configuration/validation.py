@@ -15,20 +15,30 @@ import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
+from twin_gait import yaml12
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.files import read_text
 from twin_gait.parameters.quantities import EXCHANGEABLE
 from twin_gait.vocabulary import JointName
 
-# Keys that name the same quantity in another unit, or as a ratio; the longest suffix wins.
-_UNIT_SUFFIX = re.compile(f"_(ratio|{'|'.join(sorted(EXCHANGEABLE))})$")
 # "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
 _NO_UNIT = frozenset({"friction_ratio"})
 _JOINTS = frozenset(JointName)
 
 
 def quantity_of(key: str) -> str:
-    """Name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one quantity."""
-    return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
+    """Return the name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one.
+
+    The longest unit wins. Worlds of other packages may declare more units at any time.
+    """
+    if key.rpartition(".")[2] in _NO_UNIT:
+        return key
+    place = key.find("_")
+    while place >= 0:
+        if key[place + 1 :] == "ratio" or key[place + 1 :] in EXCHANGEABLE:
+            return key[:place]
+        place = key.find("_", place + 1)
+    return key
 
 
 def refuse_two_units(keys: Iterable[Any], place: str = "") -> None:
@@ -49,10 +59,10 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") 
     """
     refuse_two_units(changes, place)
     merged = dict(base)
+    said = {quantity_of(name): name for name in merged}
     for key, value in changes.items():
         if key not in merged:
-            for other in [name for name in merged if quantity_of(name) == quantity_of(key)]:
-                del merged[other]
+            merged.pop(said.get(quantity_of(key), key), None)
         old = merged.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
             merged[key] = merge(old, value, f"{place}.{key}".removeprefix("."))
@@ -138,21 +148,32 @@ class Strict(BaseModel):
         return data
 
 
-def _no_boolean(value: Any) -> Any:
+def _require_number(value: Any) -> Any:
+    """Return a number; text is none, even where Python could read it as one."""
     if isinstance(value, bool):
         raise ValueError(f"expected a number, got {str(value).lower()}")
+    if isinstance(value, str):
+        hint = "; write 1000, 0.5 and 90 for 1_000, 0,5 and 1:30" if value[:1].isdigit() else ""
+        raise ValueError(f"expected a number, got {short(value)}{hint}")
     return value
 
 
-Number = Annotated[float, BeforeValidator(_no_boolean), Field(allow_inf_nan=False)]
-Count = Annotated[int, BeforeValidator(_no_boolean)]
+def _require_flag(value: Any) -> Any:
+    if not isinstance(value, bool):
+        raise ValueError(f"expected true or false, got {short(value)}")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(_require_number), Field(allow_inf_nan=False)]
+Count = Annotated[int, BeforeValidator(_require_number)]
+Flag = Annotated[bool, BeforeValidator(_require_flag)]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 _Result = TypeVar("_Result")
 
 
-class _Loader(yaml.SafeLoader):
-    """Safe loader that refuses a key given twice, and a quantity given in two units."""
+class _Loader(yaml12.Loader):
+    """Loader that refuses a key given twice, and a quantity given in two units."""
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -160,7 +181,10 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
     for key_node, _ in node.value:
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, str):
-            problem = f"expected a name as key, got {short(key)}"
+            hint = ""
+            if isinstance(key, int | float):
+                hint = "; a decimal comma? numbers have a point, 0.5"
+            problem = f"expected a name as key, got {short(key)}{hint}"
         elif quantity_of(key) in said:
             other = said[quantity_of(key)]
             problem = f"{other} is given twice, here as {key}; expected exactly one of them, leave one out"
@@ -177,7 +201,7 @@ _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping
 
 def _loaded(text: str) -> Any:
     try:
-        return yaml.load(text, Loader=_Loader)  # a SafeLoader subclass
+        return yaml.load(text, Loader=_Loader)  # a subclass of SafeLoader
     except ParameterError:
         raise
     except yaml.YAMLError as error:
@@ -200,9 +224,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
 def read_yaml(path: Path) -> dict[str, Any]:
     """Read a YAML file whose outermost element is a mapping."""
     try:
-        if path.stat().st_size > MAXIMUM_FILE_SIZE:
-            raise ParameterFileError(path, "", f"larger than {MAXIMUM_FILE_SIZE} bytes; not a parameter file")
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path, MAXIMUM_FILE_SIZE)
     except (OSError, UnicodeDecodeError) as error:
         problem = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ParameterFileError(path, "", f"cannot be read ({problem}); check the path") from error

@@ -19,6 +19,8 @@ from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 
 DELAYS = quantities.Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
 
+FRICTION_RATIOS = quantities.Range(0.0, 10.0, reason="a cold and worn gear has some times the friction")
+
 # Which controller decides on k, b, θ0, G and the gravity share.
 ControlMode = StrEnum("ControlMode", {name.upper(): name for name in CONTROLLERS})  # type: ignore[misc]
 
@@ -98,7 +100,7 @@ class PlantParameters(quantities.Parameters):
         gravity: In [m] / [s²].
     """
 
-    friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], quantities.NOT_NEGATIVE] = field(
+    friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], FRICTION_RATIOS] = field(
         default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
     )
     friction: Mapping[JointName, parameters.FrictionLaw] = field(default_factory=lambda: {**BENCH_FRICTION})

@@ -12,7 +12,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import Bodies, LegModel
 from twin_gait.leg_model.urdf_document import UrdfWarning
 from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters, require
-from twin_gait.parameters.quantities import WHOLE, AsInFile, Notation, Parameters, Range, Time, Word
+from twin_gait.parameters.quantities import SEEDS, AsInFile, Notation, Parameters, Range, Time, Word
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds import LegSource, Scenario, World
 from twin_gait.worlds.bracing import brace_world, carries
@@ -119,7 +119,7 @@ class Experiment(Parameters):
     sensors: SensorParameters = field(default_factory=SensorParameters)
     integration: Integration | None = None
     engine: Engine = Engine.COMPILED
-    seed: Annotated[int, WHOLE] = 0
+    seed: Annotated[int, SEEDS] = 0
     faults: Annotated[tuple[Fault, ...], Notation(parse_fault)] = ()
     interface: Annotated[BraceParameters | None, Word("rigid", "brace")] = None
     network: Annotated[NetworkParameters | None, Word("ideal", "can")] = None

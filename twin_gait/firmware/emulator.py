@@ -74,7 +74,8 @@ class UnitProcess:
             size = rows.nbytes // max(len(rows), 1)
             raise FirmwareError(f"{self._name} takes inputs of {self._input_bytes} bytes a tick, got {size}")
         process, answers = self.process, list[bytes]()
-        assert process is not None and process.stdin is not None, "a unit runs in a with statement"
+        if process is None or process.stdin is None:
+            raise FirmwareError(f"{self._name}: a unit runs in a with statement")
         # As much as the pipes hold: else each side might wait for the other to read.
         ticks = max(1, _PIPE // max(self._input_bytes, 4 * self._answer_words))
         for part in (rows[first : first + ticks] for first in range(0, len(rows), ticks)):

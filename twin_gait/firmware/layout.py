@@ -4,6 +4,8 @@ import inspect
 import re
 import textwrap
 
+from twin_gait.docstrings import docstring_of
+
 WIDTH = 100
 INDENT = 4
 # Words of C99, of its headers and of ours that a name may not be.
@@ -75,7 +77,7 @@ _ATTRIBUTE = re.compile(r"((?: *# .*\n)*) +(\w+): [^#\n]*(?:# (.*))?$", re.MULTI
 def attributes_of(kind: type) -> dict[str, str]:
     """What a class says of its attributes, by name: in comments behind or above them, or in its docstring."""
     found: dict[str, str] = {}
-    listed = re.findall(r"(\w+): (.*)", (kind.__doc__ or "").partition("Attributes:\n")[2])
+    listed = re.findall(r"(\w+): (.*)", docstring_of(kind).partition("Attributes:\n")[2])
     for above, name, behind in _ATTRIBUTE.findall(inspect.getsource(kind)):
         said = " ".join(line.strip(" #") for line in above.splitlines()) or behind
         found |= {name: said} if said else {}

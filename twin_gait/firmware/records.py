@@ -4,12 +4,12 @@ What no printed function writes to is a parameter: a structure has its address, 
 is part of the structure, and lies in RAM.
 """
 
-import inspect
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
+from twin_gait.docstrings import summary_of
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import kinds
 from twin_gait.firmware.expressions import number
@@ -79,7 +79,7 @@ class Records:
         return [line for lines in found.values() for line in lines]
 
     def _structure(self, record: type, names: Iterable[str]) -> list[str]:
-        says, first = attributes_of(record), (inspect.getdoc(record) or "").split("\n")[0]
+        says, first = attributes_of(record), summary_of(record)
         lines = [*comment(first), "typedef struct {"]
         for name in names:
             lines += [*comment(says.get(name, ""), INDENT), f"    {self.member(record, name)};"]

@@ -18,8 +18,10 @@ from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import PRE_SWING, Coded, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
-LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
-TICKS = quantities.Range(1, LONGEST, words=f"1 to {LONGEST}")
+LONGEST = 3_600_000  # ticks, an hour, the longest run: no time in a table is longer
+TICKS = quantities.Range(1, LONGEST, words=f"1 to {LONGEST} (an hour, the longest run)")
+DURATIONS = quantities.whole(0, LONGEST, "an hour, the longest run")
+FADES = quantities.whole(0, 10_000, "10 s; a phase of gait is over before")
 MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
 
 
@@ -47,13 +49,15 @@ class Blending(quantities.Parameters):
     """
 
     law: BlendingLaw = BlendingLaw.MINIMUM_JERK
-    duration_ticks: Annotated[int, quantities.Range(0, LONGEST), quantities.Key("duration_ms")] = 60
+    duration_ticks: Annotated[int, FADES, quantities.Key("duration_ms")] = 60
 
 
-# Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
-LARGEST, SMALLEST = 1e9, 1e-3
-PER_ANGLE, WIDE = quantities.Range(0.0, LARGEST / quantities.DEGREE), quantities.Range(-LARGEST, LARGEST)
-REFERENCES, EXPONENTS = quantities.Range(SMALLEST, LARGEST), quantities.Range(-3.0, 3.0)
+# A virtual spring acts through the gear, which is a spring itself (CSF-25 at low torque).
+STIFFNESSES = quantities.Range(0.0, 3.1e4, reason="the stiffness of the gear in series, 541 N·m/deg")
+MASSES = quantities.Range(1.0, 200.0, reason="the heaviest wearer with device and load")
+SPEEDS = quantities.Range(0.01, 10.0, reason="slower than a crawl is no walk")
+HEIGHTS = quantities.Range(0.5, 2.5, reason="the height of a person")
+EXPONENTS = quantities.Range(-3.0, 3.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,11 +72,11 @@ class JointImpedance(quantities.Parameters):
         damping_ratio: ζ, or None; b = 2 ζ √(k I) is resolved when the experiment is built.
     """
 
-    stiffness: Annotated[quantities.RotaryStiffness, PER_ANGLE]
-    equilibrium_angle: Annotated[quantities.Angle, WIDE, quantities.Key("equilibrium")]
+    stiffness: Annotated[quantities.RotaryStiffness, STIFFNESSES]
+    equilibrium_angle: Annotated[quantities.Angle, quantities.Key("equilibrium")]
     friction_compensation_gain: Annotated[quantities.Ratio, quantities.SHARE]
-    damping: Annotated[quantities.RotaryDamping | None, PER_ANGLE] = None
-    damping_ratio: Annotated[quantities.Ratio | None, quantities.Range(0.0, LARGEST)] = None
+    damping: Annotated[quantities.RotaryDamping | None, quantities.NOT_NEGATIVE] = None
+    damping_ratio: Annotated[quantities.Ratio | None, quantities.DAMPING_RATIOS] = None
 
     def __post_init__(self) -> None:
         """Check the ranges, and that there is one damping."""
@@ -90,7 +94,7 @@ class State(quantities.Parameters):
         minimum_ticks: It is not left before so many ticks.
     """
 
-    minimum_ticks: Annotated[int, quantities.Range(0, LONGEST), quantities.Key("minimum_duration_ms")] = 0
+    minimum_ticks: Annotated[int, DURATIONS, quantities.Key("minimum_duration_ms")] = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +109,7 @@ class PhaseParameters(State):
 
     joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile(), quantities.Inline()]
     gravity_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
-    blending_ticks: Annotated[int | None, quantities.Range(0, LONGEST), quantities.Key("blending_ms")] = None
+    blending_ticks: Annotated[int | None, FADES, quantities.Key("blending_ms")] = None
 
 
 class DrivenBy(StrEnum):
@@ -169,14 +173,14 @@ class Scaling(quantities.Parameters):
         hip_centre: θ_c in [rad].
     """
 
-    carried_mass: Annotated[quantities.Mass | None, REFERENCES] = None
+    carried_mass: Annotated[quantities.Mass | None, MASSES] = None
     carried_mass_exponent: Annotated[quantities.Ratio, EXPONENTS] = 1.0
     stance_phases: tuple[str, ...] = ()
-    speed: Annotated[quantities.Speed | None, REFERENCES] = None
+    speed: Annotated[quantities.Speed | None, SPEEDS] = None
     speed_exponent: Annotated[quantities.Ratio, EXPONENTS] = 0.0
-    height: Annotated[quantities.Length | None, REFERENCES] = None
+    height: Annotated[quantities.Length | None, HEIGHTS] = None
     height_exponent: Annotated[quantities.Ratio, EXPONENTS] = 0.0
-    hip_centre: Annotated[quantities.Angle, WIDE] = 0.0
+    hip_centre: quantities.Angle = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

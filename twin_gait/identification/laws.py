@@ -17,6 +17,7 @@ import numpy as np
 
 from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
+from twin_gait.docstrings import summary_of
 from twin_gait.identification.models import FrictionModel, Samples, Shape
 from twin_gait.simulation.binding import bind, is_ours
 from twin_gait.simulation.compiling import ON_BITS
@@ -89,7 +90,7 @@ def _model(coefficients: tuple[str, ...], *shape: Shape, **more: Any) -> Callabl
     """Make a model of a law, whose formula begins what is said of it; see :class:`FrictionModel`."""
 
     def add(law: _Law) -> _Law:
-        formula = (law.__doc__ or "").partition("\n")[0].removesuffix(".")
+        formula = summary_of(law).removesuffix(".")
         MODELS[law.__name__] = FrictionModel(law.__name__, formula, coefficients, shape, law, **more)
         return law
 

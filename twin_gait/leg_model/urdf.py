@@ -13,7 +13,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
-from twin_gait.files import shipped_file
+from twin_gait.files import read_bytes, shipped_file
 from twin_gait.leg_model.urdf_document import joint_elements, urdf_text
 
 _SILENCE = threading.Lock()
@@ -110,7 +110,7 @@ def _normalize_joint(joint: ElementTree.Element, *, turned: bool) -> None:
 
 def urdf_hash(path: Path) -> str:
     """SHA-256 of a URDF file's content, in hexadecimal."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(path)).hexdigest()
 
 
 def build_model(

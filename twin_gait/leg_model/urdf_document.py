@@ -13,6 +13,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from twin_gait.exceptions import ModelError
+from twin_gait.files import read_bytes
 
 GIT_LFS_POINTER = b"version https://git-lfs"  # first bytes of the placeholder of a large file
 _NOT_NEGATIVE = ("value", "ixx", "iyy", "izz")  # attributes of a mass or an inertia
@@ -51,7 +52,7 @@ def urdf_text(path: Path) -> str:
     is no URDF, or describes no tree of links.
     """
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read ({error.strerror})") from error
     if data.startswith(GIT_LFS_POINTER):

@@ -11,8 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
@@ -22,12 +20,13 @@ from twin_gait.live.settings import HELD_PHASE, MODES, Settings, changed_at, fir
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import FOOT, FaultKind
+from twin_gait.yaml12 import load_yaml
 
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
 LEAST_DAMPING = 20.0  # [N m s] / [rad] that the range of a damping has at least
 TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
-_SHOWN = yaml.safe_load(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
+_SHOWN = load_yaml(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
 
 
 def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:

@@ -28,7 +28,7 @@ from pydantic import ConfigDict, TypeAdapter
 from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import plain, write_atomically
+from twin_gait.files import plain, require_regular, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
@@ -181,6 +181,7 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[
     RunDirectoryError if not even its beginning can be read.
     """
     try:
+        require_regular(path)
         stream = pa.ipc.open_stream(pa.OSFile(str(path), "rb"))
         setup = json.loads(stream.schema.metadata[_SETUP])
     except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:

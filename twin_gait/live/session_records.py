@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
-from twin_gait.files import private_files, write_new
+from twin_gait.files import MOST_TEXT, private_files, read_bytes, write_new
 from twin_gait.live.protocol import Event
 from twin_gait.runs.folders import hold
 
@@ -145,7 +145,7 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
     try:
         if (held := hold(path)) is not None:
             os.close(held)
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_bytes(path, MOST_TEXT).decode(errors="replace")
     except FileNotFoundError:
         raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all") from None
     except OSError as error:

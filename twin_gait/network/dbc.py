@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.core.can_codec import HALF_BITS, SignalLayout
 from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
-from twin_gait.files import shipped_file
+from twin_gait.files import read_bytes, shipped_file
 from twin_gait.network.messages import CODES, MESSAGES, ON_DEMAND
 
 if TYPE_CHECKING:
@@ -78,7 +78,8 @@ def _messages_of(path: Path) -> Iterable[DbcMessage]:
     except ImportError as error:
         raise MissingOptionalDependency("cantools", "can", "the CAN network") from error
     try:
-        database = cantools.database.load_file(path, database_format="dbc")
+        text = read_bytes(path).decode("cp1252", errors="replace")  # as cantools decodes a DBC file
+        database = cantools.database.load_string(text, database_format="dbc")
     except (OSError, UnicodeDecodeError, cantools.Error) as error:
         raise ParameterFileError(path, "", f"is no DBC file ({error})") from error
     return database.messages  # type: ignore[union-attr]  # a DBC file has no diagnostics

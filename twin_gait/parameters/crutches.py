@@ -8,6 +8,8 @@ from twin_gait.parameters import quantities
 
 LEANS = quantities.Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
 DELAYS = quantities.Range(0.0, 1.0, words="0 to 1 s")
+CRUTCHES = quantities.Range(0.0, 5.0, above=True, reason="ten times a crutch of aluminium")
+PUSHES = quantities.Range(0.0, 1.0, reason="the whole weight on each hand")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +33,7 @@ class CrutchParameters(quantities.Parameters):
         moment_limit: Largest moment of a shoulder in [N m] (an assumption; men give 60 to 95 as a rule).
     """
 
-    mass: Annotated[quantities.Mass, quantities.POSITIVE] = 0.5
+    mass: Annotated[quantities.Mass, CRUTCHES] = 0.5
     length: Annotated[quantities.Ratio, quantities.Range(0.6, 1.1)] = 0.817
     slack: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.1
     straight_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 5.0e3
@@ -86,7 +88,7 @@ class ArmParameters(quantities.Parameters):
 
     delay: Annotated[quantities.Time, DELAYS] = 0.15
     lean: Annotated[quantities.Angle, LEANS] = 8.0 * quantities.DEGREE
-    push: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.1
+    push: Annotated[quantities.Ratio, PUSHES] = 0.1
     push_per_lean: Annotated[quantities.PerAngle, quantities.NOT_NEGATIVE] = 0.7
     push_per_rate: Annotated[quantities.PerAngularVelocity, quantities.NOT_NEGATIVE] = 0.2
     turn: quantities.Torque = 5.0
@@ -108,7 +110,7 @@ class ArmParameters(quantities.Parameters):
     stand_reach: Annotated[quantities.Angle, LEANS] = 18.0 * quantities.DEGREE
     stand_slack: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.1
     still: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 1.0
-    chair_push: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.05
+    chair_push: Annotated[quantities.Ratio, PUSHES] = 0.05
     chair_turn: quantities.Torque = 0.0
     risen_length: Annotated[quantities.Ratio, quantities.Range(0.4, 1.2)] = 0.98
     seated_length: Annotated[quantities.Ratio, quantities.Range(0.4, 1.2)] = 0.65

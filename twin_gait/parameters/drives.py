@@ -13,6 +13,8 @@ from twin_gait.vocabulary import JointName, Side
 LEAST_EFFICIENCY = 0.5
 EFFICIENCIES = quantities.Range(LEAST_EFFICIENCY, 1.0, words=f"{LEAST_EFFICIENCY:g} to 1")
 
+ROTORS = quantities.Range(0.0, 0.01, reason="thirty times that of the motors, 3.06e-4 kg m²")
+
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorParameters(quantities.Parameters):
@@ -33,10 +35,10 @@ class ActuatorParameters(quantities.Parameters):
     torque_constant: Annotated[quantities.TorqueConstant, quantities.POSITIVE]
     resistance: Annotated[quantities.Resistance, quantities.POSITIVE]
     # maxon EC 90 flat data sheet: 3060 g cm²
-    rotor_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 3.06e-4
+    rotor_inertia: Annotated[quantities.Inertia, ROTORS] = 3.06e-4
     gear_ratio: Annotated[quantities.Ratio, quantities.POSITIVE] = 100.0  # CSD-25-100, thesis 2.2.1
     # CSD-25, catalogue value from memory (medium-high confidence)
-    gear_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.282e-4
+    gear_inertia: Annotated[quantities.Inertia, ROTORS] = 0.282e-4
     gear_efficiency: Annotated[quantities.Ratio, EFFICIENCIES] = 1.0
     # Nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7.
     continuous_torque: Annotated[quantities.Torque, quantities.POSITIVE] = 43.0
@@ -54,6 +56,9 @@ KNEE_ACTUATOR = ActuatorParameters(torque_constant=0.0705, resistance=0.343)
 HIP_ACTUATOR = ActuatorParameters(torque_constant=0.109, resistance=0.82)
 
 
+PACKS = quantities.Range(0.0, 10.0, reason="fifty times that of a pack of this size")
+
+
 @dataclass(frozen=True, kw_only=True)
 class BatteryParameters(quantities.Parameters):
     """Battery pack CMX820P (thesis 2.2.1).
@@ -66,7 +71,7 @@ class BatteryParameters(quantities.Parameters):
     """
 
     voltage: Annotated[quantities.Voltage, quantities.POSITIVE] = 28.8
-    internal_resistance: Annotated[quantities.Resistance, quantities.NOT_NEGATIVE] = 0.2
+    internal_resistance: Annotated[quantities.Resistance, PACKS] = 0.2
     continuous_power: Annotated[quantities.Power, quantities.POSITIVE] = 330.0
     energy: Annotated[quantities.Energy, quantities.POSITIVE] = 92.2 * 3600.0
 
@@ -124,6 +129,9 @@ OFFSETS = quantities.Range(
 )
 
 
+# Where a backpack can hold an inertial unit on the trunk.
+HEIGHTS = quantities.Range(0.0, 1.0, reason="from the hips to above the head")
+DEPTHS = quantities.Range(-0.5, 0.5, reason="within the depth of a trunk with its backpack")
 # Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
 # unit (InvenSense MPU-6050, data sheet rev. 3.4, sections 6.1 and 6.2).
 GYROSCOPE_NOISE = 0.005 * quantities.DEGREE * math.sqrt(500.0)  # [rad] / [s]
@@ -148,13 +156,19 @@ class TrunkSensorParameters(quantities.Parameters):
             gyroscope adds 0.3 deg).
     """
 
-    height: quantities.Length = 0.2
-    behind: quantities.Length = 0.15
+    height: Annotated[quantities.Length, HEIGHTS] = 0.2
+    behind: Annotated[quantities.Length, DEPTHS] = 0.15
     gyroscope_noise: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = GYROSCOPE_NOISE
     gyroscope_bias: quantities.AngularVelocity = 0.1 * quantities.DEGREE
     accelerometer_noise: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = ACCELEROMETER_NOISE
     accelerometer_bias: quantities.Acceleration = 0.005 * 9.81
     time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 3.0
+
+
+COUNTS = quantities.whole(1, 2**26, "the finest encoders")
+# A mean over more is no velocity of a gait; the samples are kept in the memory of the loop.
+LONGEST_WINDOW = 1000  # ticks
+SAMPLES = quantities.whole(1, LONGEST_WINDOW, "at most 1 s of samples")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,21 +189,33 @@ class SensorParameters(quantities.Parameters):
     """
 
     ideal: bool = True
-    encoder_counts: Annotated[int, quantities.COUNT] = 8192
+    encoder_counts: Annotated[int, COUNTS] = 8192
     angle_noise: Annotated[quantities.Angle, quantities.NOT_NEGATIVE] = 0.0
     offset: Annotated[
         Mapping[Side, Mapping[JointName, quantities.Angle]], OFFSETS, quantities.UnitInside()
     ] = field(default_factory=dict)
     fast_time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.005
-    decimation: Annotated[int, quantities.COUNT] = 10
-    window: Annotated[int, quantities.COUNT] = 10
+    decimation: Annotated[int, SAMPLES] = 10
+    window: Annotated[int, SAMPLES] = 10
     trunk: TrunkSensorParameters = field(default_factory=TrunkSensorParameters)
 
     def __post_init__(self) -> None:
         """Check the ranges, and that noise is not asked of encoders that have none."""
         super().__post_init__()
+        span, most = self.window * self.decimation, f"at most {LONGEST_WINDOW} ticks with the decimation"
+        require(span <= LONGEST_WINDOW, "window", f"{most} of {self.decimation}", self.window)
         fits = not self.ideal or self.angle_noise == 0.0
         require(fits, "angle_noise", "0, or ideal: false", self.angle_noise)
+
+
+# Bounds beyond which a monitor notices nothing; one that is not wanted is switched off as a whole.
+SHARES = quantities.Range(0.0, 5.0, above=True, reason="a larger share of a limit is no limit")
+STEPS = quantities.Range(0.0, 0.2, above=True, reason="200 rad/s, fifty times what the drives reach")
+DEVIATIONS = quantities.Range(0.0, 0.5, above=True, reason="29 deg; a leg has fallen before")
+REACTIONS = quantities.Range(0.0, 1.0, above=True, reason="after 1 s a leg has moved through its range")
+OVERLOADS = quantities.Range(0.0, 10.0, above=True, reason="a fifth of the winding's time constant")
+VOLTAGES = quantities.Range(0.0, 1.0, above=True, reason="a share of the open-circuit voltage")
+LOWERINGS = quantities.Range(0.0, 60.0, above=True, reason="nobody hangs in a hold for longer")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,22 +255,22 @@ class SafetyParameters(quantities.Parameters):
 
     enabled: bool = True
     stopping_deceleration: Annotated[quantities.AngularAcceleration, quantities.POSITIVE] = 10.0
-    speed_share: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.0
-    angle_step: Annotated[quantities.Angle, quantities.POSITIVE] = 0.02
-    frozen_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.01
+    speed_share: Annotated[quantities.Ratio, SHARES] = 1.0
+    angle_step: Annotated[quantities.Angle, STEPS] = 0.02
+    frozen_time: Annotated[quantities.Time, REACTIONS] = 0.01
     frozen_speed: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 0.3
-    model_deviation: Annotated[quantities.Angle, quantities.POSITIVE] = 0.05
-    model_time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 0.2
-    model_resistance_ratio: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.0
-    torque_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.5
+    model_deviation: Annotated[quantities.Angle, DEVIATIONS] = 0.05
+    model_time_constant: Annotated[quantities.Time, OVERLOADS] = 0.2
+    model_resistance_ratio: Annotated[quantities.Ratio, SHARES] = 1.0
+    torque_time: Annotated[quantities.Time, OVERLOADS] = 0.5
     highest_command: Annotated[quantities.Torque, quantities.POSITIVE] = 300.0
-    current_share: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.2
+    current_share: Annotated[quantities.Ratio, SHARES] = 1.2
     thermal_time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 52.6
     drive_deviation: Annotated[quantities.Current, quantities.POSITIVE] = 1.0
-    drive_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
+    drive_time: Annotated[quantities.Time, REACTIONS] = 0.02
     phase_time_out: Annotated[quantities.Time, quantities.POSITIVE] = 5.0
-    frozen_load_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.1
-    least_voltage_share: Annotated[quantities.Ratio, quantities.POSITIVE] = 0.6
-    voltage_time: Annotated[quantities.Time, quantities.POSITIVE] = 0.01
+    frozen_load_time: Annotated[quantities.Time, OVERLOADS] = 0.1
+    least_voltage_share: Annotated[quantities.Ratio, VOLTAGES] = 0.6
+    voltage_time: Annotated[quantities.Time, REACTIONS] = 0.01
     hold_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 60.0
-    lowering_time: Annotated[quantities.Time, quantities.POSITIVE] = 3.0
+    lowering_time: Annotated[quantities.Time, LOWERINGS] = 3.0

@@ -10,6 +10,8 @@ from twin_gait.core.friction import ASYMMETRIC, BRISTLE, FRICTIONLESS, ROTATIONA
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import declarations, require
 
+EXPONENTS = quantities.Range(0.0, 10.0, above=True, reason="fits of joints have 0.3 to 4")
+
 
 class _FrictionLaw(quantities.Parameters):
     tag = "law"
@@ -115,10 +117,10 @@ class StribeckFriction(_FrictionLaw):
     coulomb_friction: Annotated[quantities.Torque, quantities.POSITIVE]
     breakaway_torque: Annotated[quantities.Torque | None, quantities.POSITIVE] = None
     stribeck_velocity: Annotated[quantities.AngularVelocity | None, quantities.POSITIVE] = None
-    stribeck_exponent: Annotated[quantities.Ratio, quantities.POSITIVE] = 2.0
+    stribeck_exponent: Annotated[quantities.Ratio, EXPONENTS] = 2.0
     viscous_friction_forward: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
     viscous_friction_backward: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
-    viscous_exponent: Annotated[quantities.Ratio, quantities.POSITIVE] = 1.0
+    viscous_exponent: Annotated[quantities.Ratio, EXPONENTS] = 1.0
     offset: quantities.Torque = 0.0
 
     def __post_init__(self) -> None:

@@ -10,7 +10,6 @@ reference pages are made from that.
 """
 
 import dataclasses
-import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -19,24 +18,25 @@ from enum import Enum
 from numbers import Integral, Real
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from twin_gait.exceptions import ParameterError
+from twin_gait.docstrings import docstring_of
+from twin_gait.parameters.ranges import DAMPING_RATIOS as DAMPING_RATIOS
+from twin_gait.parameters.ranges import FINITE as FINITE
+from twin_gait.parameters.ranges import LATER as LATER
+from twin_gait.parameters.ranges import NOT_NEGATIVE as NOT_NEGATIVE
+from twin_gait.parameters.ranges import POSITIVE as POSITIVE
+from twin_gait.parameters.ranges import SEEDS as SEEDS
+from twin_gait.parameters.ranges import SHARE as SHARE
+from twin_gait.parameters.ranges import Range as Range
+from twin_gait.parameters.ranges import require as require
+from twin_gait.parameters.ranges import whole as whole
+from twin_gait.parameters.ranges import within as within
 
 Record = TypeVar("Record")
 
 DEGREE, KM_PER_H = math.pi / 180.0, 1.0 / 3.6  # in SI
 
-EXCHANGEABLE: set[str] = set()  # ends of keys that stand for one quantity in several units
-
-
-def require(condition: bool, name: str, expected: str, value: object) -> None:
-    """Raise a :class:`ParameterError` unless a condition holds.
-
-    ``condition``: what must be true. ``name``: name of the parameter as the user knows it. ``expected``: what
-    would have been right, in words. ``value``: what was given. Raises ParameterError if the condition is
-    false.
-    """
-    if not condition:
-        raise ParameterError(f"{name}: expected {expected}, got {value!r}")
+# Ends of keys that stand for one quantity in several units; each new unit adds its own.
+EXCHANGEABLE: set[str] = set()
 
 
 class Unit:
@@ -44,55 +44,14 @@ class Unit:
 
     Attributes:
         factors: SI value of one unit, by the end of the key; the unit of SI first.
+        general: Range of the quantity, which completes that of a field.
     """
 
-    def __init__(self, si: str, **others: float) -> None:
-        """Take the unit of SI and what others are in it."""
+    def __init__(self, si: str, general: "Range | None" = None, **others: float) -> None:
+        """Take the unit of SI, the range of the quantity in it, and other units in SI."""
         self.factors: Mapping[str, float] = {si: 1.0, **others}
+        self.general = general
         EXCHANGEABLE.update(end for end in self.factors if others and end)
-
-
-@dataclass(frozen=True)
-class Range:
-    """Range of a number."""
-
-    least: float = -math.inf  # Least value.
-    most: float = math.inf  # Largest value.
-    above: bool = False  # Whether the least value itself is outside.
-    words: str = ""  # What is expected, for messages; made from the numbers where empty.
-    endless: bool = False  # Whether infinity is meant, too: a time that never comes, ``null`` in a file.
-
-    def holds(self, value: float) -> bool:
-        """Whether a value lies within."""
-        inside = self.least < value <= self.most if self.above else self.least <= value <= self.most
-        return inside and (self.endless or math.isfinite(value))
-
-    def in_unit(self, factor: float) -> "Range":
-        """The range in a unit, given by its value in SI; words, which say it in SI, stay there."""
-        words = self.words if factor == 1.0 else ""
-        return dataclasses.replace(self, least=self.least / factor, most=self.most / factor, words=words)
-
-    def require(self, name: str, value: float, *, whole: bool = False) -> None:
-        """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
-        fits = isinstance(value, int if whole else Real)
-        require(fits and self.holds(value), name, self.expected, value)
-
-    @property
-    def expected(self) -> str:
-        """What is expected, in words."""
-        if self.words:
-            return self.words
-        if math.isfinite(self.most):
-            return f"a number from {self.least:g} to {self.most:g}"
-        if math.isinf(self.least):
-            return "a finite number"
-        return f"a number above {self.least:g}" if self.above else f"a number of {self.least:g} or more"
-
-
-POSITIVE, NOT_NEGATIVE, SHARE = Range(0.0, above=True), Range(0.0), Range(0.0, 1.0)
-FINITE, COUNT = Range(), Range(1, words="a whole number above 0")
-WHOLE = Range(0, words="a whole number of 0 or more")
-LATER = Range(0.0, endless=True)
 
 
 @dataclass(frozen=True)
@@ -139,38 +98,47 @@ class AsInFile:
     """A field of which a file says more than its type: its section has a reader of its own."""
 
 
-# Quantities by what they measure. A file may give them in any of the units.
-Angle = Annotated[float, Unit("rad", deg=DEGREE)]
-AngularVelocity = Annotated[float, Unit("rad_per_s", deg_per_s=DEGREE)]
-Acceleration = Annotated[float, Unit("m_per_s2")]
-AngularAcceleration = Annotated[float, Unit("rad_per_s2")]
-BitRate = Annotated[float, Unit("bit_per_s", kbit_per_s=1e3)]
-Current = Annotated[float, Unit("A")]
-Drift = Annotated[float, Unit("", ppm=1e-6)]
-Energy = Annotated[float, Unit("J")]
-Force = Annotated[float, Unit("N")]
-Frequency = Annotated[float, Unit("Hz")]
-HertzStiffness = Annotated[float, Unit("N_per_m1p5")]
-Inertia = Annotated[float, Unit("kgm2")]
-Length = Annotated[float, Unit("m")]
-LinearDamping = Annotated[float, Unit("Ns_per_m")]
-LinearDissipation = Annotated[float, Unit("s_per_m")]
-LinearStiffness = Annotated[float, Unit("N_per_m")]
-Mass = Annotated[float, Unit("kg")]
-PerAngle = Annotated[float, Unit("per_rad")]
-PerAngularVelocity = Annotated[float, Unit("s_per_rad")]
-Power = Annotated[float, Unit("W")]
-Ratio = Annotated[float, Unit("")]
-Resistance = Annotated[float, Unit("Ohm")]
-RotaryDamping = Annotated[float, Unit("Nms_per_rad", Nms_per_deg=1.0 / DEGREE)]
-RotaryDissipation = Annotated[float, Unit("s_per_rad")]
-RotaryStiffness = Annotated[float, Unit("Nm_per_rad", Nm_per_deg=1.0 / DEGREE)]
-Speed = Annotated[float, Unit("m_per_s", km_per_h=KM_PER_H)]
-Time = Annotated[float, Unit("s", ms=1e-3)]
-ShortTime = Annotated[float, Unit("s", ms=1e-3, us=1e-6)]
-Torque = Annotated[float, Unit("Nm")]
-TorqueConstant = Annotated[float, Unit("Nm_per_A")]
-Voltage = Annotated[float, Unit("V")]
+# Quantities by what they measure, with their units in files, and the largest magnitude that one can have in a
+# device, a wearer and what is around them, with the reason. A field may narrow it.
+Angle = Annotated[float, Unit("rad", within(math.pi, "half a turn"), deg=DEGREE)]
+AngularVelocity = Annotated[
+    float, Unit("rad_per_s", within(50.0, "ten times the no-load speed"), deg_per_s=DEGREE)
+]
+Acceleration = Annotated[float, Unit("m_per_s2", within(30.0, "three times gravity"))]
+AngularAcceleration = Annotated[float, Unit("rad_per_s2", within(1e3, "100 N·m on a foot of 0.1 kg m²"))]
+BitRate = Annotated[float, Unit("bit_per_s", within(1e6, "the most that CAN 2.0 has"), kbit_per_s=1e3)]
+Current = Annotated[float, Unit("A", within(100.0, "above the stall current of the motors, 70 A at 24 V"))]
+Drift = Annotated[float, Unit("", within(0.01, "a hundred times that of a poor oscillator"), ppm=1e-6)]
+Energy = Annotated[float, Unit("J", within(1e7, "2.8 kWh, 15 kg of lithium cells"))]
+Force = Annotated[float, Unit("N", within(5e3, "four times the weight of wearer and device"))]
+Frequency = Annotated[float, Unit("Hz", within(1e5, "the fastest inverters of such drives"))]
+HertzStiffness = Annotated[float, Unit("N_per_m1p5", within(1e7, "a heel 1 mm deep under 316 N"))]
+Inertia = Annotated[float, Unit("kgm2", within(10.0, "a straight leg about its hip has 6"))]
+Length = Annotated[float, Unit("m", within(3.0, "more than a person with raised arms"))]
+LinearDamping = Annotated[float, Unit("Ns_per_m", within(3e4, "critical for 200 kg on 1e6 N/m"))]
+LinearDissipation = Annotated[float, Unit("s_per_m", within(100.0, "forces that double at 1 cm/s"))]
+LinearStiffness = Annotated[float, Unit("N_per_m", within(1e6, "1 mm under 1000 N; straps give more"))]
+Mass = Annotated[float, Unit("kg", within(200.0, "the heaviest wearer with device and load"))]
+PerAngle = Annotated[float, Unit("per_rad", within(100.0, "the whole effect within 0.6 deg"))]
+PerAngularVelocity = Annotated[float, Unit("s_per_rad", within(1e3, "the whole effect within 1 mrad/s"))]
+Power = Annotated[float, Unit("W", within(5e3, "ten times what the battery gives"))]
+Ratio = Annotated[float, Unit("", within(1e3, "three orders of magnitude"))]
+Resistance = Annotated[float, Unit("Ohm", within(100.0, "lets through 0.3 A at the voltage of the battery"))]
+RotaryDamping = Annotated[
+    float,
+    Unit("Nms_per_rad", within(1e3, "critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
+]
+RotaryDissipation = Annotated[float, Unit("s_per_rad", within(100.0, "torques that double at 10 mrad/s"))]
+RotaryStiffness = Annotated[
+    float,
+    Unit("Nm_per_rad", within(1e6, "0.1 mrad under 100 N·m"), Nm_per_deg=1.0 / DEGREE),
+]
+Speed = Annotated[float, Unit("m_per_s", within(10.0, "faster than people run"), km_per_h=KM_PER_H)]
+Time = Annotated[float, Unit("s", within(3600.0, "the longest run"), ms=1e-3)]
+ShortTime = Annotated[float, Unit("s", within(0.1, "the longest cycle of the bus"), ms=1e-3, us=1e-6)]
+Torque = Annotated[float, Unit("Nm", within(1e3, "ten times what the gear stands"))]
+TorqueConstant = Annotated[float, Unit("Nm_per_A", within(10.0, "a hundred times that of the motors"))]
+Voltage = Annotated[float, Unit("V", within(120.0, "where extra-low voltage ends, IEC 61140"))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,6 +247,8 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
     bounds = next((mark for mark in marks if isinstance(mark, Range)), None)
     if bounds is None and numbers in (float, int):
         bounds = FINITE
+    if bounds is not None and unit is not None and unit.general is not None:
+        bounds = bounds.completed(unit.general)
     key = next((mark.name for mark in marks if isinstance(mark, Key)), item.name)
     default = item.default if item.default_factory is dataclasses.MISSING else item.default_factory()
     return Declaration(item.name, kind, optional, default, unit, bounds, key, meaning, tuple(marks))
@@ -297,7 +267,7 @@ def _meanings(parameters: Any) -> dict[str, str]:
     """Meaning of each field: the section ``Attributes`` of the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for kind in reversed(parameters.__mro__):
-        section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")[2]
+        section = docstring_of(kind).partition("Attributes:\n")[2]
         found |= {name: re.sub(r"\n +", " ", text) for name, text in _ENTRY.findall(section)}
     return {name: _ROLE.sub(r"`\1`", text) for name, text in found.items()}
 

@@ -34,6 +34,12 @@ class BeltProfile(quantities.Parameters):
         require(self.stop >= earliest, "stop", f"start + ramp, {earliest:g} s, or later", self.stop)
 
 
+COEFFICIENTS = quantities.Range(0.0, 5.0, reason="rubber on a dry floor has 1")
+# The stops of the joint bench have 2e5 N m/rad.
+STOPS = quantities.Range(0.0, 1e7, reason="a steel pin of 1 cm² at 5 cm from the axis has 5e6 N·m/rad")
+RELATIVE = quantities.Range(0.0, 10.0, reason="a stiff body stands by itself on two of 0.25")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ContactParameters(quantities.Parameters):
     """Foot contact at heel and toe; see :func:`twin_gait.core.contact.contact_normal_force`.
@@ -52,7 +58,7 @@ class ContactParameters(quantities.Parameters):
 
     stiffness: Annotated[quantities.HertzStiffness, quantities.POSITIVE] = 3.0e5
     dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.5
-    friction_coefficient: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.8
+    friction_coefficient: Annotated[quantities.Ratio, COEFFICIENTS] = 0.8
     transition_velocity: Annotated[quantities.Speed, quantities.POSITIVE] = 0.05
 
 
@@ -65,7 +71,7 @@ class StopParameters(quantities.Parameters):
         dissipation: In [s] / [rad].
     """
 
-    stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 2000.0
+    stiffness: Annotated[quantities.RotaryStiffness, STOPS] = 2000.0
     dissipation: Annotated[quantities.RotaryDissipation, quantities.NOT_NEGATIVE] = 0.5
 
 
@@ -92,7 +98,7 @@ class AnkleParameters(quantities.Parameters):
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 75.0
-    relative_stiffness: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    relative_stiffness: Annotated[quantities.Ratio, RELATIVE] = 0.0
     damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 6.0
     rest: Annotated[quantities.Angle, ANKLE_REST] = math.radians(7.0)
 
@@ -185,6 +191,9 @@ class BraceParameters(quantities.Parameters):
         return brace
 
 
+FRONTS = quantities.Range(-10.0, 1000.0, reason="a walk to it of an hour at 1 km/h")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ChairParameters(quantities.Parameters):
     """A seat without a back; :mod:`twin_gait.core.plant` has the law. Shanks do not meet it.
@@ -210,7 +219,7 @@ class ChairParameters(quantities.Parameters):
     """
 
     height: Annotated[quantities.Length, quantities.Range(0.3, 0.7)] = 0.45
-    front: quantities.Length = 0.25
+    front: Annotated[quantities.Length, FRONTS] = 0.25
     behind: quantities.Length = 0.1
     depth: Annotated[quantities.Length, quantities.POSITIVE] = 0.4
     rounding: Annotated[quantities.Length, quantities.POSITIVE] = 0.03
@@ -220,5 +229,5 @@ class ChairParameters(quantities.Parameters):
     hip_height: Annotated[quantities.Length, quantities.POSITIVE] = 0.1
     thigh_thickness: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.08
     thigh_place: Annotated[quantities.Ratio, quantities.SHARE] = 0.5
-    friction_coefficient: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.7
+    friction_coefficient: Annotated[quantities.Ratio, COEFFICIENTS] = 0.7
     transition_velocity: Annotated[quantities.Speed, quantities.POSITIVE] = 0.02

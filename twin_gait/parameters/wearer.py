@@ -23,6 +23,7 @@ HEIGHT_RANGE = (
 
 MASSES = quantities.Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (what TWIN carries)")
 HEIGHTS = quantities.Range(1.40, 2.05, words=HEIGHT_RANGE)
+NOISES = quantities.Range(0.0, 5.0, reason="five times the effort itself")
 CONTRACTURES = quantities.Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 
 # At which the wearer acts: the passive moments of Riener and Edrich (1999) and the efforts are theirs.
@@ -85,7 +86,7 @@ class Patient(quantities.Parameters):
         default_factory=dict
     )
     effort_delay: Annotated[quantities.Time, quantities.Range(0.0, 1.0, words="0 to 1 s")] = 0.1
-    effort_noise: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    effort_noise: Annotated[quantities.Ratio, NOISES] = 0.0
 
     def __post_init__(self) -> None:
         """Check ranges and joints."""

@@ -21,7 +21,7 @@ import pyarrow as pa
 
 from twin_gait.conventions import DEGREES, RADIANS
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_parquet, require_table_size
+from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_parquet, read_text, require_table_size
 
 _SEPARATORS, _BLANKS = ",;\t", r"\s+"
 _REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines that may stand above the names
@@ -190,11 +190,7 @@ def _read_storage(path: Path) -> LogTable:
 def _lines(path: Path) -> list[str]:
     """Lines of a text, unless it or one of them is larger than that of any log of a walk."""
     try:
-        size = path.stat().st_size
-        if size > MOST_TEXT:
-            text = f"has {size} bytes; at most {MOST_TEXT} are read: cut it in parts"
-            raise ParameterFileError(path, "", text)
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, MOST_TEXT, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise ParameterFileError(path, "", f"cannot be read as UTF-8 text ({_short(error)})") from error
     if "\0" in text:

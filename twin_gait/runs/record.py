@@ -1,5 +1,6 @@
 """The run directory: what a run leaves behind, written atomically, and how it is read again."""
 
+import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -14,7 +15,14 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiments import load_experiment, resolved_document
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import read_parquet, write_atomically, write_json, write_parquet
+from twin_gait.files import (
+    read_json,
+    read_parquet,
+    read_text,
+    write_atomically,
+    write_json,
+    write_parquet,
+)
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.report.failures import failed_pictures, reason_of
@@ -132,7 +140,7 @@ def switches_csv(
 def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
     places = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
     try:
-        rows = pd.read_csv(path, dtype=str, keep_default_na=False)
+        rows = pd.read_csv(io.StringIO(read_text(path)), dtype=str, keep_default_na=False)
         ways = zip(rows["from"], rows["to"], rows["cause"], strict=True)
         return tuple(
             PhaseSwitch(int(tick), Side(side), *way, -1 if way[-1] == POSTURE else places[way])
@@ -167,7 +175,7 @@ def read_run(directory: Path) -> StoredRun:
     switches = _read_switches(directory / SWITCHES_FILE, table)
     try:
         log = read_parquet(directory / LOG_FILE)
-        summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))
+        summary = read_json(directory / SUMMARY_FILE)
         run = Run(
             experiment=experiment,
             table=table,

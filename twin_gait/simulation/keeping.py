@@ -196,7 +196,8 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Loop
                 f"{controller}: raised an error, such as a division by zero or an index out of range; "
                 "engine=pinocchio shows which"
             )
-        assert status == 0, f"compiled code ended with status {status}"
+        if status != 0:
+            raise RuntimeError(f"compiled code ended with status {status}")
         return result.value
 
     return call

@@ -15,7 +15,6 @@ from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
 from twin_gait.configuration.experiments import named_document
@@ -32,6 +31,7 @@ from twin_gait.studies.jobs import Watch, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import Walking
+from twin_gait.yaml12 import load_yaml
 
 
 def run_episodes(
@@ -115,7 +115,7 @@ READ_IN_BRIEF = (
     "_work_J", "belt_speed_m_per_s",
 )  # fmt: skip
 
-_COLUMNS = yaml.safe_load(Path(__file__).with_name("summary_columns.yaml").read_text(encoding="utf-8"))
+_COLUMNS = load_yaml(Path(__file__).with_name("summary_columns.yaml").read_text(encoding="utf-8"))
 _RUN, _SIDE, _JOINT = _COLUMNS["run"], _COLUMNS["leg"], _COLUMNS["joint"]
 _TYPES = dict(_RUN)
 for _side in Side:

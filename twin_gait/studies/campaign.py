@@ -62,9 +62,9 @@ class Campaign(quantities.Parameters):
 
     joint: JointName
     protocol: Protocol = Protocol.DROP
-    seed: Annotated[int, quantities.WHOLE] = 0
+    seed: Annotated[int, quantities.SEEDS] = 0
     bench: BenchJoint | None = None
-    cycles: Annotated[int, quantities.COUNT] = 4
+    cycles: Annotated[int, quantities.whole(1, 1000, "half an hour of strides")] = 4
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -111,8 +111,15 @@ def _play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> Non
             expected, phase = (tick, phase, item.target, item.cause), item.target
         got = None if switch is None else (switch.tick, switch.source, switch.target, switch.cause)
         where = f"tick {tick} in {source}"
-        assert got == expected, f"{where}: expected the switch {expected}, got {got}; measured {vector}"
-        assert machine.phase == phase, f"{where}: expected {phase}, got {machine.phase}; measured {vector}"
+        _require(got == expected, f"{where}: expected the switch {expected}, got {got}; measured {vector}")
+        where = f"{where}: expected {phase}"
+        _require(machine.phase == phase, f"{where}, got {machine.phase}; measured {vector}")
+
+
+def _require(holds: bool, text: str) -> None:
+    """Raise an AssertionError unless something holds, also under ``python -O``, which removes assertions."""
+    if not holds:
+        raise AssertionError(text)
 
 
 def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
@@ -135,7 +142,8 @@ def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> N
         try:
             machine.step(last.tick, bad, last.vector.other_phase)
         except MeasurementError:
-            assert machine.phase == scenario.phase, f"{text}: refused, but the phase is now {machine.phase}"
+            stays = machine.phase == scenario.phase
+            _require(stays, f"{text}: refused, but the phase is now {machine.phase}")
         else:
             raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
 

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import yaml
 
 from twin_gait.parameters import ChairParameters
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
+from twin_gait.yaml12 import load_yaml
 
 if TYPE_CHECKING:
     from twin_gait.viewer.motion import Element, Motion
@@ -29,7 +29,7 @@ CHAIR = f"{ROOT}/chair"
 METRES = f"{ROOT}/metres"
 SEAT = "seat_forward_m"  # column of the front edge of a chair
 BELT_MARK_SPACING = 0.20  # [m]
-_DRAWN = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
+_DRAWN = load_yaml(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
 MATERIALS = {name: Material(**look) for name, look in _DRAWN["materials"].items()}
 _EDGE = 0.006  # [m]
 _BELT = _DRAWN["places"]["treadmill"]["belt_surface"]["boxes"][0]

@@ -172,7 +172,7 @@ def mesh_files(urdf: Path) -> dict[str, Path]:
 
     Raises ModelError if the URDF cannot be read.
     """
-    meshes = ElementTree.fromstring(read_urdf(urdf)).iterfind("link/visual/geometry/mesh")
+    meshes = visual_document(urdf).iterfind("link/visual/geometry/mesh")
     found = {name: _find_mesh(name, urdf.parent) for name in (item.get("filename", "") for item in meshes)}
     return {name: path for name, path in found.items() if path is not None}
 

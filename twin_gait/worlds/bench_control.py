@@ -12,6 +12,9 @@ from twin_gait.parameters import quantities
 from twin_gait.vocabulary import JointName
 
 DUTIES = quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
+GAINS = quantities.Range(0.0, 10.0, reason="a loop with ten times what it compensates is unstable")
+AMPLITUDES = quantities.Range(0.0, 2.0**24, reason="full duty of the finest timers")
+BRAKING = quantities.Range(0.0, 1e3, reason="the largest torque at 1 rad/s")
 TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
 # ω_min of (2.1) in [rad] / [s], which the thesis does not print: where A = 140 to 195 counts just break the
 # joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
@@ -39,13 +42,13 @@ class DutyControl(quantities.Parameters):
         duty_limit: As a share of full duty.
     """
 
-    amplitude: Annotated[float, quantities.Unit("counts"), quantities.NOT_NEGATIVE] = 170.0
+    amplitude: Annotated[float, quantities.Unit("counts"), AMPLITUDES] = 170.0
     frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 3.0
-    transparency_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 1.10
+    transparency_gain: Annotated[quantities.Ratio, GAINS] = 1.10
     lowest_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = _LOWEST
     static_voltage: Annotated[quantities.Voltage, quantities.NOT_NEGATIVE] = 0.05
-    back_emf_share: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.9
-    braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), quantities.NOT_NEGATIVE] = 18.0
+    back_emf_share: Annotated[quantities.Ratio, GAINS] = 0.9
+    braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), BRAKING] = 18.0
     duty_limit: Annotated[quantities.Ratio, DUTIES] = 0.9
 
 
@@ -151,12 +154,12 @@ class TorqueControl(quantities.Parameters):
 
     friction_model: parameters.FrictionParameters
     old_model: OldFrictionModel | None = None
-    friction_compensation_gain: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.35
+    friction_compensation_gain: Annotated[quantities.Ratio, GAINS] = 0.35
     follows_path: bool = False
     dead_zone: Annotated[quantities.AngularVelocity, quantities.NOT_NEGATIVE] = 0.0
     target_torque: quantities.Torque = 0.0
     stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 0.0
     damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
     equilibrium_angle: quantities.Angle = 0.0
-    inertia_compensation: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
+    inertia_compensation: Annotated[quantities.Ratio, GAINS] = 0.0
     path: CosinePath | None = None

@@ -19,7 +19,16 @@ from twin_gait.worlds.bench_leg import ImposedMotionParameters
 HORIZONTAL = math.pi / 2.0  # [rad]: where the fall begins (thesis 2.3.1)
 STOP_ANGLE = math.radians(125.0)  # where it ends (thesis, appendix B)
 LOWER_STOP = math.radians(-4.0)  # thesis 2.4
+TEMPERATURES = quantities.Range(-40.0, 100.0, reason="what greases of such gears bear")
+INDUCTANCES = quantities.Range(0.0, 0.1, above=True, reason="a hundred times that of the motors")
+BANDWIDTHS = quantities.Range(0.0, 2e5, above=True, reason="the rate of the fastest loops, in rad/s")
+RIPPLES = quantities.Range(0.0, 1.0, reason="a share of the current")
+DUTY_COUNTS = quantities.whole(0, 2**24, "the finest timers")
+POLE_PAIRS = quantities.whole(1, 100, "eight times those of the motors")
+MOMENT = quantities.Unit("kgm", quantities.within(100.0, "50 kg at 2 m"))
 CATALOGUE = quantities.Range(-10.0, 40.0, words="-10 to 40 °C, the range of the catalogue")
+
+_PER_KELVIN = quantities.within(10.0, "the whole friction of a joint in a kelvin")
 
 
 class LoadAngle(StrEnum):
@@ -45,10 +54,10 @@ class BenchFriction(quantities.Parameters):
     """
 
     law: parameters.FrictionLaw
-    coulomb_per_load: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0
-    coulomb_per_kelvin: Annotated[float, quantities.Unit("Nm_per_K")] = 0.0
-    viscous_per_kelvin: Annotated[float, quantities.Unit("Nms_per_rad_K")] = 0.0
-    temperature: Annotated[float, quantities.Unit("degC")] = 25.0
+    coulomb_per_load: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
+    coulomb_per_kelvin: Annotated[float, quantities.Unit("Nm_per_K", _PER_KELVIN)] = 0.0
+    viscous_per_kelvin: Annotated[float, quantities.Unit("Nms_per_rad_K", _PER_KELVIN)] = 0.0
+    temperature: Annotated[float, quantities.Unit("degC"), TEMPERATURES] = 25.0
     ripple: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
 
 
@@ -70,7 +79,7 @@ class LinkParameters(quantities.Parameters):
     mass: Annotated[quantities.Mass, quantities.NOT_NEGATIVE] = 2.0
     lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
     inertia: Annotated[quantities.Inertia, quantities.POSITIVE] = 0.02
-    moment: Annotated[float, quantities.Unit("kgm"), quantities.NOT_NEGATIVE] = 0.0
+    moment: Annotated[float, MOMENT, quantities.NOT_NEGATIVE] = 0.0
     load_angle: LoadAngle = LoadAngle.CORRECTED
     stops: parameters.StopParameters = field(default_factory=lambda: parameters.StopParameters(stiffness=2e5))
     lower_stop: quantities.Angle = LOWER_STOP
@@ -112,7 +121,7 @@ class InertialUnit(quantities.Parameters):
     """
 
     sensor: InertialSensor
-    noise: Annotated[float, quantities.Unit(""), quantities.NOT_NEGATIVE] = 0.0  # of the sensor's unit
+    noise: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0  # of the sensor's unit
     delay: Annotated[int, quantities.Range(0, 1000, words="0 to 1000 ticks")] = 2
     lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
     time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.001
@@ -143,14 +152,14 @@ class DriveParameters(quantities.Parameters):
         delay: Periods of the loop between a sample and its use; an assumption.
     """
 
-    inductance: Annotated[float, quantities.Unit("H"), quantities.POSITIVE]
-    pole_pairs: Annotated[int, quantities.COUNT] = 12
+    inductance: Annotated[float, quantities.Unit("H"), INDUCTANCES]
+    pole_pairs: Annotated[int, POLE_PAIRS] = 12
     rate: Annotated[quantities.Frequency, quantities.POSITIVE] = 20_000.0
-    counts: Annotated[int, quantities.WHOLE] = 6000
+    counts: Annotated[int, DUTY_COUNTS] = 6000
     loop: CurrentLoop = CurrentLoop.PI
-    bandwidth: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = 2.0 * math.pi * 500.0
+    bandwidth: Annotated[quantities.AngularVelocity, BANDWIDTHS] = 2.0 * math.pi * 500.0
     noise: Annotated[quantities.Current, quantities.NOT_NEGATIVE] = 0.011
-    ripple: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0067
+    ripple: Annotated[quantities.Ratio, RIPPLES] = 0.0067
     delay: Annotated[int, quantities.Range(0, 100, words="0 to 100 periods of the loop")] = 1
 
     def __post_init__(self) -> None:

@@ -51,6 +51,18 @@ _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
 }
 
 
+# Largest magnitude in SI units, as that of the quantities in :mod:`twin_gait.parameters.quantities`: half a
+# turn, ten times the no-load speed, ten times what the gear stands, that within 10 ms, extra-low voltage.
+_LARGEST: dict[FaultKind, float] = {
+    FaultKind.ENCODER_JUMP: math.pi,
+    FaultKind.ENCODER_OFFSET: math.pi,
+    FaultKind.ENCODER_DRIFT: 50.0,
+    FaultKind.MOTOR_STUCK: 1e3,
+    FaultKind.CONTROLLER_RUNAWAY: 1e5,
+    FaultKind.SUPPLY_DIP: 120.0,
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Fault:
     """One fault; it lasts to the end of the run but for a jump (5 ms) and a dip of the supply (0.5 s)."""
@@ -68,8 +80,11 @@ class Fault:
         self._require_place("place", Side, JointName)
         units = self.kind.units
         if self.magnitude is not None:
-            fits = bool(units) and math.isfinite(self.magnitude)
-            expected = f"a number in {' or '.join(units)}" if units else "no magnitude"
+            fits = bool(units) and abs(self.magnitude) <= _LARGEST.get(self.kind, math.inf)
+            expected = "no magnitude"
+            if units:
+                most = f"{_LARGEST[self.kind]:g} {next(iter(units))} at most, either way"
+                expected = f"a number in {' or '.join(units)}, {most}"
             require(fits, f"magnitude of {self.kind}", expected, self.magnitude)
 
     @property

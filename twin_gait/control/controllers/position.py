@@ -11,7 +11,14 @@ from twin_gait.control.controller import Controller, Path, Plan, cycle_place
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio
-from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Parameters, Ratio, RotaryStiffness
+from twin_gait.parameters.quantities import (
+    DAMPING_RATIOS,
+    NOT_NEGATIVE,
+    SHARE,
+    Parameters,
+    Ratio,
+    RotaryStiffness,
+)
 from twin_gait.vocabulary import JointName, Side
 
 # The path of position tracking. TWIN's own is not published; this one is an assumption: the healthy walk,
@@ -47,7 +54,7 @@ class PathParameters(Parameters):
     stiffness: Annotated[Mapping[JointName, RotaryStiffness], NOT_NEGATIVE] = field(
         default_factory=lambda: {JointName.HIP: math.degrees(9.0), JointName.KNEE: math.degrees(4.0)}
     )
-    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
+    damping_ratio: Annotated[Ratio, DAMPING_RATIOS] = 0.7
     friction_compensation_gain: Annotated[Ratio, SHARE] = 0.35
     gravity_compensation: Annotated[Ratio, SHARE] = 0.0
 

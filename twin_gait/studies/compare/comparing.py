@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 import pandas as pd
-import yaml
 from scipy.stats import t as student
 
 from twin_gait.control import AssistanceParameters
@@ -19,6 +18,7 @@ from twin_gait.studies.batch import run_episodes, walking_wearer
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.studies.jobs import Watch
 from twin_gait.worlds.world import BELT_SPEED
+from twin_gait.yaml12 import load_yaml
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
 # luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.
@@ -58,7 +58,7 @@ class Controller:
         return replace(experiment, control=control)
 
 
-_ROWS = yaml.safe_load(Path(__file__).with_name("controllers.yaml").read_text(encoding="utf-8"))
+_ROWS = load_yaml(Path(__file__).with_name("controllers.yaml").read_text(encoding="utf-8"))
 CONTROLLERS = {name: Controller(name=name, **row) for name, row in _ROWS.items()}
 
 

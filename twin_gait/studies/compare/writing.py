@@ -5,7 +5,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
 from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
@@ -17,6 +16,7 @@ from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.studies.compare.comparing import Comparison, Interval
 from twin_gait.vocabulary import JointName, Outcome
+from twin_gait.yaml12 import load_yaml
 
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
@@ -38,7 +38,7 @@ def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Shown]]
     """Measures that a report on these joints shows, by group and name."""
     others = set(JointName) - set(joints)
     text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
-    groups = yaml.safe_load(text)
+    groups = load_yaml(text)
     return {
         group: {name: Shown(**row) for name, row in rows.items() if name.partition("_")[0] not in others}
         for group, rows in groups.items()

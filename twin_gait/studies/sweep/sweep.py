@@ -22,7 +22,7 @@ import pyarrow as pa
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
-from twin_gait.files import write_atomically, write_json, write_parquet
+from twin_gait.files import read_parquet, read_text, write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
@@ -92,7 +92,7 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
     """Refuse a folder that is not this sweep's."""
     check_target(directory, SWEEP, force=True)
     spec = directory / SPEC_FILE
-    if spec.is_file() and spec.read_text(encoding="utf-8") != dump_yaml(dict(sweep.document)):
+    if spec.is_file() and read_text(spec) != dump_yaml(dict(sweep.document)):
         raise RunDirectoryError(
             f"{directory}: holds another sweep, or was begun by other sources or versions of twin_gait or its"
             " libraries, whose rows would not be comparable; choose another --out"
@@ -102,7 +102,7 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
 def read_table(path: Path) -> pd.DataFrame:
     """Read the table of a sweep, or a part of it."""
     try:
-        return pd.read_parquet(path)
+        return read_parquet(path)
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RunDirectoryError(

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square
@@ -27,6 +26,7 @@ from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
+from twin_gait.yaml12 import load_yaml
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
@@ -49,7 +49,7 @@ class Part:
 
 
 SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
-_ROWS = yaml.safe_load(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
+_ROWS = load_yaml(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
 ERRORS = {
     JointName(joint): Part(f"{joint}_error_deg", excess=HELD_TO, **row)
     for joint, row in _ROWS["errors"].items()

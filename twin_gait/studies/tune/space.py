@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
@@ -22,9 +21,10 @@ from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import ANGLE, signal_of
 from twin_gait.gait.table import BlendingLaw, GaitTable
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.yaml12 import load_yaml
 
 _PER_DEGREE = 180.0 / math.pi
-_BOUNDS = yaml.safe_load(Path(__file__).with_name("bounds.yaml").read_text(encoding="utf-8"))
+_BOUNDS = load_yaml(Path(__file__).with_name("bounds.yaml").read_text(encoding="utf-8"))
 _BOUNDS["friction_compensation_gain"] |= {"lower": GAIN_RANGE.least, "upper": GAIN_RANGE.most}
 _BOUNDS["ankle_stiffness_Nm_per_deg"]["upper"] = STIFFNESS_RANGES[JointName.ANKLE].most
 

@@ -48,8 +48,8 @@ class Settings(quantities.Parameters):
     """
 
     minutes: Annotated[quantities.Ratio, quantities.POSITIVE] = 3.0
-    generations: Annotated[int | None, quantities.COUNT] = None
-    seed: Annotated[int, quantities.WHOLE] = 0
+    generations: Annotated[int | None, quantities.whole(1, 100_000, "more than a week of search")] = None
+    seed: Annotated[int, quantities.SEEDS] = 0
     thresholds: bool = True
     blending: bool = True
     per_side: bool = False

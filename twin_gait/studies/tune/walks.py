@@ -6,8 +6,6 @@ from functools import reduce
 from pathlib import Path
 from typing import Any, Unpack
 
-import yaml
-
 from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
@@ -24,6 +22,7 @@ from twin_gait.studies.jobs import Watch
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
+from twin_gait.yaml12 import load_yaml
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
@@ -37,7 +36,7 @@ NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the oth
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-_CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
+_CASES = load_yaml(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
