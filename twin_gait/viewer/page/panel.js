@@ -767,7 +767,7 @@
     // Where a control stands, in words.
     place(one) {
       const place = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
-      return place ? `${title(place)}: ${one.label}` : title(one.label);
+      return place ? `${title(place)}: ${one.label.replace("θ0", "θ₀")}` : title(one.label);
     },
 
     difference(one) {
