@@ -153,6 +153,12 @@ def test_changes_wait_in_a_list_with_one_forecast_and_one_apply(browser: Any, tm
         assert "expected 0 to 1" in page.refusal("middle_stance.knee.gain")
         page.forecast()
         assert lines.count() == 2
+        # One that is taken out while its forecast is being made does not come back with it.
+        page.type("middle_stance.knee.gain", 0.5)
+        page.type("middle_stance.knee.gain", page.controls()["middle_stance.knee.gain"]["value"])
+        page.settle()
+        page.forecast()
+        assert lines.count() == 2
         # One of them is taken out, and back in.
         page.page.click(f'[data-change="{K}"] .remove')
         assert page.value(K) == begun[0] and "Unusual: middle stance: knee" not in page.forecast()

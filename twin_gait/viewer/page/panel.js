@@ -303,6 +303,7 @@
     event: null, // forecast of the list; null while there is none
     refusal: "", // why the list was refused
     busy: false,
+    trying: null, // row whose change is being forecast
     count: 0, // of lists, so that an answer to an earlier one is ignored
 
     asks() { return get("panel-ask").querySelector("input").checked; },
@@ -323,15 +324,16 @@
       const [row, change] = this.edits.shift(), list = new Map(this.waiting), number = this.count;
       if (row) { list.delete(row); list.set(row, change); }
       if (!list.size) { this.next(); return; }
-      this.busy = true;
+      Object.assign(this, { busy: true, trying: row });
       this.draw();
       link.send({ kind: "try", changes: this.values(list) }, (event) => {
         if (number !== this.count) return;
-        const made = event?.response === "forecast";
-        this.busy = false;
+        const made = event?.response === "forecast", kept = row && this.trying === row;
+        Object.assign(this, { busy: false, trying: null });
         if (row && !this.edits.some(([other]) => other === row)) row.node.classList.remove("pending");
-        if (made) Object.assign(this, { waiting: list, event, refusal: "" });
-        else if (row) { this.back(row); row.refuse((event ?? NO_ANSWER).text); } else this.refusal = (event ?? NO_ANSWER).text;
+        if (made) Object.assign(this, { event, refusal: "" });
+        if (made && kept) { this.waiting.delete(row); this.waiting.set(row, change); }
+        else if (kept) { this.back(row); row.refuse((event ?? NO_ANSWER).text); } else if (!made && !row) this.refusal = (event ?? NO_ANSWER).text;
         this.next();
       });
     },
@@ -348,7 +350,8 @@
 
     remove(row) {
       this.edits = this.edits.filter(([other]) => other !== row);
-      const listed = this.waiting.delete(row);
+      const listed = this.waiting.delete(row) || this.trying === row;
+      if (this.trying === row) this.trying = null;
       this.back(row);
       if (!this.waiting.size && !this.edits.length && !this.busy) this.close(); else if (listed) this.again(); else this.draw();
     },
@@ -376,7 +379,7 @@
     close() {
       const rows = [...this.waiting.keys(), ...this.edits.map(([row]) => row).filter((row) => row), ...this.board_rows()];
       this.count += 1;
-      Object.assign(this, { waiting: new Map(), edits: [], event: null, refusal: "", busy: false });
+      Object.assign(this, { waiting: new Map(), edits: [], event: null, refusal: "", busy: false, trying: null });
       for (const row of rows) this.back(row);
       this.draw();
     },
