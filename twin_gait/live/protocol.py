@@ -214,7 +214,7 @@ class Frame(ToPage):
 class Beat(ToPage):
     """The heartbeat: how long ago the process of the simulation sent something."""
 
-    silence_s: float  # time in [s] since its last message, which comes at least every 0.1 s
+    silence_s: float  # time in [s] since the last message of that process, sent at least every 0.1 s
 
 
 @dataclass(frozen=True, kw_only=True)
