@@ -31,7 +31,9 @@ from twin_gait.live.protocol import (
     DoAction,
     Frame,
     MessageRefused,
+    RateLimit,
     SetControl,
+    SetControls,
     read_message,
 )
 from twin_gait.live.session import LiveSession
@@ -65,6 +67,9 @@ def test_messages_are_read_as_they_were_meant():
     assert read_message(text) == SetControl(id="1", user="Ann", control="belt_speed", value=2.0)
     text = b'{"kind": "do", "id": "2", "action": "push", "values": {"torque": 5}}'
     assert read_message(text) == DoAction(id="2", user="", action="push", values={"torque": 5.0})
+    text = '{"kind": "try", "id": "3", "changes": {"belt_speed": 2, "mode": "walk", "manual": null}}'
+    changes = {"belt_speed": 2.0, "mode": "walk", "manual": None}
+    assert read_message(text) == SetControls(kind="try", id="3", changes=changes)
 
 
 @pytest.mark.parametrize(
@@ -101,11 +106,53 @@ def test_messages_are_read_as_they_were_meant():
             "torque: expected a number",
         ),
         ('{"kind": "set", "id": "1", "x": "' + "y" * LARGEST_MESSAGE + '"}', "characters, at most 4096"),
+        ('{"kind": "try", "id": "1", "changes": {"a": 1, "b": [2]}}', "b: expected a number"),
+        ('{"kind": "try", "id": "1", "changes": [1]}', "changes: expected keys and values"),
     ],
 )
 def test_what_is_no_message_is_refused_with_the_reason(text, reason):
     with pytest.raises(MessageRefused, match=reason):
         read_message(text)
+
+
+LONG = "n" * 3000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'{{"kind": "set", "id": "1", "control": "a", "value": 1, "{LONG}": 1}}',
+        f'{{"kind": "do", "id": "1", "action": "push", "values": {{"{LONG}": 1}}}}',
+        f'{{"kind": "set", "id": "1", "changes": {{"{LONG}": 1}}}}',
+        f'{{"kind": "do", "id": "1", "action": "push", "values": {{"torque": "{LONG}"}}}}',
+        f'{{"kind": "{LONG}", "id": "1", "control": "a", "value": 1}}',
+    ],
+)
+def test_long_names_are_shortened_in_the_reason_which_is_all_there(text):
+    with pytest.raises(MessageRefused) as caught:
+        read_message(text)
+    reason = str(caught.value)
+    assert len(reason) < 250 and ("…" in reason or "..." in reason)
+    assert any(word in reason for word in ("unknown key", "expected", "input should be"))
+
+
+def test_a_text_of_a_value_is_shortened_in_its_refusal(treadmill_panel):
+    specs = tuple(action_specs(treadmill_panel.problem))
+    asked = DoAction(id="1", user="", action="push", values={"joint": "j" * 200})
+    with pytest.raises(MessageRefused, match="joint: expected 'left_hip' or") as caught:
+        values_of(specs, asked)
+    assert len(str(caught.value)) < 200
+    with pytest.raises(MessageRefused, match="control: no 'jjj") as caught:
+        treadmill_panel.revert(treadmill_panel.preset, "j" * 200)
+    assert len(str(caught.value)) < 200
+
+
+def test_a_rate_limit_lets_a_burst_pass_then_a_rate_and_counts_the_rest():
+    limit = RateLimit(10.0, 5)
+    assert [limit.allows(100.0) for _ in range(7)] == [True] * 5 + [False] * 2
+    assert limit.dropped == 2
+    assert [limit.allows(100.25) for _ in range(3)] == [True, True, False]
+    assert sum(limit.allows(200.0) for _ in range(20)) == 5
 
 
 def test_frames_become_json_with_null_for_what_is_no_number():
@@ -232,8 +279,40 @@ def test_equilibrium_beyond_the_stops_widens_its_range_and_no_other():
     panel = Panel(load_experiment("treadmill", settings).experiment)
     shown = {item.name: item for item in panel.controls(panel.preset)}
     beyond, other = (shown[f"middle_stance.{joint}.equilibrium"] for joint in ("hip", "knee"))
-    assert beyond.least == beyond.value == pytest.approx(-33.3) and beyond.largest > 90.0
-    assert other.least > -10.0
+    assert beyond.least < beyond.value == pytest.approx(-33.3) and beyond.largest > 90.0
+    begun = Panel(load_experiment("treadmill", settings[1:]).experiment)
+    assert other.least == begun.range_of("equilibrium", "knee")[0]
+    assert beyond.least < begun.range_of("equilibrium", "hip")[0]
+
+
+@pytest.mark.parametrize("preset", ["treadmill", "overground", "bench_leg", "treadmill_ankle"])
+def test_every_impedance_can_be_raised_and_every_equilibrium_moved_both_ways(preset):
+    panel = Panel(load_experiment(preset, ["duration_s=1"]).experiment)
+    limit = panel.preset.experiment.control.limits.torque
+    checked = 0
+    for control in panel.controls(panel.preset):
+        quantity = control.name.rpartition(".")[2]
+        if quantity in ("stiffness", "damping"):
+            assert control.least == 0.0 and control.largest >= 1.4 * control.value, control.name
+            # At the end of the range 5 deg or 0.5 rad/s are enough for the torque limit.
+            reach = 5.0 if quantity == "stiffness" else 0.5
+            assert control.largest * reach >= limit, control.name
+        elif quantity == "equilibrium":
+            low, high = np.degrees(panel._stops[control.joint])
+            assert control.least < min(low, control.value) and control.largest > max(high, control.value)
+        else:
+            continue
+        checked += 1
+    assert checked >= 3 * 2 * 5
+
+
+def test_the_range_of_an_own_table_does_not_end_at_its_values():
+    key = "table.phases.middle_stance.knee"
+    settings = [f"{key}.stiffness_Nm_per_deg=25", f"{key}.damping_Nms_per_rad=300", "duration_s=1"]
+    panel = Panel(load_experiment("treadmill", settings).experiment)
+    assert panel.range_of("stiffness", "knee")[1] >= 37.5
+    assert panel.range_of("damping", "knee")[1] >= 450.0
+    panel.set(panel.preset, "middle_stance.knee.stiffness", 30.0)
 
 
 def test_values_of_actions_are_checked_too(treadmill_panel):
@@ -251,12 +330,14 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
         ask("stop", x=1.0)
     with pytest.raises(MessageRefused, match="explode: there is nothing like it"):
         ask("explode")
+    for kind, place in (("motor_dead", "left_hip"), ("foot_load_stuck", "left_foot"), ("supply_dip", "")):
+        assert ask("fault", kind=kind)["place"] == place  # the place that a fault begins with fits it
     asked = ask("fault", kind="encoder_drift", place="left_hip", size=" 9 deg/s")
     assert str(parse_fault(fault_text(asked))).startswith("encoder_drift:left_hip@")
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"kind": "supply_dip", "place": "right_hip"}, {"kind": "motor_dead"}, {"size": "1; rm -rf /"}]
+    "wrong", [{"kind": "supply_dip", "place": "right_hip"}, {"place": ""}, {"size": "1; rm -rf /"}]
 )
 def test_a_fault_that_does_not_fit_is_refused(bench_problem, wrong):
     asked = DoAction(id="1", user="", action="fault", values=wrong)

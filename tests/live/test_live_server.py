@@ -43,7 +43,7 @@ class Told(LivePage):
 
     def __init__(self, window: Window, port: int = 0) -> None:
         self.heard: list[str] = []
-        self.stops, self.window = 0, window
+        self.stops, self.confirms, self.window = 0, True, window
         SceneServer.__init__(self, PAGE, first_port=port)
 
     def greeting(self) -> list[dict[str, Any]]:
@@ -56,8 +56,9 @@ class Told(LivePage):
         self.heard.append(text)
         panel.tell({"kind": "heard", "text": text})
 
-    def stop(self) -> None:
+    async def stop(self) -> bool:
         self.stops += 1
+        return self.confirms
 
 
 class Listener:
@@ -371,15 +372,76 @@ def test_many_callers_cost_no_words_and_leave_files_to_the_program() -> None:
         assert process.stdout
         url = process.stdout.readline().strip()
         callers = [socket.create_connection(("127.0.0.1", urlsplit(url).port)) for _ in range(130)]
-        time.sleep(1.0)
+        time.sleep(0.5)
         inside = [caller for caller in callers if not hung_up(caller, 0.01)]
-        assert len(inside) == 64  # half of the files
+        assert len(inside) == 32  # half of the files are for connections, and half of those for the token
         for caller in callers:
             caller.close()
         page = urllib.request.urlopen(url, timeout=5.0).read()
         _, said = process.communicate()
     assert page == b"page"
     assert said == ""
+
+
+IDLE = 320  # connections without the token, which shut out the owner before
+ROUNDS = 20  # of requests of the owner during the attack
+
+
+def test_owner_is_answered_while_idle_connections_without_the_token_are_renewed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(scene_server, "FIRST_REQUEST", 60.0)  # the limit of the number alone has to do
+
+    async def scene(listener: Listener) -> None:
+        address, idle = ("127.0.0.1", listener.server.port), []
+        own = {"Origin": listener.origin}
+
+        def attack(count: int) -> None:
+            idle.extend(socket.create_connection(address) for _ in range(count))
+
+        await asyncio.to_thread(attack, IDLE)
+        panel = await listener.connect("/panel")
+        for _ in range(ROUNDS):
+            answer = await listener.fetch(
+                "/stop", method="POST", headers=own, body=b"", connect_timeout=0.5, request_timeout=0.5
+            )
+            assert answer.code == 200
+            await asyncio.to_thread(attack, IDLE // ROUNDS)
+        assert listener.stops == ROUNDS
+        await panel.write_message("still here")  # what has shown the token is not closed
+        assert (await told(panel, "heard"))["text"] == "still here"
+        for caller in idle:
+            caller.close()
+
+    with_listener(scene)
+
+
+def test_who_does_not_show_the_token_is_hung_up_on_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scene_server, "FIRST_REQUEST", 0.1)
+
+    async def scene(listener: Listener) -> None:
+        address = "127.0.0.1", listener.server.port
+        wrong = f"GET /?token=wrong HTTP/1.1\r\nHost: 127.0.0.1:{listener.server.port}\r\n\r\n"
+        for text in ("", wrong):
+            with socket.create_connection(address) as caller:
+                caller.sendall(text.encode())
+                assert await asyncio.to_thread(hung_up, caller, 5.0), text
+        with socket.create_connection(address) as owner:
+            owner.sendall(wrong.replace("token=wrong", listener.key).encode())
+            assert not await asyncio.to_thread(hung_up, owner, 0.5)
+
+    with_listener(scene)
+
+
+def test_a_stop_that_the_simulation_does_not_confirm_is_not_answered_as_done() -> None:
+    async def scene(listener: Listener) -> None:
+        listener.server.confirms = False
+        own = {"Origin": listener.origin}
+        answer = await listener.fetch("/stop", method="POST", headers=own, body=b"")
+        assert answer.code == 504 and "not confirmed" in answer.reason
+        assert listener.stops == 1
+
+    with_listener(scene)
 
 
 # ---------------------------------------------------------------------- what is said

@@ -267,7 +267,8 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
         else:
             problem = problem.replace("valid tuple", "valid list")
             problem = f"{problem[:1].lower()}{problem[1:]}, got {given}"
-        raise ParameterFileError(source, f"{place}.{_dotted(location)}".strip("."), problem) from error
+        where = _dotted([part if isinstance(part, int) else _short_name(part) for part in location])
+        raise ParameterFileError(source, f"{place}.{where}".strip("."), problem) from error
 
 
 def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
@@ -329,6 +330,11 @@ def _as_written(location: Sequence[Any], data: Any) -> list[Any]:
 def _dotted(location: Sequence[Any]) -> str:
     parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
     return "".join(parts).removeprefix(".")
+
+
+def _short_name(name: str) -> str:
+    """Return a key of a file or message, shortened if it is longer than any sensible one."""
+    return name if len(name) <= 64 else name[:63] + "…"
 
 
 def short(value: Any) -> str:

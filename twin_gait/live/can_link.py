@@ -110,7 +110,7 @@ class CanLink:
         self._start = 0.0  # of the walk, in the time of this machine
         self._heard: dict[int, Commands] = {}
         self._wanted: Commands = {}
-        self._pending: list[Future[None]] = []
+        self._pending: list[Future[bool]] = []
         self._notes: set[str] = set()
         self._closed = threading.Event()
         self._bus = open_bus(name)

@@ -1,30 +1,40 @@
 """The controls and actions of a live session as data: names, units, ranges, and what setting one does.
 
-Ranges are those that other parts of the program go by: angles end at the stops of the URDF, stiffness at the
-published ranges of the check or what the table itself has, torque at the limit of the motors, gain and shares
-at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live.forecast` to say.
+Ranges come from the physical limits of joint and drive: the stops of the URDF, the torque limit of the
+motors, and 0 and 1 for gains and shares. No range ends at a value of the table, unless that is 0 or 1.
+Whether a value within its range is safe is decided by :mod:`twin_gait.live.forecast`, which also warns of
+unusual ones.
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
-from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
+from twin_gait.configuration.validation import short
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
 from twin_gait.live.settings import HELD_PHASE, MODES, Settings, changed_at, first_settings, found_at
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.faults import FOOT, FaultKind
+from twin_gait.worlds.faults import FaultKind
 from twin_gait.yaml12 import load_yaml
 
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
-LEAST_DAMPING = 20.0  # [N m s] / [rad] that the range of a damping has at least
+# A stiffness is largest where the spring alone reaches the torque limit at this deflection, about the
+# deviation of the default walk from its reference (hip 3.5, knee 5.9 deg RMS); a damping where the damper
+# does so at this velocity, a tenth of the fastest knee in swing.
+SATURATING_DEFLECTION = 4.0 * _DEGREE  # [rad]
+SATURATING_VELOCITY = 0.5  # [rad] / [s]
+HEADROOM = 1.5  # a range extends at least to this multiple of the largest value of the table
 TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
 _SHOWN = load_yaml(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
 
@@ -42,7 +52,12 @@ def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value
         if name not in known:
             has = ", ".join(known) or "no values"
             raise MessageRefused(f"{message.action}: no value {name!r}; it has {has}")
-    return {name: checked(item, message.values.get(name, item.value)) for name, item in known.items()}
+    values: dict[str, Value] = {}
+    for name, item in known.items():
+        fitting = item.choices_for.get(str(values.get(item.choices_by)), ())
+        begins = fitting[0] if fitting else item.value
+        values[name] = checked(item, message.values.get(name, begins))
+    return values
 
 
 def fault_text(values: Mapping[str, Value]) -> str:
@@ -55,13 +70,18 @@ def action_specs(problem: Problem) -> Iterator[ActionSpec]:
     """What can be done in an experiment, beside setting controls."""
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
     joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
-    feet = tuple(f"{side}_{FOOT}" for side in problem.sides if problem.experiment.scenario.grounded)
     requests = () if modes is None else tuple(modes.requests)
-    kinds = tuple(map(str, FaultKind))
-    offered = {"joint": joints, "kind": kinds, "place": ("", *joints, *feet), "request": requests}
+    places = {
+        str(kind): tuple(dict.fromkeys(kind.place(item.side, item.joint) for item in problem.joints))
+        for kind in FaultKind
+        if problem.experiment.scenario.grounded or kind is not FaultKind.FOOT_LOAD_STUCK
+    }
+    anywhere = tuple(dict.fromkeys(itertools.chain(*places.values())))
+    offered = {"joint": joints, "kind": tuple(places), "place": anywhere, "request": requests}
     own: dict[str, dict[str, Any]] = {"torque": {"least": -limit, "largest": limit}}
     for name, choices in offered.items():
         own[name] = {"choices": choices, "value": next(iter(choices), "")}
+    own["place"] |= {"choices_for": places, "choices_by": "kind"}
     for action, shown in _SHOWN["actions"].items():
         if action == ("step" if requests else "request"):  # steps are the modes'
             continue
@@ -87,6 +107,9 @@ QUANTITIES = {
     "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
     "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, ""),
 }
+
+
+_COLUMNS = {"stiffness": STIFFNESS, "damping": DAMPING, "equilibrium": EQUILIBRIUM}  # of a phase's row
 
 
 class Binding(NamedTuple):
@@ -193,29 +216,32 @@ class Panel:
             yield Binding(control, place, shown.scale)
 
     def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
-        """Least and largest value of a quantity of a joint, in the unit of the control.
+        """Return the least and the largest value of a quantity of a joint, in the unit of the control.
 
-        ``quantity``: a key of ``QUANTITIES``. Angles: the stops, or what the table has if that is beyond.
-        Stiffness: the published range, or what the table has if that is more. Damping: twice what the table
-        has.
+        ``quantity``: a key of ``QUANTITIES``. Torque: the limit of the motors. Stiffness and damping: the
+        value with which the spring or the damper alone reaches that limit at ``SATURATING_DEFLECTION`` or
+        ``SATURATING_VELOCITY``, and at least ``HEADROOM`` times the largest value of the table. Equilibrium:
+        the stops and all values of the table, and on both sides as much more as the stiffest published spring
+        takes to reach the torque limit: an equilibrium beyond a stop is a torque towards it.
         """
-        table = self.preset.table
-        sides = (table.phases, *table.side_phases.values())
-        own = [phase.joints[joint] for phases in sides for phase in phases.values()]
-        if quantity == "equilibrium":
-            angles = (*self._stops[joint], *(item.equilibrium_angle for item in own))
-            return min(angles) / _DEGREE, max(angles) / _DEGREE
+        limit = self.preset.experiment.control.limits.torque
         if quantity == "torque":
-            limit = self.preset.experiment.control.limits.torque
             return -limit, limit
         if quantity == "gain":
             return 0.0, 1.0
-        unit = QUANTITIES["stiffness"].scale
-        stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
+        table = self.preset.table
+        place = COLUMNS_PER_JOINT * table.joints.index(joint) + _COLUMNS[quantity]
+        own = self.problem.phase_rows[..., place].ravel()  # scaled to the wearer
         if quantity == "stiffness":
-            return 0.0, stiffness
-        column = COLUMNS_PER_JOINT * table.joints.index(joint) + DAMPING
-        return 0.0, math.ceil(max(LEAST_DAMPING, 2.0 * self.problem.phase_rows[..., column].max()))
+            sides = (table.phases, *table.side_phases.values())
+            own = np.append(own, [one.joints[joint].stiffness for phases in sides for one in phases.values()])
+        if quantity == "equilibrium":
+            angles = np.append(own, self._stops[joint]) / _DEGREE
+            beyond = limit / STIFFNESS_RANGES[joint].most
+            return math.floor(angles.min() - beyond), math.ceil(angles.max() + beyond)
+        error = SATURATING_DEFLECTION if quantity == "stiffness" else SATURATING_VELOCITY
+        largest = max(limit / error, HEADROOM * own.max())
+        return 0.0, math.ceil(largest / QUANTITIES[quantity].scale)
 
     # ------------------------------------------------------------------ setting
 
@@ -225,6 +251,15 @@ class Panel:
         Raises MessageRefused if there is no such control, or the value is out of its range.
         """
         return self._changed({**settings.changes, name: checked(self._control(name), value)})
+
+    def set_all(self, settings: Settings, changes: Mapping[str, Value | None]) -> Settings:
+        """Return settings with several controls changed; None sets a control back to the preset.
+
+        Raises MessageRefused as :meth:`set` does.
+        """
+        for name, value in changes.items():
+            settings = self.revert(settings, name) if value is None else self.set(settings, name, value)
+        return settings
 
     def revert(self, settings: Settings, name: str) -> Settings:
         """Settings with one control, or ``all`` of them, as the session began.
@@ -238,7 +273,7 @@ class Panel:
 
     def _control(self, name: str) -> Control:
         if name not in self._bindings:
-            raise MessageRefused(f"control: no {name!r}; the state lists them all")
+            raise MessageRefused(f"control: no {short(name)}; the state lists them all")
         return self._bindings[name].control
 
     def _changed(self, changes: Mapping[str, Value]) -> Settings:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.checking import leaving, stability, torques
+from twin_gait.checking import leaving, sense, stability, torques
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.files import finite_or_none
@@ -32,6 +32,13 @@ ENDINGS = {EventKind.TRIP: "trips", EventKind.FALL: "falls", EventKind.DIVERGENC
 # Rules that k, b, θ0 and G can break; an error of one of them refuses a change. The phases of the monitor's
 # controls are all alike: there is nothing to leave, and no switch to jump at.
 GATE: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
+# Rules whose findings the forecast of a change repeats.
+WARNED: tuple[Rule, ...] = (
+    sense.unusual_stiffness,
+    sense.equilibrium_beyond_limits,
+    sense.unusual_gain,
+    stability.effective_damping,
+)
 
 Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
 
@@ -49,6 +56,13 @@ def errors_of(settings: Settings) -> dict[Place, str]:
     return errors
 
 
+def warnings_of(settings: Settings) -> list[str]:
+    """Return the warnings of the check about unusual values, one sentence each."""
+    case = build_case(settings.driving.table, settings.driving)
+    found = [item for rule in WARNED for item in rule(case)]
+    return [f"{item.phase.replace('_', ' ')}: {item.reason}" if item.phase else item.reason for item in found]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Forecast:
     """What comes."""
@@ -60,13 +74,16 @@ class Forecast:
     rmse_deg: Mapping[str, float | None]
     # share of the time in which the most loaded joint is at a limit of torque, current or voltage
     saturated_share: float
+    warnings: tuple[str, ...] = ()  # of the check about unusual values that the change brings
 
 
-def foresee(run: SteppedRun, moment: Mapping[str, Any], settings: Settings) -> Forecast:
+def foresee(
+    run: SteppedRun, moment: Mapping[str, Any], settings: Settings, warnings: tuple[str, ...] = ()
+) -> Forecast:
     """Run a moment ahead with other settings.
 
-    ``run`` of the same experiment; what it did before is forgotten; ``moment`` of another one. Returns the
-    forecast; of a walk that is over, that of a new start.
+    ``run`` of the same experiment; what it did before is forgotten; ``moment`` of another one; ``warnings``
+    of the forecast. Returns the forecast; of a walk that is over, that of a new start.
     """
     run.go_on_from(moment)
     over = run.trip is not None or run.status is not RunStatus.COMPLETED
@@ -94,6 +111,7 @@ def foresee(run: SteppedRun, moment: Mapping[str, Any], settings: Settings) -> F
         bad=bad,
         rmse_deg={joint: finite_or_none(value) for joint, value in off.items()},
         saturated_share=max(item["saturated_share"] for side in sides for item in side["joints"].values()),
+        warnings=warnings,
     )
 
 

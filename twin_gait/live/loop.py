@@ -108,6 +108,7 @@ class LiveLoop:
             else:
                 self.clock.pause()
                 self.sleep(PERIOD)
+                self.send({"kind": "beat"})  # else the news of a block is the heartbeat
             self._ended = self._ended or self.run.tick >= self._longest
         self._hand_over(over=True)
 
@@ -169,9 +170,9 @@ class LiveLoop:
             except TwinGaitError as error:
                 answer["refused"] = one_line(error)
             answer.setdefault("tick", self.run.tick)  # after a restart it is that of the new walk
-            if "note" in command and not answer["refused"]:
-                note = {"text": answer["text"], **command["note"], "tick": answer["tick"]}
-                self._changes.append(note)
+            notes = [command["note"]] if "note" in command else command.get("notes", ())
+            for note in notes if not answer["refused"] else ():
+                self._changes.append({"text": answer["text"], **note, "tick": answer["tick"]})
             self.send(answer)
             if not self._moving:  # else the next block tells how it stands
                 self._hand_over()

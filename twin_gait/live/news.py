@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from queue import SimpleQueue
@@ -16,7 +17,7 @@ import numpy as np
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import dump
 from twin_gait.gait.table import TICK
-from twin_gait.live.protocol import Event, Message, MessageRefused, Response, SetControl
+from twin_gait.live.protocol import Event, Message, MessageRefused, Response, SetControl, SetControls
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem
@@ -24,6 +25,7 @@ from twin_gait.simulation.problem import Problem
 MOST_EVENTS = 1_000  # that are kept for pages that come late
 MOST_BLOCKS = 800  # that are kept for pages: eight seconds, which is what a page remembers
 END_TIME = 30.0  # [s] in which the process closes its journal
+SILENCE = 0.5  # [s] without a message of the process after which it counts as hung
 
 Answer = Mapping[str, Any]
 
@@ -59,7 +61,10 @@ class EventBook:
 
     def answer(self, message: Message, response: Response, text: str, **rest: Any) -> None:
         """Add an event that tells what became of a message."""
-        subject = message.control if isinstance(message, SetControl) else message.action
+        if isinstance(message, SetControls):
+            subject = next(iter(message.changes)) if len(message.changes) == 1 else ""
+        else:
+            subject = message.control if isinstance(message, SetControl) else message.action
         about = {"id": message.id, "user": message.user, "subject": subject}
         self.emit(response, text, **(about | rest))
 
@@ -95,6 +100,8 @@ class WalkNews:
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
         self.process: subprocess.Popen[str] | None = None  # None before the start
         self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
+        self._last_message = self._last_look = time.monotonic()
+        self._hung_since: float | None = None  # time of the last message before a silence that was noted
         self._answers: SimpleQueue[Answer] = SimpleQueue()
         self._lock = threading.Lock()  # one asks at a time
 
@@ -117,6 +124,26 @@ class WalkNews:
     def alive(self) -> bool:
         """Whether the process is there, and how it ended has not been told yet."""
         return self._thread.is_alive()
+
+    def silence(self) -> float:
+        """Return the time in [s] since the last message of the process; call it at least every ``SILENCE``.
+
+        The loop of the process sends one at least every 0.1 s, whatever the walk does. An event notes when it
+        has hung, and when it sends again. None is added by a call that comes late: then this program itself
+        stood still, and messages may wait to be read.
+        """
+        now = time.monotonic()
+        silent, late, self._last_look = now - self._last_message, now - self._last_look > SILENCE, now
+        if late:
+            return silent
+        if self._hung_since is None and silent > SILENCE and self.alive:
+            self._hung_since = self._last_message
+            text = f"the process of the simulation has sent nothing for {SILENCE:g} s; it may hang"
+            self._book.emit("note", text)
+        elif self._hung_since is not None and silent <= SILENCE:
+            hung, self._hung_since = self._last_message - self._hung_since, None
+            self._book.emit("note", f"the process of the simulation sends again, after {hung:.1f} s")
+        return silent
 
     def close(self) -> None:
         """End the process and wait until it is gone."""
@@ -156,6 +183,7 @@ class WalkNews:
     def _read(self) -> None:
         assert self.process is not None and self.process.stdout is not None  # start() opened them
         for line in self.process.stdout:
+            self._last_message = time.monotonic()
             self._hear(json.loads(line))
         self._note_end(self.process.wait())
         self._answers.put({"refused": "the walk has ended"})  # for who waits for one

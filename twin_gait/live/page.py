@@ -6,19 +6,23 @@ a panel says becomes a message of the session, or is refused if it is none.
 
 from __future__ import annotations
 
+import asyncio
 import json
+import math
 import secrets
+import time
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from tornado.web import RequestHandler
+from tornado.web import HTTPError, RequestHandler
 
 from twin_gait.control import SafetyState
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live import protocol
 from twin_gait.live.news import Block
+from twin_gait.live.protocol import RateLimit
 from twin_gait.live.session import LiveSession
 from twin_gait.report.walk_words import describe
 from twin_gait.runs.run_page import modes_of, setting_of
@@ -33,6 +37,9 @@ from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 from twin_gait.vocabulary import HOLD
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
+BEAT = 0.1  # [s] between two heartbeats
+MOST_MESSAGES, BURST = 20, 100  # of one page per second, and at once; Stop is not counted
+CONFIRMED_WITHIN = 0.4  # [s] in which a stop without a socket is answered
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 Message = Mapping[str, Any]
 
@@ -114,9 +121,13 @@ class StopHandler(Guarded):
 
     needs_origin = True
 
-    def post(self) -> None:
-        """Stop."""
-        self.server.stop()
+    async def post(self) -> None:
+        """Stop, and answer if the simulation has confirmed it.
+
+        Raises HTTPError: with status 504 if it has not within ``CONFIRMED_WITHIN``.
+        """
+        if not await self.server.stop():
+            raise HTTPError(504, reason="sent, but the simulation has not confirmed it yet")
         self.write("stopped\n")
 
 
@@ -126,6 +137,7 @@ class Panel(GuardedSocket):
     def open(self) -> None:
         """Send what the panel has to know."""
         super().open()
+        self.limit = RateLimit(MOST_MESSAGES, BURST)
         for message in self.server.greeting():
             self.tell(message)
 
@@ -157,6 +169,7 @@ class LivePage(SceneServer):
         self._told: dict[str, Any] = {}  # the last frame as the panels have it
         self._frame = session.news.frame  # the last one
         self._serial = 0
+        self._last_beat = -math.inf
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(session.panel.problem)
         super().__init__(live_page(), first_port=port)
@@ -170,6 +183,10 @@ class LivePage(SceneServer):
         if state.controls is not self._controls:
             self._controls = state.controls
             self.tell(state.to_dict(), key="state")
+        silence, now = self._session.news.silence(), time.monotonic()
+        if self._session.news.alive and now - self._last_beat >= BEAT:
+            self._last_beat = now
+            self.tell(protocol.Beat(silence_s=round(silence, 3)).to_dict(), key="beat")
         before, self._frame = self._frame, self._session.news.frame
         if self._frame is not before:
             self._show(self._frame)
@@ -218,14 +235,32 @@ class LivePage(SceneServer):
             yield self._told
 
     def hear(self, panel: Panel, text: str | bytes) -> None:
-        """Make a message of the session of what a page says."""
+        """Read a message of a page and submit it to the session, unless it comes too fast."""
+        user, limit = self._session.user, panel.limit
+        message: protocol.Message | str
         try:
             message = protocol.read_message(text)
         except protocol.MessageRefused as error:
-            self._session.book.emit("refused", str(error), user=self._session.user)
+            message = str(error)
+        stops = isinstance(message, protocol.DoAction) and message.action == "stop"
+        dropped = limit.dropped
+        if not stops and not limit.allows(time.monotonic()):
+            if not dropped:
+                faster = f"messages of a page come faster than {MOST_MESSAGES} a second"
+                self._session.book.emit("refused", f"{faster}: those beyond are dropped", user=user)
             return
-        self._session.submit(message.model_copy(update={"user": message.user or self._session.user}))
+        if dropped and not stops:
+            limit.dropped = 0
+            self._session.book.emit("note", f"{dropped} messages of a page were dropped", user=user)
+        if isinstance(message, str):
+            self._session.book.emit("refused", message, user=user)
+        else:
+            self._session.submit(message.model_copy(update={"user": message.user or user}))
 
-    def stop(self) -> None:
-        """Stop the walk."""
-        self._session.submit(protocol.DoAction(id="stop", user=self._session.user, action="stop"))
+    async def stop(self) -> bool:
+        """Stop the walk; return whether the simulation has confirmed it within ``CONFIRMED_WITHIN``."""
+        message = protocol.DoAction(id="stop", user=self._session.user, action="stop")
+        coming = self._session.submit(message)
+        if coming is not None:
+            await asyncio.wait([asyncio.wrap_future(coming)], timeout=CONFIRMED_WITHIN)
+        return coming is not None and coming.done() and coming.result()

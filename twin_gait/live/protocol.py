@@ -1,18 +1,20 @@
 """What a page says to the simulation and what it hears back, as plain values.
 
-Everything that comes from a page is JSON text and becomes one of two messages, or a refusal; nothing else is
-ever read from the network. Everything that goes to a page is a mapping with a ``kind``:
+Everything that comes from a page is JSON text and becomes one of three messages, or a refusal; nothing else
+is ever read from the network. Everything that goes to a page is a mapping with a ``kind``:
 
 * ``state``: the panel: all controls and actions with ranges, units and present values;
 * ``frame``: one moment of the walk, some thirty times a second; the newest is the one that counts;
+* ``beat``: the heartbeat, ten times a second, also while no frame comes;
 * ``event``: what became of a message, or what the simulation did by itself; none of them is dropped.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Annotated, Any, Literal
 
@@ -25,6 +27,7 @@ from twin_gait.files import plain
 LARGEST_MESSAGE = 4096  # characters; the longest sensible message has some 300
 LONGEST_NAME = 64  # characters of an id, a user, a control
 LONGEST_TEXT = 200  # characters of any other text
+LONGEST_REASON = 400  # characters of an error that is sent to a page; the longest of the check has some 350
 
 
 class MessageRefused(TwinGaitError, ValueError):
@@ -32,8 +35,29 @@ class MessageRefused(TwinGaitError, ValueError):
 
 
 def one_line(error: Exception) -> str:
-    """What an error says, on one line."""
-    return " ".join(str(error).split())
+    """Return the text of an error on one line of at most ``LONGEST_REASON`` characters."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 1]}…"
+
+
+class RateLimit:
+    """Token bucket: limits how often something is done, and counts the times beyond the limit."""
+
+    def __init__(self, rate: float, burst: int) -> None:
+        """Start with a full bucket. ``rate``: times per second; ``burst``: times at once."""
+        self.dropped = 0  # times beyond the limit since the last one within it
+        self._rate, self._burst = rate, burst
+        self._left, self._last = float(burst), -math.inf
+
+    def allows(self, now: float) -> bool:
+        """Return whether one more time is within the limit. ``now``: present time in [s]."""
+        self._left = min(self._burst, self._left + self._rate * (now - self._last))
+        self._last = now
+        if self._left < 1.0:
+            self.dropped += 1
+            return False
+        self._left -= 1.0
+        return True
 
 
 ControlKind = Literal["number", "choice", "switch", "text"]  # how a control is drawn
@@ -70,6 +94,16 @@ class SetControl(Strict):
     value: Said  # in the unit of the control
 
 
+class SetControls(Strict):
+    """A page sets several controls in one tick, or none of them."""
+
+    kind: Literal["set", "try"] = "set"  # ``try`` if only a forecast is wanted
+    id: Name  # by which the page recognises the answer
+    user: User = ""  # who
+    # values by control, in the units of the controls; null sets a control back to the preset
+    changes: Mapping[Name, Said | None]
+
+
 class DoAction(Strict):
     """A page asks for an action."""
 
@@ -78,17 +112,17 @@ class DoAction(Strict):
     user: User = ""  # who
     action: Name  # what to do, of those of the state
     # of the fields of the action; those left out take their defaults
-    values: Mapping[str, Said] = {}
+    values: Mapping[Name, Said] = {}
 
 
-Message = SetControl | DoAction
+Message = SetControl | SetControls | DoAction
 
 
 def read_message(text: str | bytes) -> Message:
     """Read a message of a page.
 
-    ``text``: JSON of :class:`SetControl` or :class:`DoAction`. Raises MessageRefused if it is anything else;
-    the text says why.
+    ``text``: JSON of :class:`SetControl`, :class:`SetControls` or :class:`DoAction`. Raises MessageRefused if
+    it is anything else; the text says why.
     """
     if len(text) > LARGEST_MESSAGE:
         raise MessageRefused(f"message: {len(text)} characters, at most {LARGEST_MESSAGE} are read")
@@ -96,12 +130,14 @@ def read_message(text: str | bytes) -> Message:
         data = json.loads(text)
     except (ValueError, RecursionError):
         raise MessageRefused("message: expected JSON") from None
-    does = isinstance(data, dict) and data.get("kind") == "do"
-    schema: type[Message] = DoAction if does else SetControl
+    schema: type[Message] = SetControl
+    if isinstance(data, dict):
+        several = SetControls if "changes" in data else SetControl
+        schema = DoAction if data.get("kind") == "do" else several
     try:
         return validate(schema, data, "message")
     except ParameterFileError as error:
-        raise MessageRefused(str(error)) from None
+        raise MessageRefused(one_line(error)) from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +155,9 @@ class Control:
     largest: float | None = None  # largest number allowed
     step: float | None = None  # from one number to the next
     choices: tuple[str, ...] = ()  # words of a choice
+    # words that fit, by the word of another field of the action, which ``choices_by`` names
+    choices_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    choices_by: str = ""  # that field, such as ``kind``; empty if all words always fit
     phase: str | None = None  # phase of gait of a table's control
     joint: str | None = None  # joint of a control that has one
     side: str | None = None  # leg of a control that has one
@@ -172,6 +211,13 @@ class Frame(ToPage):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Beat(ToPage):
+    """The heartbeat: how long ago the process of the simulation sent something."""
+
+    silence_s: float  # time in [s] since the last message of that process, sent at least every 0.1 s
+
+
+@dataclass(frozen=True, kw_only=True)
 class Event(ToPage):
     """What became of a message, or what the simulation did by itself."""
 
@@ -214,6 +260,6 @@ def checked(control: Control, value: Value) -> Value:
         fits = isinstance(value, float) and control.least <= value <= control.largest
         wanted = f"{control.least:.6g} to {control.largest:.6g} {control.unit}".rstrip()
     if not fits:
-        shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
+        shown = f"{value:.6g}" if isinstance(value, float) else short(value)
         raise MessageRefused(f"{control.name}: expected {wanted}, got {shown}")
     return value

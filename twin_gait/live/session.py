@@ -21,10 +21,19 @@ from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
-from twin_gait.live.forecast import Place, errors_of, foresee
+from twin_gait.live.forecast import Place, errors_of, foresee, warnings_of
 from twin_gait.live.journal import complete
 from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import DoAction, Message, MessageRefused, SetControl, State, Value, one_line
+from twin_gait.live.protocol import (
+    DoAction,
+    Message,
+    MessageRefused,
+    SetControl,
+    SetControls,
+    State,
+    Value,
+    one_line,
+)
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.settings import Settings, loop_numbers
 from twin_gait.live.stepping import SteppedRun
@@ -125,9 +134,12 @@ class LiveSession:
 
     # ------------------------------------------------------------------ what pages ask for
 
-    def submit(self, message: Message) -> Future[None] | None:
-        """Take a message of a page; an event tells what became of it, and then what is returned is done."""
-        checked = isinstance(message, SetControl) or message.action in CHECKED
+    def submit(self, message: Message) -> Future[bool] | None:
+        """Take a message of a page; an event tells what became of it.
+
+        Returns a future whose result says whether the message was applied; None if the session is closed.
+        """
+        checked = not isinstance(message, DoAction) or message.action in CHECKED
         worker = self._worker if checked else self._hands
         with contextlib.suppress(RuntimeError):  # it has been closed
             coming = worker.submit(self._work, message)
@@ -146,11 +158,15 @@ class LiveSession:
 
     # ------------------------------------------------------------------ working them off
 
-    def _work(self, message: Message) -> None:
+    def _work(self, message: Message) -> bool:
+        """Apply a message, or answer why it is refused; return whether it was applied."""
         try:
             if isinstance(message, SetControl):
                 settings = self.panel.set(self.settings, message.control, message.value)
                 self._turn(message, settings, message.control)
+            elif isinstance(message, SetControls):
+                settings = self.panel.set_all(self.settings, message.changes)
+                self._turn(message, settings, *message.changes)
             elif message.action == "revert":
                 name = str(values_of(self._actions, message)["control"])
                 settings = self.panel.revert(self.settings, name)
@@ -161,34 +177,43 @@ class LiveSession:
                 self._do(message, values_of(self._actions, message))
         except TwinGaitError as error:
             self.book.answer(message, "refused", one_line(error), value=getattr(message, "value", None))
+            return False
+        return True
 
     def _prepare(self) -> None:
         """Find errors that are there, and so not the fault of a change, and the run that looks ahead."""
         self._known = errors_of(self.settings)
         self._ahead = SteppedRun(self.panel.problem)
 
-    def _turn(self, message: Message, settings: Settings, name: str) -> None:
-        """Hold new settings to the rules, and hand them to the walk, or only foresee what they would do."""
+    def _turn(self, message: Message, settings: Settings, *names: str) -> None:
+        """Check new settings of some controls, and send them to the walk, or only predict their effect."""
         controls, known = self.panel.controls(settings), errors_of(settings)
-        before, value = (
-            {item.name: item.value for item in shown}.get(name) for shown in (self.controls, controls)
-        )
-        text, change = _told(name, before, value), {"subject": name, "before": before, "value": value}
+        old, new = ({item.name: item.value for item in shown} for shown in (self.controls, controls))
+        changes = [{"subject": name, "before": old.get(name), "value": new.get(name)} for name in names]
+        texts = [_told(name, old.get(name), new.get(name)) for name in names]
         for place, error in known.items():
             if place not in self._known:
                 raise MessageRefused(error)
         if message.kind == "try":
             now = self.news.ask({"command": "moment"})
-            found = foresee(self._ahead, now["moment"], settings)
-            text, forecast = f"forecast of {text}: {found.text}", asdict(found)
+            known_warnings = warnings_of(self.settings)
+            warnings = tuple(item for item in warnings_of(settings) if item not in known_warnings)
+            found = foresee(self._ahead, now["moment"], settings, warnings)
+            change = changes[0] if len(changes) == 1 else {"subject": ""}
+            text, forecast = f"forecast of {'; '.join(texts)}: {found.text}", asdict(found)
             self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
             return
-        note, numbers = {"user": message.user, **change, "text": text}, loop_numbers(settings)
-        tick = self.news.ask({"command": "settings", "numbers": numbers, "note": note})["tick"]
+        notes = [
+            {"user": message.user, **change, "text": text}
+            for change, text in zip(changes, texts, strict=True)
+        ]
+        command = {"command": "settings", "numbers": loop_numbers(settings), "notes": notes}
+        tick = self.news.ask(command)["tick"]
         if settings.table != self.settings.table and self.book.recorder is not None:
             self.book.recorder.table(table_document(settings.table), tick)
         self.settings, self._known, self.controls = settings, known, controls
-        self.book.answer(message, "applied", text, tick=tick, **change)
+        for change, text in zip(changes, texts, strict=True):
+            self.book.answer(message, "applied", text, tick=tick, **change)
 
     def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
         """Have an action done by the process of the walk."""

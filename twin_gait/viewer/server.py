@@ -27,7 +27,10 @@ from twin_gait.exceptions import ViewerError
 Change = tuple[Hashable, bytes]
 LOOPBACK = "127.0.0.1"
 PORTS_TRIED = 100
+BACKLOG = 1024  # connections that wait to be accepted; with fewer a burst delays the next one by a second
 MOST_CONNECTIONS = 256  # a page has three
+# [s] in which a connection shows the token in a request; a page that was opened stays as long as it likes
+FIRST_REQUEST = 2.0
 MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
 LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
 # What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
@@ -79,6 +82,7 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
             raise HTTPError(403, reason="this server answers its own pages only")
         if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
             raise HTTPError(403, reason="open the address that was printed: it holds the token of this start")
+        self.server.admit(self.request.connection)
 
     def set_default_headers(self) -> None:
         """Keep the page out of other pages and out of caches."""
@@ -172,20 +176,43 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
 
 
 class CappedServer(HTTPServer):  # type: ignore[misc]  # no type information in tornado
-    """Hangs up on callers that are too many, so that half of the files are left to the program."""
+    """HTTP server with a limited number of connections, half of which are reserved for the token.
 
-    inside: Sequence[IOStream] = ()
+    Connections use at most half of the files of the process. Those that have not shown the token are closed
+    after ``FIRST_REQUEST``, or earlier, the oldest first, where a new one would exceed their half: a new
+    connection is always accepted, so that idle ones keep nobody out. There is no limit per address, since a
+    program of this machine connects from any address of 127.0.0.0/8.
+    """
+
+    admitted: Sequence[IOStream] = ()  # connections that have shown the token
+    unknown: Sequence[IOStream] = ()  # other ones, the oldest first
 
     def handle_stream(self, stream: IOStream, address: Any) -> None:
-        """Let a caller in while there is room."""
+        """Accept a connection if the token has not been shown on too many."""
         files, _ = getrlimit(RLIMIT_NOFILE)
         most = MOST_CONNECTIONS if files == RLIM_INFINITY else min(MOST_CONNECTIONS, files // 2)
-        self.inside = [other for other in self.inside if not other.closed()]
-        if len(self.inside) >= most:
+        self.admitted, self.unknown = (
+            [other for other in streams if not other.closed()] for streams in (self.admitted, self.unknown)
+        )
+        if len(self.admitted) >= most:
             stream.close()
             return
-        self.inside = [*self.inside, stream]
+        too_many = len(self.unknown) + 1 - min(most // 2, most - len(self.admitted))
+        for oldest in self.unknown[: max(too_many, 0)]:
+            oldest.close()
+        self.unknown = [*self.unknown, stream]
+        asyncio.get_running_loop().call_later(FIRST_REQUEST, self._close_unknown, stream)
         super().handle_stream(stream, address)
+
+    def admit(self, stream: IOStream) -> None:
+        """Note that a connection has shown the token."""
+        if stream in self.unknown:
+            self.unknown = [other for other in self.unknown if other is not stream]
+            self.admitted = [*self.admitted, stream]
+
+    def _close_unknown(self, stream: IOStream) -> None:
+        if stream in self.unknown:
+            stream.close()
 
 
 def bind_loopback(first_port: int) -> socket.socket:
@@ -197,7 +224,7 @@ def bind_loopback(first_port: int) -> socket.socket:
     tried = [0] if first_port == 0 else range(first_port, min(first_port + PORTS_TRIED, 65536))
     for port in tried:
         with contextlib.suppress(OSError):
-            return socket.create_server((LOOPBACK, port), backlog=128)
+            return socket.create_server((LOOPBACK, port), backlog=BACKLOG)
     reason = f"no free port from {first_port} to {tried[-1]}"
     raise ViewerError(f"the page cannot be served: {reason}; give another --port")
 
@@ -244,6 +271,10 @@ class SceneServer:
     def knows(self, token: bytes) -> bool:
         """Whether a token is that of this start; how long it takes tells nothing of it."""
         return hmac.compare_digest(token, self._token.encode())
+
+    def admit(self, connection: Any) -> None:
+        """Note that a request of a connection has shown the token."""
+        self._http.admit(connection.stream)
 
     async def close(self) -> None:
         """Stop listening and close all sockets, those of frozen pages too."""

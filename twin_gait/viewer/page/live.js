@@ -17,7 +17,15 @@ const live = {
     };
     element("view").onclick = () => { if (this.page) this.stage.look(this.page.view); };
     window.addEventListener("resize", () => plots.draw());
+    window.addEventListener("keydown", (event) => this.key(event));
     theme.listeners.push(() => { if (this.run) plots.choose(); });
+  },
+
+  key(event) {
+    const typing = ["INPUT", "SELECT", "TEXTAREA"].includes(event.target.tagName) && !["range", "checkbox"].includes(event.target.type);
+    if (event.ctrlKey || event.altKey || event.metaKey || typing) return;
+    if (event.key === "r") element("view").click();
+    if (event.key === "t") element("theme").click();
   },
 
   describe(page) {

@@ -13,6 +13,7 @@
   const STATES = {
     walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Broken off: its process is gone",
+    silent: "No data", offline: "Not connected", connecting: "Connecting…",
   };
   // The three controls of the monitor, each with its quantities.
   const MONITOR = [
@@ -20,6 +21,11 @@
     ["impedance_control", "Impedance control", ["stiffness", "equilibrium", "damping"]],
   ];
   const OVER = ["held", "fell", "diverged", "ended", "died"]; // only a new start goes on from there
+  const GONE = ["ended", "died"]; // the process of the simulation
+  const LOST = ["connecting", "offline", ...GONE]; // nothing can be changed
+  // Parts of the page that change something; Emergency stop is not one of them.
+  const CHANGING = ["panel-quick", "panel-requests", "panel-forecast", "panel-ask", "body-walk", "body-table", "body-monitor", "body-disturb"];
+  const SILENCE = 500, LOOK = 100, OTHER_WAY_AFTER = 250; // [ms]
   const ANSWER_WITHIN = 130000; // [ms]; before a new start the run of the walk is written
   const LOG_LINES = 400;
   const USUAL_FRAME = 34, LONGEST_REST = 400; // [ms]
@@ -69,7 +75,7 @@
       this.socket.onopen = () => get("panel").classList.remove("offline");
       this.socket.onclose = () => {
         get("panel").classList.add("offline");
-        if (!["ended", "died"].includes(head.status)) head.state("offline");
+        if (!GONE.includes(head.status)) head.state("offline");
         for (const answer of this.waiting.values()) answer(null);
         this.waiting.clear();
         setTimeout(() => this.open(), 1000);
@@ -143,6 +149,7 @@
     if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
     else if (message.kind === "state") board.take(message);
     else if (message.kind === "frame") head.frame(message);
+    else if (message.kind === "beat") pulse.beat(message.silence_s);
     else if (message.kind === "event") {
       log.add(message);
       const answer = link.waiting.get(message.id);
@@ -154,21 +161,33 @@
   // ---- head: what the walk does, the actions always in sight, stop -------------------------------------
 
   const head = {
-    status: "",
+    status: "connecting",
+    events: 0, // faults, trips and falls of the walk
 
     // With the cause and the place of a trip, which follows the colon of its text.
     state(status, events = []) {
       const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
       const because = trip && ["held", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
-      if (this.status === status && this.because === because) return;
-      Object.assign(this, { status, because });
+      const turned = [OVER, LOST].some((list) => list.includes(this.status) !== list.includes(status));
+      if (turned || this.events !== events.length) changes.again();
+      if (["held", "fell"].includes(status) && status !== this.status) stopping.confirm();
+      if (OVER.includes(this.status) && !OVER.includes(status) && stopping.sent === null) stopping.tell("", "");
+      Object.assign(this, { status, because, events: events.length });
+      this.draw();
+    },
+
+    draw() {
+      const { status, because } = this, shown = pulse.silent && status !== "offline" ? "silent" : status;
+      if (this.shown === shown + because) return;
+      this.shown = shown + because;
       if (status === "died") {
         this.tell("The process of the walk died. What was walked is kept up to the last second; the terminal says where.");
         clearTimeout(this.timer);
       }
-      get("panel-state").dataset.state = status;
+      for (const id of CHANGING) get(id).inert = shown === "silent" || LOST.includes(status);
+      get("panel-state").dataset.state = shown;
       get("panel-state").querySelector("span").textContent =
-        status === "offline" ? "Not connected" : status === "walking" && board.mode ? "Running" : (STATES[status] ?? title(status)) + because;
+        shown === "walking" && board.mode ? "Running" : (STATES[shown] ?? title(shown)) + (shown === status ? because : "");
       for (const button of get("panel-quick").querySelectorAll("button")) {
         button.setAttribute("aria-pressed", String(
           (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))
@@ -202,72 +221,200 @@
     },
   };
 
-  // The socket first; without it, or without an answer at once, the other way.
-  function stop() {
-    const otherWay = () => fetch(`/stop${location.search}`, { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
-    const timer = setTimeout(otherWay, 400);
-    get("stop").classList.add("pressed");
-    setTimeout(() => get("stop").classList.remove("pressed"), 600);
-    link.send({ kind: "do", action: "stop", values: {} }, (event) => {
-      clearTimeout(timer);
-      if (event?.response !== "applied") otherWay();
-    });
-  }
+  // A stop is sent over the socket; without an answer soon, over HTTP too. The page says when it is confirmed.
+  const stopping = {
+    sent: null, // time of the first press that is not confirmed
 
-  // ---- forecast: what would come of a change; nothing changes before Apply --------------------------------
-
-  const forecast = {
-    row: null,
-    count: 0, // of offers, so that a late answer does not stand for a newer one
-
-    asks() { return get("panel-ask").querySelector("input").checked; },
-
-    // Ask what would come of a value; send(answer) is what Apply does.
-    of(row, value, send) {
-      this.close();
-      row.refuse("");
-      row.node.classList.add("pending");
-      const number = row.asked = this.count += 1;
-      row.tried = value;
-      link.send({ kind: "try", control: row.control.name, value }, (event) => {
-        if (number !== row.asked) return;
-        row.node.classList.remove("pending");
-        if (number !== this.count) this.back(row);
-        else if (event?.response === "forecast") this.offer(row, event, send);
-        else { this.back(row); row.refuse((event ?? NO_ANSWER).text); }
+    press() {
+      this.sent ??= performance.now();
+      this.tell("Stop sent", "sent");
+      get("stop").classList.add("pressed");
+      setTimeout(() => get("stop").classList.remove("pressed"), 600);
+      const otherWay = () => fetch(`/stop${location.search}`, { method: "POST" }).then((answer) => { if (answer.ok) this.confirm(); }).catch(() => {});
+      const timer = setTimeout(otherWay, OTHER_WAY_AFTER);
+      link.send({ kind: "do", action: "stop", values: {} }, (event) => {
+        clearTimeout(timer);
+        if (event?.response === "applied") this.confirm();
+        else if (event) { this.sent = null; this.tell(`Stop is refused: ${event.text}`, "missing"); } else otherWay();
       });
     },
 
-    offer(row, event, send) {
-      this.row = row;
-      const { text, bad, rmse_deg, saturated_share } = event.forecast;
-      const off = Object.entries(rmse_deg).filter(([, value]) => value !== null)
-        .map(([joint, value]) => `${words(joint)} ${value.toFixed(1)}°`).join(", ");
-      const button = (label, name, onclick) => make("button", { type: "button", dataset: { forecast: name }, onclick }, label);
-      get("panel-forecast").classList.toggle("bad", bad);
-      get("panel-forecast").replaceChildren(
-        make("p", { className: "what" }, `${board.place(row.control)}: ${written(event.before, row.control)} → ${written(event.value, row.control)}, `
-          + `as of ${(event.tick / 1000).toFixed(1)} s`),
-        make("p", { className: "comes" }, title(text)),
-        make("p", { className: "numbers" }, [off && `RMS off the reference: ${off}`, `at a limit ${(100 * saturated_share).toFixed(1)} % of the time`]
-          .filter(Boolean).join("; ")),
-        button("Discard", "discard", () => this.close()),
-        button(bad ? "Apply all the same" : "Apply", "apply", () => { this.close(); row.ask(send); }));
-      get("panel-forecast").hidden = false;
+    confirm() {
+      if (this.sent === null) return;
+      this.tell(`Stop confirmed after ${((performance.now() - this.sent) / 1000).toFixed(2)} s`, "confirmed");
+      this.sent = null;
     },
 
-    // The control goes back to the value that holds.
+    // Called again and again: a stop that is not confirmed in time is told in red.
+    look(now) {
+      if (this.sent === null || now - this.sent <= SILENCE) return;
+      const passed = Math.max(0.5, Math.floor((now - this.sent) / 1000));
+      this.tell(`Stop is not confirmed for ${passed} s. If the simulation does not answer, end it with Ctrl-C in the terminal.`, "missing");
+    },
+
+    tell(text, kind) {
+      if (get("stop-state").textContent === text) return;
+      get("stop-state").textContent = text;
+      get("stop-state").hidden = !text;
+      get("stop-state").dataset.kind = kind;
+    },
+  };
+
+  // ---- heartbeat: how long ago the simulation sent something --------------------------------------------
+
+  const pulse = {
+    simulation: performance.now(), // time of the last message of the simulation's process
+    server: performance.now(), // and of the last heartbeat of the server
+    looked: performance.now(),
+    silent: false,
+
+    beat(silence) {
+      this.server = performance.now();
+      this.simulation = this.server - 1000 * silence;
+      this.look();
+    },
+
+    look() {
+      const now = performance.now(), passed = now - this.simulation, stood = now - this.looked;
+      this.looked = now;
+      stopping.look(now);
+      if (stood > SILENCE) return; // the page itself stood still, and messages may wait
+      const silent = passed > SILENCE && !GONE.includes(head.status);
+      if (this.silent && !silent) changes.again();
+      this.silent = silent;
+      document.body.classList.toggle("silent", this.silent);
+      get("no-data").hidden = !this.silent;
+      if (this.silent) this.tell(`No data for ${Math.max(0.5, Math.floor(passed / 1000))} s`, now);
+      head.draw();
+    },
+
+    tell(text, now) {
+      const reason = link.socket.readyState !== WebSocket.OPEN ? "The page is not connected to the program."
+        : now - this.server > SILENCE ? "The program does not answer." : "The process of the simulation does not answer.";
+      if (get("no-data").textContent !== text + reason) get("no-data").replaceChildren(make("strong", {}, text), make("span", {}, reason));
+    },
+  };
+
+  // ---- changes: a list that waits for its forecast and for Apply -----------------------------------------
+
+  const changes = {
+    waiting: new Map(), // row: {value, reverts} of every change of the list, in the order of the edits
+    edits: [], // [row, change] that wait for their forecast; a row of null asks for that of the list again
+    event: null, // forecast of the list; null while there is none
+    refusal: "", // why the list was refused
+    busy: false,
+    trying: null, // row whose change is being forecast
+    count: 0, // of lists, so that an answer to an earlier one is ignored
+
+    asks() { return get("panel-ask").querySelector("input").checked; },
+
+    add(row, change) {
+      row.refuse("");
+      if (!change.reverts && change.value === row.control.value && !this.edits.length) { this.remove(row); return; }
+      row.tried = change.value;
+      row.show_tried(change.value);
+      row.node.classList.add("pending");
+      this.edits.push([row, change]);
+      this.next();
+    },
+
+    // Forecasts are made one after the other, so that a refusal is that of the last edit.
+    next() {
+      if (this.busy || !this.edits.length) { this.draw(); return; }
+      const [row, change] = this.edits.shift(), list = new Map(this.waiting), number = this.count;
+      if (row) { list.delete(row); list.set(row, change); }
+      if (!list.size) { this.next(); return; }
+      Object.assign(this, { busy: true, trying: row });
+      this.draw();
+      link.send({ kind: "try", changes: this.values(list) }, (event) => {
+        if (number !== this.count) return;
+        const made = event?.response === "forecast", kept = row && this.trying === row;
+        Object.assign(this, { busy: false, trying: null });
+        if (row && !this.edits.some(([other]) => other === row)) row.node.classList.remove("pending");
+        if (made) Object.assign(this, { event, refusal: "" });
+        if (made && kept) { this.waiting.delete(row); this.waiting.set(row, change); }
+        else if (kept) { this.back(row); row.refuse((event ?? NO_ANSWER).text); } else if (!made && !row) this.refusal = (event ?? NO_ANSWER).text;
+        this.next();
+      });
+    },
+
+    values(list) { return Object.fromEntries([...list].map(([row, { value, reverts }]) => [row.control.name, reverts ? null : value])); },
+
+    // The premises of the forecast have changed: it is made again, and nothing can be applied before.
+    again() {
+      if (!this.waiting.size && !this.busy) return;
+      this.event = null;
+      if (!this.edits.some(([row]) => row === null)) this.edits.push([null, null]);
+      this.next();
+    },
+
+    remove(row) {
+      this.edits = this.edits.filter(([other]) => other !== row);
+      const listed = this.waiting.delete(row) || this.trying === row;
+      if (this.trying === row) this.trying = null;
+      this.back(row);
+      if (!this.waiting.size && !this.edits.length && !this.busy) this.close(); else if (listed) this.again(); else this.draw();
+    },
+
+    apply() {
+      const list = this.waiting, number = this.count;
+      this.busy = true;
+      this.draw();
+      link.send({ kind: "set", changes: this.values(list) }, (event) => {
+        if (number !== this.count) return;
+        const applied = event?.response === "applied";
+        Object.assign(this, { busy: false, event: null, refusal: applied ? "" : (event ?? NO_ANSWER).text });
+        if (applied) { this.waiting = new Map(); for (const row of list.keys()) this.back(row); }
+        this.next();
+      });
+    },
+
+    // The control goes back to its change in the list, or else to the value that holds.
     back(row) {
-      row.tried = undefined;
-      row.show(row.control.value);
+      row.node.classList.remove("pending");
+      row.tried = this.waiting.get(row)?.value;
+      if (row.tried === undefined) row.show(row.control.value); else row.show_tried(row.tried);
     },
 
     close() {
+      const rows = [...this.waiting.keys(), ...this.edits.map(([row]) => row).filter((row) => row), ...this.board_rows()];
       this.count += 1;
-      const row = this.row;
-      this.row = null;
-      get("panel-forecast").hidden = true;
-      if (row) this.back(row);
+      Object.assign(this, { waiting: new Map(), edits: [], event: null, refusal: "", busy: false, trying: null });
+      for (const row of rows) this.back(row);
+      this.draw();
+    },
+
+    board_rows() { return [...board.rows.values()].filter((row) => row.tried !== undefined); },
+
+    draw() {
+      for (const row of board.rows.values()) row.node.classList.toggle("waiting", this.waiting.has(row));
+      const box = get("panel-forecast"), count = this.waiting.size, settled = !this.busy && !this.edits.length;
+      box.hidden = !count && settled;
+      if (box.hidden) return;
+      const button = (label, name, onclick, disabled) => make("button", { type: "button", dataset: { forecast: name }, onclick, disabled }, label);
+      const found = settled && !this.refusal ? this.event?.forecast : null, all = count > 1 ? " all" : "";
+      box.classList.toggle("bad", Boolean(this.refusal || found?.bad));
+      box.replaceChildren(
+        make("ul", { className: "list" }, ...[...this.waiting].map(([row, change]) => this.line(row, change))),
+        make("p", { className: "comes" }, this.refusal || (found ? title(found.text) : "The forecast is being made…")),
+        ...(found?.warnings ?? []).map((text) => make("p", { className: "warns" }, `Unusual: ${text}`)),
+        make("p", { className: "numbers" }, found ? this.numbers(found) : ""),
+        button(`Discard${all}`, "discard", () => this.close(), false),
+        button(`Apply${all}${found?.bad ? " anyway" : ""}`, "apply", () => this.apply(), !found));
+    },
+
+    line(row, { value }) {
+      const place = board.place(row.control), button = make("button", { type: "button", className: "remove", onclick: () => this.remove(row) }, "\u00d7");
+      button.setAttribute("aria-label", `${place}: remove this change`);
+      return make("li", { dataset: { change: row.control.name } },
+        make("span", {}, `${place}: ${written(row.control.value, row.control)} → ${written(value, row.control)}`), button);
+    },
+
+    numbers({ rmse_deg, saturated_share }) {
+      const off = Object.entries(rmse_deg).filter(([, value]) => value !== null)
+        .map(([joint, value]) => `${words(joint)} ${value.toFixed(1)}°`).join(", ");
+      return [`As of ${(this.event.tick / 1000).toFixed(1)} s`, off && `RMS off the reference: ${off}`,
+        `at a limit ${(100 * saturated_share).toFixed(1)} % of the time`].filter(Boolean).join("; ");
     },
   };
 
@@ -330,10 +477,18 @@
     }
 
     choice() {
-      const options = this.control.choices.map((name) => make("option", { value: name }, name ? title(name) : "–"));
-      this.box = make("select", { id: this.id }, ...options);
+      this.box = make("select", { id: this.id });
+      this.offer(this.control.choices);
       this.box.onchange = () => this.set(this.box.value);
       return this.box;
+    }
+
+    // The words that can be chosen; a choice that is still among them stays.
+    offer(names) {
+      const chosen = this.box.value;
+      this.box.replaceChildren(...names.map((name) => make("option", { value: name }, name ? title(name) : "–")));
+      if (names.includes(chosen)) this.box.value = chosen;
+      this.box.disabled = names.length < 2;
     }
 
     switch() {
@@ -344,7 +499,7 @@
 
     back() {
       const button = make("button", { type: "button", className: "back" }, "↺");
-      button.onclick = () => this.change(this.control.default, (answer) => link.send(
+      button.onclick = () => this.change({ value: this.control.default, reverts: true }, (answer) => link.send(
         { kind: "do", action: "revert", values: { control: this.control.name } }, answer));
       button.setAttribute("aria-label", `${this.control.label || this.control.name}: back to the preset`);
       return button;
@@ -367,18 +522,20 @@
 
     set(value) {
       if (!this.setter) { if (this.control.kind === "number") this.show(value); return; }
-      this.change(value, (answer) => this.setter(value, answer));
+      this.change({ value, reverts: false }, (answer) => this.setter(value, answer));
     }
 
-    // At once, or after a look at what would come of it.
-    change(value, send) {
-      if (!forecast.asks()) { forecast.close(); this.ask(send); return; }
-      forecast.of(this, value, send);
-      this.show_tried(value);
+    // Applied at once, or put into the list of changes that wait.
+    change(change, send) {
+      if (changes.asks()) { changes.add(this, change); return; }
+      if (this.tried !== undefined) changes.remove(this);
+      this.ask(send);
     }
 
     show_tried(value) {
-      if (this.control.kind === "number" && typeof value === "number") {
+      if (this.control.kind === "switch") this.box.checked = Boolean(value);
+      else if (this.control.kind === "choice") this.box.value = value;
+      else if (this.control.kind === "number" && typeof value === "number") {
         this.box.value = value.toFixed(decimals(this.control.step));
         if (this.slider) this.slider.value = value;
       }
@@ -441,6 +598,11 @@
       this.node = make("fieldset", { className: "deed" }, make("legend", {}, title(spec.label)),
         spec.help ? make("p", { className: "help" }, spec.help) : "", ...this.fields.map((row) => row.node), this.button, this.answer);
       this.node.classList.toggle("plain", !spec.fields.length);
+      for (const row of this.fields) {
+        const other = this.fields.find((one) => one.control.name === row.control.choices_by);
+        const offer = () => row.offer(row.control.choices_for[other.value()]);
+        if (other) { other.box.addEventListener("change", offer); offer(); }
+      }
     }
 
     do() {
@@ -476,13 +638,16 @@
     take(state) {
       const same = this.state && this.state.experiment === state.experiment
         && this.state.controls.length === state.controls.length;
+      const changed = same && state.controls.some((control, index) => control.value !== this.state.controls[index].value);
       this.state = state;
       if (!same) this.build();
       for (const control of state.controls) this.rows.get(control.name)?.take(control);
       this.compare();
+      if (changed) changes.again();
     },
 
     build() {
+      changes.close();
       this.rows.clear();
       this.deeds.clear();
       tabs.clear();
@@ -491,6 +656,7 @@
           link.send({ kind: "set", control: control.name, value }, answer)));
       }
       for (const spec of this.state.actions) this.deeds.set(spec.action, new Deed(spec));
+      head.shown = null;
       get("panel-quick").replaceChildren(...QUICK.filter((name) => this.deeds.has(name)).map((name) => this.deeds.get(name).button));
       this.requests(this.deeds.get("request")?.spec);
       this.table();
@@ -604,7 +770,7 @@
     // Where a control stands, in words.
     place(one) {
       const place = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
-      return place ? `${title(place)}: ${one.label}` : title(one.label);
+      return place ? `${title(place)}: ${one.label.replace("θ0", "θ₀")}` : title(one.label);
     },
 
     difference(one) {
@@ -690,9 +856,14 @@
       if (this.session === session) return;
       this.session = session;
       this.seen.clear();
+      this.walks = 1;
+      changes.close();
       get("body-log").replaceChildren();
     },
 
+    walks: 1,
+
+    // Lines are in the order of the walks and their ticks, the newest first.
     add(event) {
       if (event.serial) { if (this.seen.has(event.serial)) return; this.seen.add(event.serial); }
       const body = get("body-log");
@@ -701,8 +872,11 @@
         make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
         make("span", { className: "what" }, event.text),
         make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.response) ? event.response : ""].filter(Boolean).join(" · ")));
-      const list = body.querySelector("ol");
-      list.prepend(line);
+      if (event.subject === "restart" && event.response === "applied") this.walks += 1;
+      const list = body.querySelector("ol"), { walks: walk } = this, { tick } = event;
+      Object.assign(line, { walk, tick });
+      const before = [...list.children].find((other) => other.walk < walk || (other.walk === walk && other.tick <= tick));
+      list.insertBefore(line, before ?? null);
       while (list.childElementCount > LOG_LINES) list.lastElementChild.remove();
     },
   };
@@ -710,18 +884,20 @@
   // ---- start ----------------------------------------------------------------------------------------
 
   tabs.build();
-  get("stop").onclick = stop;
+  get("stop").onclick = () => stopping.press();
   // Before anything else on the page hears of it, wherever the focus is.
   window.addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    if (!event.repeat) stop();
+    if (!event.repeat) stopping.press();
   }, true);
-  // On a low or narrow page the curves stand below the numbers.
-  new ResizeObserver(([entry]) => document.body.style.setProperty("--head-end", `${entry.target.getBoundingClientRect().bottom}px`))
-    .observe(twinGait.stage.head);
+  // On a low or narrow page the curves are below the numbers, and the page ends above the foot of the panel.
+  const measure = (node, name, edge) => new ResizeObserver(() => document.body.style.setProperty(name, `${node.getBoundingClientRect()[edge]}px`)).observe(node);
+  measure(twinGait.stage.head, "--head-end", "bottom");
+  measure(get("panel-foot"), "--foot", "height");
   link.open();
   view.open();
-  window.livePanel = { link, board, log, head, view, stop, forecast };
+  setInterval(() => pulse.look(), LOOK);
+  window.livePanel = { link, board, log, head, view, stopping, pulse, changes };
 })();

@@ -1,0 +1,186 @@
+"""Several changes of one message, a process that hangs, and messages that come too fast."""
+
+import json
+import os
+import signal
+import time
+from collections import Counter
+from contextlib import closing
+from types import SimpleNamespace
+
+import pytest
+from test_live_loop import Rig, say, wait_for
+
+from twin_gait.configuration import load_experiment
+from twin_gait.live import news
+from twin_gait.live.controls import Panel
+from twin_gait.live.forecast import warnings_of
+from twin_gait.live.news import SILENCE, EventBook, WalkNews
+from twin_gait.live.page import BURST, LivePage
+from twin_gait.live.protocol import DoAction, RateLimit
+from twin_gait.live.session import LiveSession
+from twin_gait.live.settings import loop_numbers
+from twin_gait.simulation.problem import build_problem
+
+K, ZERO = "late_stance.hip.stiffness", "swing_flexion.knee.equilibrium"
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return load_experiment("bench_leg", ["duration_s=60"])
+
+
+@pytest.fixture(scope="module")
+def session(bench, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("changes") / "run"
+    with closing(LiveSession(loaded=bench, folder=folder, user="Ann", pictures=False)) as begun:
+        begun.start()
+        yield begun
+
+
+def answers(session, number):
+    return [item for item in session.book.after(0) if item.id == f"m{number}"]
+
+
+# ---------------------------------------------------------------------- several changes
+
+
+def test_several_changes_are_applied_in_one_tick_or_not_at_all(session):
+    begun = {item.name: item.value for item in session.controls}
+    say(session, kind="set", changes={K: 2.4, ZERO: 57.0})
+    found = answers(session, say.count)
+    assert [item.response for item in found] == ["applied"] * 2 and len({item.tick for item in found}) == 1
+    assert [(item.subject, item.before, item.value) for item in found] == [
+        (K, begun[K], pytest.approx(2.4)),
+        (ZERO, begun[ZERO], pytest.approx(57.0)),
+    ]
+    # The last one is out of its range, or unsafe: the first one is not applied either.
+    wrong = ({ZERO: 999.0}, f"{ZERO}: expected"), ({"middle_stance.hip.gain": 0.95}, "unstable")
+    for last, reason in wrong:
+        refused = say(session, kind="set", changes={K: 1.9, **last})
+        assert refused.response == "refused" and refused.text.startswith(reason)
+        assert {item.name: item.value for item in session.controls}[K] == pytest.approx(2.4)
+    # Null goes back to the preset, together with a change.
+    assert say(session, kind="set", changes={K: None, ZERO: 58.0}).response == "applied"
+    shown = {item.name: item for item in session.controls}
+    assert shown[K].value == begun[K] and not shown[K].changed and shown[ZERO].value == pytest.approx(58.0)
+
+
+def test_one_forecast_is_made_of_several_changes_and_warns_of_unusual_ones(session):
+    told = say(session, kind="try", changes={"middle_stance.knee.stiffness": 9.0, ZERO: 58.5})
+    assert told.response == "forecast" and told.subject == ""
+    assert "middle_stance.knee.stiffness: 3 → 9; swing_flexion.knee.equilibrium:" in told.text
+    assert [text for text in told.forecast["warnings"] if text.startswith("middle stance: knee k 9.00")]
+    one = say(session, kind="try", changes={K: 2.0})
+    assert one.subject == K and one.forecast["warnings"] == ()
+
+
+def test_every_change_of_a_list_is_noted_in_the_journal_with_its_tick(bench):
+    notes = [{"user": "Ann", "subject": name} for name in (K, ZERO)]
+    numbers = loop_numbers(Panel(bench.experiment).preset)
+    script = [(0.1, {"serial": 1, "command": "settings", "numbers": numbers, "notes": notes})]
+    rig = Rig(build_problem(bench.experiment), script, longest=300)
+    rig.loop.walk()
+    assert [(item["subject"], item["tick"]) for item in rig.takes[0].changes] == [(K, 100), (ZERO, 100)]
+
+
+def test_warnings_name_a_spring_and_an_equilibrium_that_are_unusual():
+    panel = Panel(load_experiment("treadmill", ["duration_s=1"]).experiment)
+    begun = warnings_of(panel.preset)
+    for name, value, text in (
+        ("late_stance.hip.stiffness", 6.0, "late stance: hip k 6.00 Nm/deg is outside"),
+        ("late_stance.hip.equilibrium", -30.0, "late stance: hip θ0 -30.0° is outside -20.0"),
+    ):
+        found = [item for item in warnings_of(panel.set(panel.preset, name, value)) if item not in begun]
+        assert any(item.startswith(text) for item in found), found
+
+
+# ---------------------------------------------------------------------- a process that hangs
+
+
+def test_the_heartbeat_goes_on_in_a_pause_and_comes_from_the_loop(bench):
+    rig = Rig(build_problem(bench.experiment), [(0.1, {"serial": 1, "command": "pause"}),
+                                                (1.1, {"serial": 2, "command": "end"})])  # fmt: skip
+    rig.loop.walk()
+    kinds = Counter(item["kind"] for item in rig.sent)
+    assert kinds["beat"] == pytest.approx(100, abs=2)  # one in every 10 ms of the pause
+    assert kinds["news"] < 20
+
+
+def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(news, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    book = EventBook()
+    walk = WalkNews(book, build_problem(bench.experiment), on_compile=lambda: None)
+    monkeypatch.setattr(WalkNews, "alive", True)
+
+    def look(until):
+        while now[0] < until:
+            now[0] += 0.1
+            silent = walk.silence()
+        return silent
+
+    assert look(0.4) == pytest.approx(0.4) and book.after(0) == []
+    assert look(3.0) == pytest.approx(3.0)
+    (note,) = book.after(0)
+    assert note.response == "note" and "sent nothing for 0.5 s" in note.text
+    walk._last_message = now[0] = 3.2
+    assert walk.silence() == 0.0 and "sends again, after 3.2 s" in book.after(1)[0].text
+    now[0] += 30.0  # this program itself stood still: messages of the process may wait to be read
+    assert walk.silence() == pytest.approx(30.0) and len(book.after(0)) == 2
+    walk._last_message = now[0]
+    assert walk.silence() == 0.0 and len(book.after(0)) == 2
+
+
+def test_a_process_that_is_stopped_is_noticed_and_a_stop_is_not_confirmed(session):
+    process = session.news.process.pid
+    wait_for(lambda: session.news.silence() < SILENCE)
+    os.kill(process, signal.SIGSTOP)
+    try:
+        wait_for(lambda: session.news.silence() > SILENCE)
+        coming = session.submit(DoAction(id="late", action="stop"))
+        time.sleep(0.2)
+        assert not coming.done()
+    finally:
+        os.kill(process, signal.SIGCONT)
+    assert coming.result(10.0)  # confirmed at last
+    wait_for(lambda: session.news.silence() < SILENCE and session.news.status == "held")
+    texts = [item.text for item in session.book.after(0)]
+    assert [sum(text.startswith(f"the process of the simulation {words}") for text in texts)
+            for words in ("has sent nothing", "sends again")] == [1, 1]  # fmt: skip
+
+
+# ---------------------------------------------------------------------- messages that come too fast
+
+
+@pytest.fixture
+def listening(monkeypatch):
+    """A page without a server, the messages that reach its session, and a panel."""
+    monkeypatch.setattr(RateLimit, "__init__", frozen_limit)
+    page, submitted, book = LivePage.__new__(LivePage), [], EventBook()
+    page._session = SimpleNamespace(book=book, user="Ann", submit=submitted.append)
+    return page, submitted, book
+
+
+def frozen_limit(limit, rate, burst):
+    """A limit that time does not refill, so that the test counts and does not wait."""
+    limit.dropped, limit._rate, limit._burst, limit._left, limit._last = 0, 0.0, burst, float(burst), 0.0
+
+
+def test_a_flood_of_a_page_is_cut_off_with_one_line_and_stop_still_passes(listening):
+    page, submitted, book = listening
+    panel, other = (SimpleNamespace(limit=RateLimit(20, BURST)) for _ in range(2))
+    for _ in range(BURST + 500):
+        page.hear(panel, '{"kind": "set", "' + "x" * 3000 + '": 1}')
+    events = book.after(0)
+    assert len(events) == BURST + 1 and max(len(item.text) for item in events) < 250
+    assert events[-1].response == "refused" and "faster than 20 a second" in events[-1].text
+    page.hear(panel, json.dumps({"kind": "do", "id": "1", "action": "stop"}))
+    page.hear(panel, json.dumps({"kind": "do", "id": "2", "action": "walk"}))
+    assert [item.action for item in submitted] == ["stop"]
+    page.hear(other, json.dumps({"kind": "do", "id": "3", "action": "walk"}))
+    assert [item.action for item in submitted] == ["stop", "walk"]  # other pages are not affected
+    panel.limit._left = 1.0
+    page.hear(panel, json.dumps({"kind": "do", "id": "4", "action": "pause"}))
+    assert submitted[-1].action == "pause"
+    assert book.after(0)[-1].text == "501 messages of a page were dropped"
