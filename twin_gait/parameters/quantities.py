@@ -19,7 +19,6 @@ from numbers import Integral, Real
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from twin_gait.docstrings import docstring_of
-from twin_gait.parameters.ranges import DAMPING_RATIOS as DAMPING_RATIOS
 from twin_gait.parameters.ranges import FINITE as FINITE
 from twin_gait.parameters.ranges import LATER as LATER
 from twin_gait.parameters.ranges import NOT_NEGATIVE as NOT_NEGATIVE
@@ -126,7 +125,7 @@ Ratio = Annotated[float, Unit("", within(1e3, "three orders of magnitude"))]
 Resistance = Annotated[float, Unit("Ohm", within(100.0, "lets through 0.3 A at the voltage of the battery"))]
 RotaryDamping = Annotated[
     float,
-    Unit("Nms_per_rad", within(1e3, "critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
+    Unit("Nms_per_rad", within(1e4, "ten times critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
 ]
 RotaryDissipation = Annotated[float, Unit("s_per_rad", within(100.0, "torques that double at 10 mrad/s"))]
 RotaryStiffness = Annotated[
