@@ -31,7 +31,7 @@ _RESOLVERS = {
 class Loader(yaml.SafeLoader):
     """Safe loader of the core schema, which refuses aliases that expand to more than ``MOST_VALUES``."""
 
-    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as PyYAML declares it
     yaml_constructors: ClassVar[dict[str | None, Any]] = {
         tag: yaml.SafeLoader.yaml_constructors[tag]
         for tag in (_TAG + "str", _TAG + "seq", _TAG + "map", None)
