@@ -246,6 +246,18 @@ def require_table_size(path: Path, rows: int, columns: int) -> None:
         )
 
 
+def require_parquet(path: Path) -> None:
+    """Raise a ParameterFileError unless a parquet file is regular and unpacks to at most the rows of a log.
+
+    Raises pyarrow.ArrowException if it is no such file, and OSError if it cannot be read.
+    """
+    import pyarrow.parquet as pq
+
+    require_regular(path)
+    with pq.ParquetFile(path) as file:
+        require_table_size(path, file.metadata.num_rows, file.metadata.num_columns)
+
+
 def read_parquet(path: Path) -> pd.DataFrame:
     """Read a regular parquet file, unless it unpacks to more than any log of a walk.
 
@@ -260,9 +272,8 @@ def read_parquet(path: Path) -> pd.DataFrame:
     import pandas as pd
     import pyarrow.parquet as pq
 
-    require_regular(path)
+    require_parquet(path)
     with pq.ParquetFile(path) as file:
-        require_table_size(path, file.metadata.num_rows, file.metadata.num_columns)
         names, others = file.schema_arrow.names, {}
         numbers = np.empty((len(names), file.metadata.num_rows))
         for place, name in enumerate(names):

@@ -5,7 +5,7 @@ schema are constructed. Reference: https://yaml.org/spec/1.2.2/#103-core-schema
 """
 
 import re
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
@@ -31,8 +31,11 @@ _RESOLVERS = {
 class Loader(yaml.SafeLoader):
     """Safe loader of the core schema, which refuses aliases that expand to more than ``MOST_VALUES``."""
 
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # PyYAML's own declaration
-    yaml_constructors: dict[str, Any] = {}  # noqa: RUF012
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as PyYAML declares it
+    yaml_constructors: ClassVar[dict[str | None, Any]] = {
+        tag: yaml.SafeLoader.yaml_constructors[tag]
+        for tag in (_TAG + "str", _TAG + "seq", _TAG + "map", None)
+    }
 
     def get_single_node(self) -> yaml.Node | None:
         """Return the document as nodes; raises yaml.YAMLError if its aliases expand to too many values."""
@@ -83,9 +86,6 @@ for _tag, (_pattern, _first) in _RESOLVERS.items():
     Loader.add_implicit_resolver(_tag, _pattern, _first)
     Dumper.add_implicit_resolver(_tag, _pattern, _first)
     Loader.add_constructor(_tag, _construct_plain)
-for _name in ("str", "seq", "map"):
-    Loader.add_constructor(_TAG + _name, yaml.SafeLoader.yaml_constructors[_TAG + _name])
-Loader.add_constructor(None, yaml.SafeLoader.construct_undefined)
 
 
 def load_yaml(text: str) -> Any:

@@ -156,6 +156,52 @@ def test_live_finding_shows_reason_counterexample_and_suggestion() -> None:
     ]
 
 
+def test_waived_findings_are_a_count_unless_they_are_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("treadmill") == DONE
+    brief = capsys.readouterr().out.splitlines()
+    assert not any(line.startswith("waived") for line in brief)
+    number = int(re.findall(r"(\d+) waived \(--waived lists them\)$", brief[-1])[0])
+    assert run("treadmill", "--waived") == DONE
+    whole = capsys.readouterr().out.splitlines()
+    assert sum(line.startswith("waived warning ") for line in whole) == number > 10
+    assert whole[-1].endswith(f"{number} waived")
+    assert run("treadmill", "--json") == DONE
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert sum(item["waived"] is not None for item in findings) == number
+
+
+OWN_PHASES = """\
+schema_version: 1
+joints: [hip, knee]
+phases:
+  stance:
+    hip: {stiffness_Nm_per_deg: 0.5, equilibrium_deg: -5, damping_ratio: 1, friction_compensation_gain: 0}
+    knee: {stiffness_Nm_per_deg: 1, equilibrium_deg: 5, damping_ratio: 1, friction_compensation_gain: 0}
+  swing:
+    hip: {stiffness_Nm_per_deg: 0.5, equilibrium_deg: 25, damping_ratio: 1, friction_compensation_gain: 0}
+    knee: {stiffness_Nm_per_deg: 1, equilibrium_deg: 60, damping_ratio: 1, friction_compensation_gain: 0}
+transitions:
+  - {from: stance, to: swing, cause: lift, all: ["hip.angle_deg < -2"]}
+  - {from: swing, to: stance, cause: land, all: ["hip.angle_deg > 20"]}
+  - {from: stance, to: swing, cause: time_out, after_s: 2}
+  - {from: swing, to: stance, cause: time_out, after_s: 1}
+"""
+
+
+def test_a_table_with_phases_of_its_own_is_checked_from_its_first_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(OWN_PHASES, encoding="utf-8")
+    run(str(path))
+    assert capsys.readouterr().out.splitlines()[-1].startswith("own, against treadmill: ")
+    with pytest.raises(TwinGaitError, match=r"scenario\.leading_phase: expected .*, stance, swing, got"):
+        run(str(path), "--experiment", "treadmill")
+    run(str(path), "--experiment", "treadmill", "--set", "scenario.leading_phase=swing",
+        "--set", "scenario.trailing_phase=stance")  # fmt: skip
+    assert "own, against treadmill: " in capsys.readouterr().out
+
+
 # ---------------------------------------------------------------------- before a run
 
 SHORT = ("bench_leg", "--duration", "0.05", "--no-pictures")
@@ -212,3 +258,13 @@ def test_a_run_directory_can_be_checked_again(tmp_path: Path, capsys: pytest.Cap
     assert main(["simulate", *SHORT, "--out", str(out), "--unchecked", "--set", "table.waive=[]"]) == 0
     assert run("--experiment", str(out)) == DONE
     assert " 0 waived" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_waiver_of_no_rule_stops_the_run_in_both_kinds_of_tables(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    waiver = "[{rule: nonsense, reason: because}]"
+    for preset, kind in (("bench_leg", "table"), ("day", "modes")):
+        assert main(["simulate", preset, "--duration", "0.05", "--set", f"{kind}.waive={waiver}"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "invalid_waiver" in line and "'nonsense'" in line

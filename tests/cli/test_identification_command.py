@@ -136,9 +136,9 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
         (("--columns", "speed=dq2"), "--columns: expected NAME=VALUE,…, each name of time"),
         (("--units", "velocity"), "--units: expected NAME=VALUE"),
         (("--model", "gauss"), "model: no 'gauss'"),
-        (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),
+        (("--seed", "-1"), "--seed: expected a whole number from 0 to"),
         (("--joint", "knee", "--lever-m", "-1"), "lever: expected a number above 0"),
-        (("--joint", "knee", "--start-angle-deg", "nan"), "start_angle: expected a finite number"),
+        (("--joint", "knee", "--start-angle-deg", "nan"), "start_angle: expected a number from -1000 to"),
     ],
 )
 def test_wrong_options_are_one_line_and_leave_no_folder(tmp_path, extra, message):

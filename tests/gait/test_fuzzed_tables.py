@@ -289,6 +289,7 @@ def test_number_of_phases_is_bounded_by_what_the_evaluator_holds(count: int, fit
 
 def test_largest_numbers_that_a_table_may_hold_are_checked_by_all_rules() -> None:
     data = copy.deepcopy(shipped("treadmill"))
+    del data["waive"]
     ranges = {item.name: item.range for item in declarations(JointImpedance)}
     for phase in data["phases"].values():
         phase["hip"] = {
@@ -300,7 +301,7 @@ def test_largest_numbers_that_a_table_may_hold_are_checked_by_all_rules() -> Non
     table = gait_table_from_mapping(data, "large.yaml", "large")
     assert gait_table_from_mapping(table_document(table), "again.yaml", "large") == table
     case = build_case(table, load_experiment("treadmill").experiment)
-    assert "unstable" in {item.rule for item in check(case) if item.severity == "error"}
+    assert {"equilibrium_beyond_limits", "unusual_stiffness"} <= {item.rule for item in check(case)}
 
 
 @pytest.mark.parametrize("joint", ["left.hip", "other", "", "a b", "hüfte-1", "3rd"])

@@ -133,7 +133,7 @@ def test_the_braces_pull_a_wearer_who_lags_behind_along():
 
 def test_stiffer_braces_come_nearer_to_the_rigid_leg_as_one_over_their_stiffness():
     rigid = simulate(bench("duration_s=0.3", interface=None)).log["right_hip_angle_rad"]
-    factors, errors = (1.0, 1e2, 1e4), []
+    factors, errors = (1.0, 20.0, 400.0), []
     for factor in factors:
         braced = simulate(bench("duration_s=0.3", interface=stiffened(factor)))
         errors.append(np.abs(braced.log["right_hip_angle_rad"] - rigid).max())
@@ -241,7 +241,8 @@ def test_logs_have_columns_of_braces_only_where_there_are_some(bench_run):
 @pytest.mark.parametrize("method", list(IntegrationMethod))
 def test_a_step_carries_the_braces_up_to_the_stiffness_that_is_said(method):
     def braced(stiffness: float) -> Experiment:
-        brace = BraceParameters(knee=SpringDamper(stiffness=stiffness, damping=0.5))
+        knee = idealised(SpringDamper(stiffness=1.0, damping=0.5), stiffness=stiffness)
+        brace = BraceParameters(knee=knee)
         angles = {JointName.HIP: 0.0, JointName.KNEE: 1.0}
         bent = replace(load_experiment("bench_leg").experiment.scenario, start_angles=angles)
         experiment = bench(interface=brace, scenario=bent, integration=replace(FINE, step=1e-5))
@@ -302,11 +303,11 @@ def test_the_lightest_wearer_needs_no_finer_step(engine):
         ("{kind: brace, knee: {damping_Nms_per_rad: .nan}}", "interface.knee.damping_Nms_per_rad"),
         (
             "{kind: brace, pelvis: {damping_Ns_per_m: -1}}",
-            "interface.pelvis.damping_Ns_per_m: expected a number of 0 or more",
+            "interface.pelvis.damping_Ns_per_m: expected a number from 0 to",
         ),
         ("{kind: brace, thigh: {}}", "interface.thigh: unknown key"),
-        ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+8}}", "set integration.step_ms to"),
-        ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+300}}", "take softer braces"),
+        ("{kind: brace, ankle: {damping_Nms_per_rad: 1000}}", "set integration.step_ms to"),
+        ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+8}}", "at most 1e+06"),
     ],
 )
 def test_a_mistake_is_one_line_that_says_where(value, said):
@@ -315,8 +316,14 @@ def test_a_mistake_is_one_line_that_says_where(value, said):
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
+def test_braces_that_no_step_carries_are_to_be_softer():
+    endless = BraceParameters(ankle=idealised(SpringDamper(stiffness=1.0, damping=3.0), stiffness=1e300))
+    with pytest.raises(TwinGaitError, match="take softer braces"):
+        replace(load_experiment("treadmill").experiment, interface=endless).build_world()
+
+
 def test_the_step_that_is_named_carries_the_braces():
-    stiff = "interface={kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+7}}"
+    stiff = "interface={kind: brace, ankle: {damping_Nms_per_rad: 1000}}"
     with pytest.raises(TwinGaitError, match=r"integration\.step_ms to") as caught:
         load_experiment("treadmill", [stiff]).experiment.build_world()
     step = str(caught.value).split("step_ms to ")[1].split()[0]

@@ -68,8 +68,8 @@ def test_energy_closes(changes):
 
 def test_a_stiff_harness_is_a_vertical_guide():
     stiff = walk_of(
-        "scenario.support.forward_stiffness_N_per_m=1e6",
-        "scenario.support.forward_damping_Ns_per_m=2e4",
+        "scenario.support.forward_stiffness_N_per_m=1e7",
+        "scenario.support.forward_damping_Ns_per_m=6e4",
         "duration_s=1",
     ).log
     guided = walk_of("scenario.support.guide=vertical", "duration_s=1").log

@@ -488,9 +488,9 @@ def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--minutes", "0"], "minutes: expected a number above 0, got 0.0"),
-        (["--seed", "-1"], "seed: expected a whole number of 0 or more, got -1"),
-        (["--generations", "0"], "generations: expected a whole number above 0, got 0"),
+        (["--minutes", "0"], "minutes: expected a number above 0 and at most"),
+        (["--seed", "-1"], "seed: expected a whole number from 0 to 2^64 - 1, got -1"),
+        (["--generations", "0"], "generations: expected a whole number from 1 to 100000"),
         (["--workers", "0"], "--workers: expected 1 or more, got 0"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
         (["--patient", "nobody"], "no person 'nobody'"),

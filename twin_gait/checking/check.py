@@ -63,6 +63,8 @@ def load_case(
     own = load_experiment(experiment or preset, settings).experiment
     if table is None:
         table = own.table
+    elif experiment is None:  # nobody has said in which of its phases the legs start
+        own = replace(own, scenario=own.scenario.starting_among(table.phase_names))
     drives = experiment is not None or set(table.joints) == set(own.table.joints)
     return build_case(table, own if drives else None)
 
@@ -119,9 +121,11 @@ def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding
 
 
 def check_before_run(experiment: Experiment) -> list[Finding]:
-    """Check an experiment's own table for what matters to a run."""
+    """Check an experiment's own gait table, and its modes, for what matters to a run."""
     chosen = [rule for rule in RULES if rule not in NOTES]
     findings = check(build_case(experiment.table, experiment), chosen)
+    if experiment.modes is not None:
+        findings += check(build_case(experiment.modes))
     return [item for item in findings if item.severity is not Severity.NOTE and not item.waived]
 
 

@@ -17,6 +17,7 @@ from typing import Any
 from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
+from twin_gait.configuration import LoadedExperiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import private_files
 from twin_gait.runs.drawing import drawing_beside
@@ -64,6 +65,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     if arguments.faults:
         arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
     loaded = options.experiment_of(arguments)
+    note_inherited(loaded)
     out = arguments.out or default_folder(loaded.experiment.name)
     with (
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
@@ -93,6 +95,20 @@ def simulate(arguments: argparse.Namespace) -> int:
     if result.status is simulation.RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is simulation.RunStatus.FELL and arguments.fail_on_fall else DONE
+
+
+def note_inherited(loaded: LoadedExperiment) -> None:
+    """Print the inherited values of device components of which the user gave others, on one line."""
+    from twin_gait.configuration.inheritance import inherited_values
+
+    found = inherited_values(loaded.document, loaded.given)
+    parts = (
+        f"{section}: {', '.join(f'{key} {value:g}' for key, value in values.items())}"
+        for section, values in found.items()
+    )
+    if found:
+        way_out = "set them too if your device has others"
+        print(f"device: inherited next to the values given: {'; '.join(parts)}; {way_out}", file=sys.stderr)
 
 
 def default_folder(name: str) -> Path:

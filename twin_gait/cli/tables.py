@@ -40,6 +40,7 @@ def add_parser(commands: Any) -> None:
     options.add_settings(parser)
     options.add(parser, "--json")
     add("--rules", action="store_true", help="list the rules and end")
+    add("--waived", action="store_true", help="list the findings that the table waives, too")
 
     parser = options.add_command(commands, "replay", replay_walk)
     add = parser.add_argument
@@ -122,7 +123,10 @@ def check_table(arguments: argparse.Namespace) -> int:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
     case = load_case(arguments.table, arguments.experiment, arguments.settings)
     findings = check(case)
-    content = {"case": case, "findings": findings, "heading": heading, "counted": counted(counts(findings))}
+    shown = [finding for finding in findings if arguments.waived or not finding.waived]
+    hint = " (--waived lists them)" if len(shown) < len(findings) else ""
+    content = {"case": case, "findings": shown, "heading": heading}
+    content |= {"counted": counted(counts(findings)) + hint}
     answer(arguments, lines("check.txt", content), report(case, findings))
     return FAILED if counts(findings)["errors"] else DONE
 

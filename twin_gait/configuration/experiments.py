@@ -4,7 +4,7 @@ What holds for both sides of a wearer stands under ``both``; ``left`` and ``righ
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -38,6 +38,8 @@ class LoadedExperiment:
 
     experiment: Experiment  # the experiment
     document: dict[str, Any]  # everything resolved, units as typed
+    # What the user gave, in a file of theirs and in settings; nothing of what it is laid over.
+    given: dict[str, Any] = field(default_factory=dict)
 
 
 def experiment_from_mapping(
@@ -173,7 +175,9 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     preset or file, or an assignment cannot be read.
     """
     path, where = _find(source)
-    data, changes = _resolved(read_yaml(path), path), []
+    written = read_yaml(path)
+    data, changes = _resolved(written, path), []
+    given: dict[str, Any] = {} if where == f"preset {source}" else written
     where = f"{where} with --set" if settings else where
     for keys, value in validation.parse_assignments(settings):
         key = str(keys[0])
@@ -185,7 +189,9 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     document = _complete_document(data, where, path.parent)
     for keys, value in changes:
         document = validation.assign(document, keys, value)
-    return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
+        if all(isinstance(key, str) for key in keys):  # a list is given as a whole
+            given = validation.assign(given, keys, value)
+    return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document, given)
 
 
 def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:

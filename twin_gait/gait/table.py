@@ -58,6 +58,9 @@ MASSES = quantities.Range(1.0, 200.0, reason="the heaviest wearer with device an
 SPEEDS = quantities.Range(0.01, 10.0, reason="slower than a crawl is no walk")
 HEIGHTS = quantities.Range(0.5, 2.5, reason="the height of a person")
 EXPONENTS = quantities.Range(-3.0, 3.0)
+RATIOS = quantities.Range(
+    0.0, 10.0, above=True, reason="without damping a joint rings; if that is meant: damping_Nms_per_rad: 0"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +79,7 @@ class JointImpedance(quantities.Parameters):
     equilibrium_angle: Annotated[quantities.Angle, quantities.Key("equilibrium")]
     friction_compensation_gain: Annotated[quantities.Ratio, quantities.SHARE]
     damping: Annotated[quantities.RotaryDamping | None, quantities.NOT_NEGATIVE] = None
-    damping_ratio: Annotated[quantities.Ratio | None, quantities.DAMPING_RATIOS] = None
+    damping_ratio: Annotated[quantities.Ratio | None, RATIOS] = None
 
     def __post_init__(self) -> None:
         """Check the ranges, and that there is one damping."""

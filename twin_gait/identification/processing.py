@@ -16,7 +16,7 @@ from twin_gait.identification.reading import FEWEST, Log, Quantity, clean
 from twin_gait.identification.signals import moving_average, zero_phase
 from twin_gait.parameters import ActuatorParameters, quantities
 from twin_gait.worlds import HORIZONTAL, LoadAngle
-from twin_gait.worlds.bench_joint import MOMENT
+from twin_gait.worlds.bench_joint import BENCH_STOPS, MOMENT
 
 _GRAVITY = 9.81  # [m] / [s²]
 
@@ -41,7 +41,7 @@ class BenchSetup(quantities.Parameters):
     lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
     link_inertia: Annotated[quantities.Inertia, quantities.NOT_NEGATIVE] = 0.02
     link_moment: Annotated[float, MOMENT, quantities.NOT_NEGATIVE] = 0.0
-    start_angle: quantities.Angle | None = HORIZONTAL
+    start_angle: Annotated[quantities.Angle | None, BENCH_STOPS] = HORIZONTAL
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
 

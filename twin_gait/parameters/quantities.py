@@ -19,7 +19,6 @@ from numbers import Integral, Real
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from twin_gait.docstrings import docstring_of
-from twin_gait.parameters.ranges import DAMPING_RATIOS as DAMPING_RATIOS
 from twin_gait.parameters.ranges import FINITE as FINITE
 from twin_gait.parameters.ranges import LATER as LATER
 from twin_gait.parameters.ranges import NOT_NEGATIVE as NOT_NEGATIVE
@@ -115,9 +114,9 @@ Frequency = Annotated[float, Unit("Hz", within(1e5, "the fastest inverters of su
 HertzStiffness = Annotated[float, Unit("N_per_m1p5", within(1e7, "a heel 1 mm deep under 316 N"))]
 Inertia = Annotated[float, Unit("kgm2", within(10.0, "a straight leg about its hip has 6"))]
 Length = Annotated[float, Unit("m", within(3.0, "more than a person with raised arms"))]
-LinearDamping = Annotated[float, Unit("Ns_per_m", within(3e4, "critical for 200 kg on 1e6 N/m"))]
+LinearDamping = Annotated[float, Unit("Ns_per_m", within(9e4, "critical for 200 kg on 1e7 N/m"))]
 LinearDissipation = Annotated[float, Unit("s_per_m", within(100.0, "forces that double at 1 cm/s"))]
-LinearStiffness = Annotated[float, Unit("N_per_m", within(1e6, "1 mm under 1000 N; straps give more"))]
+LinearStiffness = Annotated[float, Unit("N_per_m", within(1e7, "0.1 mm under 1000 N"))]
 Mass = Annotated[float, Unit("kg", within(200.0, "the heaviest wearer with device and load"))]
 PerAngle = Annotated[float, Unit("per_rad", within(100.0, "the whole effect within 0.6 deg"))]
 PerAngularVelocity = Annotated[float, Unit("s_per_rad", within(1e3, "the whole effect within 1 mrad/s"))]
@@ -126,7 +125,7 @@ Ratio = Annotated[float, Unit("", within(1e3, "three orders of magnitude"))]
 Resistance = Annotated[float, Unit("Ohm", within(100.0, "lets through 0.3 A at the voltage of the battery"))]
 RotaryDamping = Annotated[
     float,
-    Unit("Nms_per_rad", within(1e3, "critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
+    Unit("Nms_per_rad", within(1e4, "ten times critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
 ]
 RotaryDissipation = Annotated[float, Unit("s_per_rad", within(100.0, "torques that double at 10 mrad/s"))]
 RotaryStiffness = Annotated[

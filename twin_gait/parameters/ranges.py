@@ -75,8 +75,6 @@ class Range:
 POSITIVE, NOT_NEGATIVE, SHARE = Range(0.0, above=True), Range(0.0), Range(0.0, 1.0)
 FINITE, LATER = Range(), Range(0.0, endless=True)
 SEEDS = Range(0, 2**64 - 1, words="a whole number from 0 to 2^64 - 1")
-# Without damping a joint rings; who wants that gives a damping of 0 instead of a ratio.
-DAMPING_RATIOS = Range(0.0, 10.0, above=True, reason="without damping a joint rings")
 
 
 def whole(least: int, most: int, reason: str) -> Range:

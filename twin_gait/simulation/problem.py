@@ -121,8 +121,12 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     world = placed.build_world()
     table = scaled_table(experiment, world)
     for side, phase in world.initial_phases.items():
+        keys = [
+            f"scenario.{name}" for name, start in experiment.scenario.start_phases.items() if start == phase
+        ]
         known = f"a phase of gait table {table.name!r}, {', '.join(table.phases)}"
-        require(phase in (None, *table.phases), f"scenario: phase of the {side} leg", known, phase)
+        name = " and ".join(keys) or f"scenario: phase of the {side} leg"
+        require(phase in (None, *table.phases), name, known, phase)
     sides = world.model.sides
     joints = tuple(
         ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))

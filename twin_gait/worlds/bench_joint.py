@@ -25,6 +25,7 @@ BANDWIDTHS = quantities.Range(0.0, 2e5, above=True, reason="the rate of the fast
 RIPPLES = quantities.Range(0.0, 1.0, reason="a share of the current")
 DUTY_COUNTS = quantities.whole(0, 2**24, "the finest timers")
 POLE_PAIRS = quantities.whole(1, 100, "eight times those of the motors")
+BENCH_STOPS = quantities.Range(-1e3, 1e3, reason="160 turns; no test turns farther")
 MOMENT = quantities.Unit("kgm", quantities.within(100.0, "50 kg at 2 m"))
 CATALOGUE = quantities.Range(-10.0, 40.0, words="-10 to 40 °C, the range of the catalogue")
 
@@ -82,8 +83,8 @@ class LinkParameters(quantities.Parameters):
     moment: Annotated[float, MOMENT, quantities.NOT_NEGATIVE] = 0.0
     load_angle: LoadAngle = LoadAngle.CORRECTED
     stops: parameters.StopParameters = field(default_factory=lambda: parameters.StopParameters(stiffness=2e5))
-    lower_stop: quantities.Angle = LOWER_STOP
-    upper_stop: quantities.Angle = STOP_ANGLE
+    lower_stop: Annotated[quantities.Angle, BENCH_STOPS] = LOWER_STOP
+    upper_stop: Annotated[quantities.Angle, BENCH_STOPS] = STOP_ANGLE
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -253,7 +254,7 @@ class BenchJoint(quantities.Parameters):
     inertial_unit: InertialUnit | None = None
     limits: parameters.LimitParameters = field(default_factory=parameters.LimitParameters)
     imposed_motion: ImposedMotionParameters | None = None
-    start_angle: quantities.Angle = HORIZONTAL
+    start_angle: Annotated[quantities.Angle, BENCH_STOPS] = HORIZONTAL
     start_velocity: quantities.AngularVelocity = 0.0
     gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
     duration: Annotated[quantities.Time, quantities.Range(1e-3, 3600.0, words="0.001 to 3600 s")] = 5.0

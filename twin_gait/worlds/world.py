@@ -19,7 +19,14 @@ from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import ContactParameters, require
-from twin_gait.parameters.quantities import Angle, Inline, Parameters, UnitInside, taken_from
+from twin_gait.parameters.quantities import (
+    Angle,
+    Inline,
+    Parameters,
+    UnitInside,
+    declarations,
+    taken_from,
+)
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
@@ -261,6 +268,18 @@ class Scenario(Parameters, ABC):
     @abstractmethod
     def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
         """The same world with legs that start in other postures."""
+
+    @property
+    def start_phases(self) -> dict[str, str | None]:
+        """Phases in which the legs start, by the keys of the fields, whose names end in ``_phase``."""
+        fields = (item for item in declarations(type(self)) if item.name.endswith("_phase"))
+        return {item.key: getattr(self, item.name) for item in fields}
+
+    def starting_among(self, phases: Sequence[str]) -> Self:
+        """Return the world whose legs start in the first of some phases where theirs is not among them."""
+        fields = (item.name for item in declarations(type(self)) if item.name.endswith("_phase"))
+        other = (name for name in fields if getattr(self, name) not in (None, *phases))
+        return replace(self, **dict.fromkeys(other, phases[0]))
 
     def leading_of(self, sides: Sequence[Side]) -> Side:
         """Leg with which a cycle begins; the other is half a cycle behind."""

@@ -12,10 +12,10 @@ from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.parameters.quantities import (
-    DAMPING_RATIOS,
     NOT_NEGATIVE,
     SHARE,
     Parameters,
+    Range,
     Ratio,
     RotaryStiffness,
 )
@@ -36,6 +36,8 @@ HIP_OFFSET = math.radians(3.0)  # puts the middle of the step forward, so that t
 # Two harmonics flatten the knee's peak and overextend it. It has to bend far enough for the toe to clear the
 # belt, and at its straightest to stay farther from the stop at -4° than the monitor's stop distance.
 KNEE_LOWEST, KNEE_HIGHEST = math.radians(8.0), math.radians(55.0)
+
+DAMPING_RATIOS = Range(0.0, 10.0, above=True, reason="without damping a joint rings")
 
 
 @dataclass(frozen=True, kw_only=True)

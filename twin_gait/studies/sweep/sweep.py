@@ -22,7 +22,7 @@ import pyarrow as pa
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
-from twin_gait.files import read_parquet, read_text, write_atomically, write_json, write_parquet
+from twin_gait.files import read_text, require_parquet, write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
@@ -102,7 +102,8 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
 def read_table(path: Path) -> pd.DataFrame:
     """Read the table of a sweep, or a part of it."""
     try:
-        return read_parquet(path)
+        require_parquet(path)
+        return pd.read_parquet(path)  # with the types of columns that pandas keeps
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RunDirectoryError(

@@ -1,0 +1,55 @@
+"""Values of the device that a user's components inherit from a preset or a default."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from twin_gait.configuration.validation import quantity_of
+from twin_gait.vocabulary import JointName
+
+Path = tuple[str, ...]  # of keys in an experiment
+
+# Sections of an experiment whose sections are the components of the device.
+DEVICE = (("plant",), ("control", "limits"))
+
+
+def inherited_values(document: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the numbers of the device that lie in the same components as given ones and were not given.
+
+    A component is the innermost section of a value; a section with one number for each joint belongs to
+    every component of the joint.
+
+    Args:
+        document: A resolved experiment.
+        given: The part of it that the user gave.
+
+    Returns:
+        Numbers by key, by the path of their section.
+    """
+    own = {_quantity(path) for path, _ in _leaves(given)}
+    touched = {path[:-1] for path in own if _is_device(path)}
+    scaled = {section[-1] for section in touched if section[-1] in list(JointName)}
+    found: dict[str, dict[str, Any]] = {}
+    for path, value in _leaves(document):
+        if not _is_device(path) or isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        in_component = path[:-1] in touched and path[-1] not in list(JointName)
+        if (in_component or path[-1] in scaled) and _quantity(path) not in own:
+            found.setdefault(".".join(path[:-1]), {})[path[-1]] = value
+    return found
+
+
+def _is_device(path: Path) -> bool:
+    """Return whether a value belongs to a component of the device."""
+    return len(path) > 2 and any(path[: len(place)] == place for place in DEVICE)
+
+
+def _quantity(path: Path) -> Path:
+    return (*path[:-1], quantity_of(path[-1]))
+
+
+def _leaves(mapping: Mapping[str, Any], below: Path = ()) -> Iterator[tuple[Path, Any]]:
+    for key, value in mapping.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, (*below, key))
+        else:
+            yield (*below, key), value
