@@ -11,14 +11,27 @@ from typing import Any
 import yaml
 
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
+from twin_gait.configuration.readers import own_controller_document
 from twin_gait.configuration.sections import written
 from twin_gait.experiment import Experiment
 from twin_gait.gait import StateTable
 
 
+class _Dumper(yaml.SafeDumper):
+    """Writer of YAML in which texts of several lines stay readable."""
+
+
+_Dumper.add_representer(
+    str,
+    lambda dumper, text: dumper.represent_scalar(
+        "tag:yaml.org,2002:str", text, style="|" if "\n" in text else None
+    ),
+)
+
+
 def dump_yaml(mapping: dict[str, Any]) -> str:
     """Write a mapping as YAML, keys in their own order."""
-    return yaml.safe_dump(mapping, sort_keys=False, allow_unicode=True, width=110)
+    return yaml.dump(mapping, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
 def content_hash(mapping: dict[str, Any]) -> str:
@@ -46,6 +59,8 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     document = written(experiment)
     if experiment.modes is not None:
         document["modes"] = table_document(experiment.modes)
+    if experiment.controller is not None:
+        document["controller"] = own_controller_document(experiment.controller)
     return {
         "schema_version": SCHEMA_VERSION,
         **{key: value for key, value in document.items() if value != []},
