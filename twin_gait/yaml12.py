@@ -88,6 +88,14 @@ for _tag, (_pattern, _first) in _RESOLVERS.items():
     Loader.add_constructor(_tag, _construct_plain)
 
 
+def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
+    """Represent a text, one of several lines as a block that stays readable."""
+    return dumper.represent_scalar(f"{_TAG}str", text, style="|" if "\n" in text else None)
+
+
+Dumper.add_representer(str, _represent_text)
+
+
 def load_yaml(text: str) -> Any:
     """Return the value of a YAML document; raises yaml.YAMLError if it is not valid."""
     return yaml.load(text, Loader=Loader)  # a SafeLoader subclass

@@ -1,6 +1,7 @@
 """Parse the command line, run a command, turn errors into one line."""
 
 import argparse
+import contextlib
 import gc
 import os
 import sys
@@ -80,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns exit status: 0 done, 1 failed or diverged, 2 bad input, 70 an error that nobody foresaw, 130
     interrupted.
     """
-    terminal.write_on_any_terminal()
+    terminal.prepare_streams()
     terminal.warn_on_one_line()
     gc.set_threshold(COLLECT_AFTER)
     # Before NumPy is loaded: with two threads a fit takes half as long again, and twice the processor time.
@@ -93,14 +94,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         status = command(arguments)
         if arguments.command in ("simulate", "live") or getattr(arguments, "out", None) is not None:
             terminal.note_abandoned(arguments.out)
+        sys.stdout.flush()
         return status
     except KeyboardInterrupt:
         print("twin-gait: interrupted", file=sys.stderr)
         return terminal.INTERRUPTED
     except BrokenPipeError:
         # The reader of our output has gone (a pager that was closed): not an error of ours.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        terminal.discard_output()
         return terminal.DONE
+    except terminal.OutputError as error:
+        terminal.discard_output()
+        with contextlib.suppress(OSError):  # standard error may be full too
+            print(f"twin-gait: {error}", file=sys.stderr)
+        return terminal.FAILED
     except Exception as error:
         if "debug" in arguments:
             traceback.print_exception(error)

@@ -3,6 +3,7 @@
 import argparse
 import io
 import json
+import os
 import shlex
 import signal
 import sys
@@ -13,9 +14,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from twin_gait.exceptions import TwinGaitError
 from twin_gait.files import plain
 
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
+_STDERR = 2  # the last of the standard descriptors
 
 
 def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Any) -> None:
@@ -28,11 +31,66 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Any) -
     print("\n".join(lines))
 
 
-def write_on_any_terminal() -> None:
-    """Print on terminals that know no ° or σ too: what they cannot show becomes a question mark."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+class OutputError(TwinGaitError):
+    """Standard output cannot be written."""
+
+
+class _Output(io.TextIOWrapper):
+    """Standard output whose errors are told from those of other files."""
+
+    replaced: io.TextIOWrapper  # kept, because it would close the buffer that both share
+
+    def write(self, text: str, /) -> int:
+        """Write a text; OutputError if that is not possible."""
+        with _output_errors():
+            return super().write(text)
+
+    def flush(self) -> None:
+        """Write what is in the buffer; OutputError if that is not possible."""
+        with _output_errors():
+            super().flush()
+
+
+@contextmanager
+def _output_errors() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        reason = f"cannot be written ({error.strerror}); files are kept"
+        raise OutputError(f"standard output: {reason}") from error
+
+
+def prepare_streams() -> None:
+    """Prepare standard streams for any terminal: a question mark replaces a letter that it cannot show."""
+    _open_closed_streams()
+    out = sys.stdout
+    if type(out) is io.TextIOWrapper:
+        sys.stdout = _Output(out.buffer, out.encoding, "replace", line_buffering=out.line_buffering)
+        sys.stdout.replaced = out
+    if isinstance(sys.stderr, io.TextIOWrapper):
+        sys.stderr.reconfigure(errors="replace")
+
+
+def _open_closed_streams() -> None:
+    """Open closed standard streams on the null device.
+
+    Otherwise the next file that is opened takes their descriptors, and what is printed ends in it.
+    """
+    descriptor = os.open(os.devnull, os.O_RDWR)
+    while descriptor <= _STDERR:
+        os.set_inheritable(descriptor, True)
+        descriptor = os.open(os.devnull, os.O_RDWR)
+    os.close(descriptor)
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
+
+
+def discard_output() -> None:
+    """Send everything that is still printed to the null device."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def note_abandoned(out: Path | None) -> None:

@@ -9,6 +9,7 @@ import json
 from typing import Any
 
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
+from twin_gait.configuration.readers import own_controller_document
 from twin_gait.configuration.sections import written
 from twin_gait.experiment import Experiment
 from twin_gait.gait import StateTable
@@ -40,6 +41,8 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     document = written(experiment)
     if experiment.modes is not None:
         document["modes"] = table_document(experiment.modes)
+    if experiment.controller is not None:
+        document["controller"] = own_controller_document(experiment.controller)
     return {
         "schema_version": SCHEMA_VERSION,
         **{key: value for key, value in document.items() if value != []},

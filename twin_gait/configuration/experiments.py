@@ -14,7 +14,7 @@ from pydantic import create_model
 
 from twin_gait.configuration import gait_table_file, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
-from twin_gait.configuration.readers import SIDES, section_of, type_of
+from twin_gait.configuration.readers import SIDES, own_controller, section_of, type_of
 from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment, default_integration
@@ -60,6 +60,8 @@ def experiment_from_mapping(
         found["table"] = gait_table_file.gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
     if entry.modes is not None:
         found["modes"] = gait_table_file.mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
+    if entry.controller is not None:
+        found["controller"] = own_controller(entry.controller)
     if entry.integration is not None:
         braced, engine = found.get("interface") is not None, found.get("engine", Engine.COMPILED)
         standard, own = default_integration(engine, entry.scenario, braced=braced), entry.integration.values()
@@ -79,7 +81,7 @@ def _known(data: Mapping[str, Any], like: LoadedExperiment) -> dict[str, Any]:
     return {
         item.key: getattr(like.experiment, item.name)
         for item in declarations(Experiment)
-        if item.key not in ("table", "modes", "integration")
+        if item.key not in ("table", "modes", "integration", "controller")
         and isinstance(data.get(item.key), dict)
         and data[item.key] is like.document.get(item.key)
     }
@@ -186,6 +188,11 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
             changes.append((keys, value))
         else:
             data[key] = whole
+    paths = [keys for keys, _ in changes]
+    if data.get("controller") is not None and ["control", "mode"] in paths and ["controller"] not in paths:
+        raise ParameterFileError(
+            where, "control.mode", "the recorded controller takes its place; set controller=null too"
+        )
     document = _complete_document(data, where, path.parent)
     for keys, value in changes:
         document = validation.assign(document, keys, value)
@@ -201,7 +208,7 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
     for wearer in (defaults["patient"], defaults["control"].get("patient")):
         for side in SIDES if wearer is not None else ():
             wearer.pop(side, None)  # what a wearer does has no default but nothing
-    whole = {key: data[key] for key in ("table", "modes") if data.get(key) is not None}
+    whole = {key: data[key] for key in ("table", "modes", "controller") if data.get(key) is not None}
     typed = {key: value for key, value in data.items() if key not in (*whole, "modes", "provenance", "leg")}
     document = {**merge(defaults, typed), **whole}
     if experiment.network is not None and isinstance(document["network"], dict):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, create_model, model_validator
@@ -10,6 +11,7 @@ from twin_gait.configuration.sections import Section, reads
 from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.sections import type_of as type_of
 from twin_gait.configuration.validation import Flag, Number, Strict
+from twin_gait.control.own_controller import OwnController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
@@ -69,6 +71,41 @@ class PatientReader(Section):
         return document | {name: joints for name, joints in sides.items() if joints}
 
 
+class _OwnControllerFields(Strict):
+    """Record of a controller of the user's own, as a run folder has it."""
+
+    name: str
+    module: str
+    other_modules: list[str] = Field(default_factory=list)
+    source: str = ""
+    source_sha256: str
+    attributes: dict[str, Any] | None = None
+    attributes_sha256: str = ""
+    constants: dict[str, bool | int | float] = Field(default_factory=dict)
+
+
+# A keyword of Python is no name of a field in a class statement.
+OwnControllerReader: Any = create_model(  # type: ignore[call-overload]
+    "OwnController", __base__=_OwnControllerFields, **{"class": (str, ...)}
+)
+
+
+def own_controller(section: Any) -> OwnController:
+    """Return the record that a validated section holds."""
+    values = section.model_dump()
+    others = tuple(values.pop("other_modules"))
+    return OwnController(class_name=values.pop("class"), other_modules=others, **values)
+
+
+def own_controller_document(record: OwnController) -> dict[str, Any]:
+    """Return a record as the mapping of a file; what it does not have is left out."""
+    values = {"name": record.name, "module": record.module, "class": record.class_name, **asdict(record)}
+    values |= {"other_modules": list(record.other_modules), "source": values.pop("source")}
+    return {
+        key: value for key, value in values.items() if key != "class_name" and value not in ("", [], None)
+    }
+
+
 @reads(Experiment)
 class ExperimentReader(Section):
     """An experiment file, presets merged in."""
@@ -79,6 +116,7 @@ class ExperimentReader(Section):
     table: dict[str, Any]
     modes: dict[str, Any] | None = None
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
+    controller: OwnControllerReader | None = None
     provenance: dict[str, Any] | None = None
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any
 
+from twin_gait.control.own_controller import OwnController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlParameters, PlantParameters
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
@@ -106,6 +107,8 @@ class Experiment(Parameters):
         modes: Operating modes, or None where the legs walk by their own guards alone.
         initial_mode: In which the device begins; None for the first of the modes.
         requests: What is asked of the supervisor, and when.
+        controller: Record of a controller of the user's own that takes the place of ``control.mode``, or
+            None.
     """
 
     name: str
@@ -126,6 +129,7 @@ class Experiment(Parameters):
     modes: Annotated[ModeTable | None, AsInFile()] = None
     initial_mode: str | None = None
     requests: Annotated[tuple[TimedRequest, ...], Notation(parse_request)] = ()
+    controller: Annotated[OwnController | None, AsInFile()] = None
 
     def __post_init__(self) -> None:
         """Check the ranges, the joints of the table and the faults."""

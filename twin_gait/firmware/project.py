@@ -127,6 +127,11 @@ def print_project(experiment: Experiment) -> Project:
 def refuse_what_c_has_not(experiment: Experiment) -> None:
     """Refuse, with key, value and way out, what the simulation does in the firmware's place."""
     control, network = experiment.control, experiment.network
+    if experiment.controller is not None:
+        raise FirmwareError(
+            f"controller: {experiment.controller.name} of your own is not printed; set controller=null for "
+            "that of control.mode"
+        )
     unprinted = control.controller().unprinted
     if unprinted:
         raise FirmwareError(unprinted)

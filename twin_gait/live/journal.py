@@ -208,7 +208,9 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
     """
     with locked(journal):
         setup, columns, pieces = read_journal(journal)
-        problem = build_problem(experiment_from_mapping(setup["document"], "experiment", Path()))
+        experiment = experiment_from_mapping(setup["document"], "experiment", Path())
+        # The log does not depend on a controller of the user's own, whose module may be gone.
+        problem = replace(build_problem(replace(experiment, controller=None)), experiment=experiment)
         if columns != log_layout(problem).names:
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version writes; use the version that made it"

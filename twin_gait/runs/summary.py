@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 import twin_gait
+from twin_gait.experiment import Experiment
 from twin_gait.files import plain
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
@@ -55,6 +56,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "log_schema_version": LOG_SCHEMA_VERSION,
         "name": run.experiment.name,
         "engine": str(run.experiment.engine),
+        "controller": controller_in_words(run.experiment),
         "versions": versions(),
         "duration_s": run.duration,
         "wall_s": run.wall_s,
@@ -78,6 +80,12 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     }
     found: dict[str, Any] = plain(summary)
     return found
+
+
+def controller_in_words(experiment: Experiment) -> dict[str, str]:
+    """Return the name of the controller; of a user's own also module, class and hash of the source."""
+    own = experiment.controller
+    return {"name": str(experiment.control.mode)} if own is None else own.summary
 
 
 def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.control.controller import Controller, Plan, checked_setpoints, require_controller
+from twin_gait.control.own_controller import record_of, restored
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
@@ -109,10 +110,16 @@ class Problem:
 def build_problem(experiment: Experiment, own: Controller | None = None) -> Problem:
     """Lay an experiment out.
 
-    ``own``: controller that takes the place of the mode's. Raises ParameterError if the controller is none,
-    or what it gives cannot be used.
+    ``own``: controller that takes the place of the mode's; the experiment of the result has its record. By
+    default that of the experiment's record. Raises ParameterError if the controller is none, cannot be
+    restored from its record, or what it gives cannot be used.
     """
+    given = own
+    if own is None and experiment.controller is not None:
+        own = restored(experiment.controller)
     require_controller(experiment.control.controller() if own is None else own)
+    if given is not None:
+        experiment = replace(experiment, controller=record_of(given))
     control_model, controller = experiment.build_control_model(), experiment.control.controller(own)
     inertia = _inertia_of(control_model)
     plan = plan_of(experiment, control_model.sides, inertia)

@@ -55,7 +55,7 @@ class Controller:
             shares = dict.fromkeys(experiment.joints, TWINCARE_SHARE)
             assistance = replace(assistance, share=shares)
         control = replace(experiment.control, mode=ControlMode(self.law), assistance=assistance)
-        return replace(experiment, control=control)
+        return replace(experiment, control=control, controller=None)
 
 
 _ROWS = load_yaml(Path(__file__).with_name("controllers.yaml").read_text(encoding="utf-8"))
