@@ -148,8 +148,9 @@ def _mistakes_in_time(time: np.ndarray, max_gap: float) -> Iterator[str]:
         )
     if usual > LONGEST_GAP:
         yield (
-            f"advances by {usual:.3g} s from row to row; expected at most {LONGEST_GAP:g} s: name its unit "
-            "(--time-unit ms), or, if it is per cent of one stride, the duration (--cycle-time-s S)"
+            f"advances by {usual:.3g} s from row to row; expected at most {LONGEST_GAP:g} s, because slower "
+            "samples hide switches: name its unit (--time-unit ms), or, if it is per cent of one stride, the "
+            "duration (--cycle-time-s S)"
         )
     if steps[row] > max_gap:
         yield (

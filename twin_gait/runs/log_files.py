@@ -135,14 +135,7 @@ def read_text_table(path: Path, asked: Collection[str] = ()) -> LogTable:
     Comments, and lines above the names of the columns, are passed over; ``asked``: some of the names. A table
     without names has numbered columns. A line of units below the names is appended to the names in brackets.
     """
-    lines = _lines(path)
-    if (*lines, "")[0].strip(',; "\t') in _NEXUS_BLOCKS:
-        text = (
-            "is an export of Vicon Nexus, whose names are in three lines: delete all lines above the "
-            "numbers, and add one with a name for each column, such as time_s and left_hip_angle_deg"
-        )
-        raise ParameterFileError(path, "line 1", text)
-    layout = find_layout(lines, asked)
+    layout = find_layout(_lines_of_table(path), asked)
     frame = _cells(path, layout.rows, layout.separator)
     if layout.named:
         bare = frame.iloc[0].astype(str).str.strip()
@@ -152,6 +145,18 @@ def read_text_table(path: Path, asked: Collection[str] = ()) -> LogTable:
     else:
         frame = frame.rename(columns=lambda place: str(place + 1))
     return LogTable(str(path), frame, decimal=layout.decimal)
+
+
+def _lines_of_table(path: Path) -> list[str]:
+    """Return the lines of a table of text, unless it is an export of Vicon Nexus."""
+    lines = _lines(path)
+    if (*lines, "")[0].strip(',; "\t') in _NEXUS_BLOCKS:
+        text = (
+            "is an export of Vicon Nexus, whose names are in three lines: delete all lines above the "
+            "numbers, and add one with a name for each column, such as time_s and left_hip_angle_deg"
+        )
+        raise ParameterFileError(path, "line 1", text)
+    return lines
 
 
 def _read_storage(path: Path) -> LogTable:

@@ -64,17 +64,18 @@ def find_layout(lines: Sequence[str], asked: Collection[str] = ()) -> TextLayout
     """
     lines = used_lines(lines)
     stated = _SEPARATOR_LINE.fullmatch(lines[0].strip()) if lines else None
-    lines = lines[1:] if stated else lines
+    del lines[: stated is not None]
     first, named = _first_line(lines, asked)
-    header, body = lines[first : first + named], lines[first + named :]
-    separator = stated[1] if stated else _separator(header, body)
-    units = [cell.strip("[]()- ") for cell in _cells(body[0], separator)] if named and body else []
-    if not _states_units(units):
+    del lines[:first]
+    separator = stated[1] if stated else _separator(lines[:named], lines[named:PREAMBLE])
+    units = [cell.strip("[]()- ") for cell in _cells(lines[1], separator)] if named and len(lines) > 1 else []
+    if _states_units(units):
+        del lines[1]
+    else:
         units = []
-    body = body[1:] if units else body
-    text = "" if separator == "," else "\n".join(body)
+    text = "" if separator == "," else "\n".join(lines[named:])
     decimal = "," if _DECIMAL_COMMA.search(text) and not _DECIMAL_POINT.search(text) else "."
-    rows = [line.rstrip(" ").removesuffix(separator) for line in (*header, *body)]
+    rows = [line.rstrip(" ").removesuffix(separator) for line in lines]
     return TextLayout(separator, decimal, named, units, rows)
 
 
@@ -98,7 +99,7 @@ def bare_name(column: str) -> str:
 
 def _separator(header: Sequence[str], body: Sequence[str]) -> str:
     """Return the separator of the cells: the rows of numbers decide, or the names without such a row."""
-    numeric = next((line for line in body[:PREAMBLE] if _is_numeric(line)), None)
+    numeric = next(filter(_is_numeric, body), None)
     if numeric is not None:
         return _separator_of_row(numeric)
     line = (*header, *body, "")[0]
