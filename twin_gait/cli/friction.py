@@ -150,7 +150,7 @@ def _bench_of_logs(arguments: argparse.Namespace) -> of.BenchSetup | None:
         stated["current_delay"] = 1e-3 * arguments.current_delay_ms
     actuator = parameters.HIP_ACTUATOR if arguments.joint == "hip" else parameters.KNEE_ACTUATOR
     if "rotor_inertia" in motor:
-        motor["gear_inertia"] = 0.0  # part of what is given
+        motor["gear_inertia"] = 0.0  # It is part of the inertia that is given.
     return of.BenchSetup(actuator=replace(actuator, **motor), **stated)
 
 

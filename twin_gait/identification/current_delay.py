@@ -41,9 +41,9 @@ def estimate_delay(tests: Sequence[FrictionTest], bench: BenchSetup) -> Delay | 
         return None
     mass = np.array([test.mass for test in tests], dtype=float)[rows.test]
     load, across = (bench.load_torque(np.asarray(rows.angle) - turn, mass) for turn in (0.0, np.pi / 2))
-    accelerations = [np.gradient(test.velocity, test.time) for test in tests]
+    accelerations = [_derivative(test, test.velocity) for test in tests]
     acceleration = np.concatenate(accelerations)
-    jerks = [np.gradient(values, test.time) for values, test in zip(accelerations, tests, strict=True)]
+    jerks = [_derivative(test, values) for test, values in zip(tests, accelerations, strict=True)]
     expected = bench.inertia(mass) * np.concatenate(jerks) + across * rows.velocity
     measured = np.concatenate([test.motor_rate for test in tests])
     table = np.column_stack([load, across, acceleration, measured, expected, rows.torque])
@@ -65,6 +65,11 @@ def estimate_delay(tests: Sequence[FrictionTest], bench: BenchSetup) -> Delay | 
     scores = np.array([instruments[block == one].T @ error[block == one] for one in range(number)])
     variance = (inverse @ (scores.T @ scores) @ inverse.T)[-1, -1] * number / (number - 1)
     return Delay(float(shares[-1]), float(student.ppf(0.5 + LEVEL / 2.0, number - 1)) * math.sqrt(variance))
+
+
+def _derivative(test: FrictionTest, values: np.ndarray) -> np.ndarray:
+    """Return the derivative of values over the time of a test, shape ``(n,)``."""
+    return np.asarray(np.gradient(np.asarray(values), np.asarray(test.time)))
 
 
 def delay_warnings(

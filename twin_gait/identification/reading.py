@@ -169,7 +169,7 @@ _NEEDED = {
 _USELESS = {True: _CURRENTS, False: frozenset({Quantity.LOAD_TORQUE})}
 _SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
 _MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
-_WRAP = 0.1  # of a turn: what the joint moves at most while the encoder wraps
+_WRAP = 0.1  # Largest motion of the joint while the encoder wraps, as a share of a turn.
 _USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
 
 

@@ -193,7 +193,7 @@ def _factor(
 
 
 def _unit_notices(table: LogTable, found: _Columns, log_format: LogFormat) -> list[str]:
-    """Return how ``units`` relates to what names and header state, where it differs from them."""
+    """Return a notice if ``units`` has no effect, or overrides the header of the file."""
     given, columns = log_format.units, [found[name][0] for name in found if _UNITS[name] is ANGLES]
     if given is None:
         return []

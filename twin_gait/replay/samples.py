@@ -134,7 +134,7 @@ def repeat_stride(
 
 
 def _mistakes_in_time(time: np.ndarray, max_gap: float) -> Iterator[str]:
-    """Yield what is wrong with the instants of a log."""
+    """Yield the mistakes in the instants of a log."""
     if len(time) < 2:
         yield f"expected at least two samples, got {len(time)}"
     steps, duration = np.diff(time), time[-1] - time[0]
@@ -229,7 +229,7 @@ def _without_gaps(samples: Recording, time: np.ndarray, max_gap: float) -> Recor
 
 
 def _mistakes_in_angles(angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the unit or the sign of the angles of a log: key and text."""
+    """Yield the mistakes in unit or sign of the angles of a log: key and text."""
     for (side, joint), values in angles.items():
         degrees = np.degrees(values)
         if np.abs(degrees).max() > LARGEST_ANGLE:

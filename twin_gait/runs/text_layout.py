@@ -57,15 +57,15 @@ class TextLayout:
     rows: Sequence[str]  # lines of the table, the names first
 
 
-def find_layout(lines: Sequence[str], asked: Collection[str] = ()) -> TextLayout:
+def find_layout(lines: Sequence[str], required: Collection[str] = ()) -> TextLayout:
     """Find the layout of a table of text.
 
-    ``asked``: names of columns; a line with all of them is the line of the names.
+    ``required``: names of columns; a line with all of them is the line of the names.
     """
     lines = used_lines(lines)
     stated = _SEPARATOR_LINE.fullmatch(lines[0].strip()) if lines else None
     del lines[: stated is not None]
-    first, named = _first_line(lines, asked)
+    first, named = _first_line(lines, required)
     del lines[:first]
     separator = stated[1] if stated else _separator(lines[:named], lines[named:PREAMBLE])
     units = [cell.strip("[]()- ") for cell in _cells(lines[1], separator)] if named and len(lines) > 1 else []
@@ -79,11 +79,11 @@ def find_layout(lines: Sequence[str], asked: Collection[str] = ()) -> TextLayout
     return TextLayout(separator, decimal, named, units, rows)
 
 
-def _first_line(lines: Sequence[str], asked: Collection[str]) -> tuple[int, bool]:
+def _first_line(lines: Sequence[str], required: Collection[str]) -> tuple[int, bool]:
     """Return the line in which the table begins, and whether it holds the names."""
-    for number, line in enumerate(lines[:PREAMBLE] if asked else ()):
+    for number, line in enumerate(lines[:PREAMBLE] if required else ()):
         rows = (_cells(line, separator) for separator in (*SEPARATORS, BLANKS))
-        if any(set(asked) <= {*row, *map(bare_name, row)} for row in rows):
+        if any(set(required) <= {*row, *map(bare_name, row)} for row in rows):
             return number, True
     first = next((number for number, line in enumerate(lines[:PREAMBLE]) if _is_numeric(line)), None)
     if first is None or first == 0:
