@@ -140,7 +140,7 @@ def test_a_table_of_ones_own_is_read_from_its_file(tmp_path, capsys):
 
 def test_a_folder_is_replaced_with_force_only_and_only_if_it_is_a_replay(tmp_path, capsys):
     log = tmp_path / "log.csv"
-    log.write_text("time_s,left_hip_angle_deg,left_knee_angle_deg\n0,10,5\n1,-20,5\n")
+    log.write_text("time_s,left_hip_angle_deg,left_knee_angle_deg\n0,10,5\n0.1,-20,5\n")
     command = ["replay", log, "--table", "bench_leg", "--no-pictures", "--out"]
     out = tmp_path / "out"
     assert run(*command, out) == 0

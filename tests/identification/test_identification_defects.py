@@ -80,8 +80,8 @@ def test_lines_before_the_column_names_are_passed_over(tmp_path, before):
 
 
 REFUSED = {
-    "line of units": (
-        text_of().replace("tau2\n", "tau2\ns,deg/s,Nm\n"),
+    "line of unknown units": (
+        text_of().replace("tau2\n", "tau2\ns,deg/s,lbft\n"),
         "expected a finite number in row 1, got",
     ),
     "dates": (

@@ -445,7 +445,7 @@ def test_a_binary_file_and_a_missing_one_are_refused(tmp_path):
     path.write_bytes(b"\x00\x01\x02" * 100)
     with pytest.raises(ParameterFileError, match="is not a text file"):
         read_log(path)
-    path.write_bytes(b"\xff\xfe velocity")
+    path.write_bytes(b"\xe9\xfe velocity")
     with pytest.raises(ParameterFileError, match="cannot be read as UTF-8 text"):
         read_log(path)
     with pytest.raises(ParameterFileError, match="No such file"):

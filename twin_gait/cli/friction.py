@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,12 @@ _BENCH = {
     "lever": ("--lever-m", "B", "from the axis to the weight (0.30)"),
     "link_inertia": ("--link-inertia-kgm2", "J", "about the axis (0.02)"),
     "link_moment": ("--link-moment-kgm", "S", "mass of the link times its arm (0)"),
+}
+# Numbers of the motor on the bench, by their field of ActuatorParameters; those of --joint without them.
+_MOTOR = {
+    "torque_constant": ("--torque-constant", "NM_PER_A", "torque constant of the motor (that of --joint)"),
+    "gear_ratio": ("--gear-ratio", "N", "turns of the motor in one turn of the joint (that of --joint)"),
+    "rotor_inertia": ("--rotor-inertia", "KGM2", "rotor and gear, at the motor (that of --joint)"),
 }
 
 
@@ -51,9 +58,12 @@ def add_parser(commands: Any) -> None:
     add("--physical", action="store_true", help="no negative friction, break-away at least Coulomb")
     add("--no-cross-validation", action="store_true", help="do not leave files out in turn")
     bench = parser.add_argument_group("test bench, for logs with a current")
-    for field, (flag, unit, text) in _BENCH.items():
+    for field, (flag, unit, text) in {**_BENCH, **_MOTOR}.items():
         bench.add_argument(flag, dest=field, type=float, metavar=unit, help=text)
     bench.add_argument("--start-angle-deg", type=float, metavar="A", help="first angle of every log (90)")
+    text = "time by which the current leads the angle in the logs in ms; negative if it lags (0)"
+    bench.add_argument("--current-delay-ms", type=float, metavar="MS", help=text)
+    bench.add_argument("--unwrap", action="store_true", help="the encoder starts again at each turn")
     bench.add_argument("--angles-as-logged", action="store_true", help="leave the angles as they are")
     options.add(parser, "--seed", "--no-pictures", "--json")
 
@@ -114,7 +124,7 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
     SEEDS.require("--seed", arguments.seed)
     names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)
     return of.IdentificationOptions(
-        columns=of.LogColumns(names=names, units=units),
+        columns=of.LogColumns(names=names, units=units, unwrap=arguments.unwrap),
         bench=_bench_of_logs(arguments),
         processing=of.Processing(arguments.processing),
         fit=of.FitOptions(physical=arguments.physical, seed=arguments.seed),
@@ -124,16 +134,24 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
 
 
 def _bench_of_logs(arguments: argparse.Namespace) -> of.BenchSetup | None:
-    """The bench; None without a joint, whose motor would be unknown."""
+    """Return the bench; None without a joint and a motor, because the torque constant would be unknown."""
+    motor: dict[str, Any] = options.given(**{field: getattr(arguments, field) for field in _MOTOR})
     if arguments.joint is None:
-        return None
+        if not motor:
+            return None
+        if missing := [flag for field, (flag, _, _) in _MOTOR.items() if field not in motor]:
+            raise ParameterError(f"--joint: without it a motor needs {', '.join(missing)}, too")
     stated: dict[str, Any] = options.given(**{field: getattr(arguments, field) for field in _BENCH})
     if arguments.start_angle_deg is not None:
         stated["start_angle"] = math.radians(arguments.start_angle_deg)
     if arguments.angles_as_logged:
         stated["start_angle"] = None
-    actuator = parameters.KNEE_ACTUATOR if arguments.joint == "knee" else parameters.HIP_ACTUATOR
-    return of.BenchSetup(actuator=actuator, **stated)
+    if arguments.current_delay_ms is not None:
+        stated["current_delay"] = 1e-3 * arguments.current_delay_ms
+    actuator = parameters.HIP_ACTUATOR if arguments.joint == "hip" else parameters.KNEE_ACTUATOR
+    if "rotor_inertia" in motor:
+        motor["gear_inertia"] = 0.0  # It is part of the inertia that is given.
+    return of.BenchSetup(actuator=replace(actuator, **motor), **stated)
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:

@@ -47,9 +47,12 @@ def add_parser(commands: Any) -> None:
     add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
     add("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
     add("--convention", metavar="NAME", help="names and signs of the angles in the log")
-    text = "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state"
+    text = "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state; -NAME turns the sign"
     add("--columns", default="", metavar="Q=NAME,…", help=text)
-    add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
+    add("--units", choices=["deg", "rad"], help="unit of angles whose names do not state it")
+    add("--time-unit", metavar="UNIT", help="unit of the time, if its name does not state it (s)")
+    add("--cycle-time-s", type=float, metavar="S", help="the log is one stride of S, its time a share of it")
+    add("--max-gap-s", type=float, metavar="S", help="longest gap that is interpolated (0.1)")
     add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
     add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
@@ -159,6 +162,9 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         convention=named and find_convention(named),
         columns=options.pairs("--columns", arguments.columns),
         units=arguments.units,
+        time_unit=arguments.time_unit,
+        cycle_time=arguments.cycle_time_s,
+        **options.given(max_gap=arguments.max_gap_s),
     )
     result = replay.replay_log(
         arguments.log,

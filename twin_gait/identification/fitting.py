@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import median_abs_deviation, qmc
 
-from twin_gait.identification.laws import SIGNED
+from twin_gait.identification.laws import BRISTLE_DAMPING, SIGNED
 from twin_gait.identification.models import FrictionModel, Samples, thinned, thinned_path
 
 HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count linearly
@@ -82,8 +82,14 @@ class Fit:
 
 
 def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> Bounds:
-    """Bounds of the parameter vector, scaled to the samples."""
-    low = [0.0 if physical and name not in SIGNED else -math.inf for name in model.coefficients]
+    """Return the bounds of the parameter vector, scaled to the samples.
+
+    The damping of bristles is never negative: at every reversal they would release energy.
+    """
+    low = [
+        0.0 if name == BRISTLE_DAMPING or (physical and name not in SIGNED) else -math.inf
+        for name in model.coefficients
+    ]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
         scale = item.scale(samples)

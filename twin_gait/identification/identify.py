@@ -11,6 +11,7 @@ import numpy as np
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification import statistics
+from twin_gait.identification.current_delay import delay_warnings
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.laws import MODELS, OFFSET
 from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
@@ -183,6 +184,7 @@ def identify_tests(
         warnings=(
             *flipped,
             *balance_warnings(tests, options.bench, options.processing),
+            *delay_warnings(tests, options.bench, options.processing),
             *_file_warnings(tests, options.bench),
             *_sample_warnings(samples),
         ),

@@ -42,7 +42,7 @@ def spans_in_a_turn(samples: Samples) -> float:
 
 
 _COULOMB, _VISCOUS, OFFSET = "coulomb_friction_Nm", "viscous_friction_Nms_per_rad", "offset_Nm"
-_BREAKAWAY, _BRISTLE_DAMPING = "breakaway_torque_Nm", "bristle_damping_Nms_per_rad"
+_BREAKAWAY, BRISTLE_DAMPING = "breakaway_torque_Nm", "bristle_damping_Nms_per_rad"
 _BOTH_WAYS = "viscous_friction_forward_Nm", "viscous_friction_backward_Nm"
 _PER_LOAD = "coulomb_per_load"
 _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
@@ -229,7 +229,7 @@ def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     return _bristles(samples, np.array([eta[0], 1.0, 1.0]), 1.0, (beta[0], 0.0), rest)
 
 
-@_model((_COULOMB, _BRISTLE_DAMPING, _VISCOUS), _BRISTLES, _RATIO, _STRIBECK, **_DYNAMIC)
+@_model((_COULOMB, BRISTLE_DAMPING, _VISCOUS), _BRISTLES, _RATIO, _STRIBECK, **_DYNAMIC)
 def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """σ0 z + σ1 ż + d ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−(ω/ω_st)²).
 
@@ -239,7 +239,7 @@ def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     return _bristles(samples, eta, 2.0, (beta[0], beta[1]), rest)
 
 
-@_model((_COULOMB, _BRISTLE_DAMPING, *_BOTH_WAYS, OFFSET), _BRISTLES, _RATIO, *_CURVE, **_DYNAMIC)
+@_model((_COULOMB, BRISTLE_DAMPING, *_BOTH_WAYS, OFFSET), _BRISTLES, _RATIO, *_CURVE, **_DYNAMIC)
 def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """T_0 + σ0 z + σ1 ż + d± |ω|^α sgn ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−|ω/ω_st|^δ).
 

@@ -30,6 +30,7 @@ class FrictionTest:
     time: np.ndarray | None = None
     angle: np.ndarray | None = None  # joint angle in [rad], or None
     load: np.ndarray | None = None  # load torque in [N m], or None
+    motor_rate: np.ndarray | None = None  # rate of the motor's torque at the joint in [N m] / [s], or None
     temperature: np.ndarray | None = None  # in [°C], or None
     mass: float | None = None  # weight on the link in [kg], or None
     # how many samples were read, used, and rejected by cause

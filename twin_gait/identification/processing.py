@@ -34,6 +34,8 @@ class BenchSetup(quantities.Parameters):
         start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
         load_angle: Form of the load torque.
         mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
+        current_delay: Time by which the current leads the angle in the logs in [s]; it is delayed by it. A
+            current that is logged at the start of the period in which it is held leads by half a period.
     """
 
     actuator: ActuatorParameters
@@ -44,6 +46,7 @@ class BenchSetup(quantities.Parameters):
     start_angle: Annotated[quantities.Angle | None, BENCH_STOPS] = HORIZONTAL
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
+    current_delay: Annotated[quantities.Time, quantities.Range(-0.05, 0.05)] = 0.0
 
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
         """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
@@ -142,6 +145,7 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
     current = next(filter(columns.__contains__, currents), currents[0])
     _needed(log, current)
     motor_torque = columns[current] * bench.actuator.torque_constant * bench.actuator.gear_ratio  # K_t τ I
+    motor_torque = np.interp(time - bench.current_delay, time, smooth(motor_torque))
     if thesis:
         speed = columns.get(Quantity.VELOCITY, np.gradient(raw, 1.0 / rate))
         motion = _late_motion(speed[::step], recorded[::step], rate / step)
@@ -149,7 +153,7 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
         motion = tuple(item[::step] for item in _motion(angle, recorded, rate, guard))
     velocity, acceleration, settled = motion
     angle, inertial = angle[::step], bench.inertia(mass) * acceleration
-    torque = smooth(motor_torque)[::step] + load - inertial
+    torque = motor_torque[::step] + load - inertial
     stopped = signals.hard_stop(angle, _impact(raw, cutoff, rate, step), int(RATE / cutoff))
     kept = settled & ~stopped
     if kept.any():
@@ -170,6 +174,7 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
         time=time[::step],
         angle=angle,
         load=load,
+        motor_rate=np.gradient(motor_torque, 1.0 / rate)[::step],
         temperature=None if temperature is None else smooth(temperature)[::step],
         mass=mass,
         counts={
@@ -280,6 +285,7 @@ def balance_warnings(
         return []
     return [
         f"by the current the weight's torque is {gain:.2f} times what mass and lever say, and the angle "
-        f"{tilt:+.0f}° too large (expected 1 and 0): check --joint, --mass, --lever-m, --link-inertia-kgm2, "
-        "the unit of the current, and --start-angle-deg for logs that do not begin with the link horizontal"
+        f"{tilt:+.0f}° too large (expected 1 and 0): check --joint or --torque-constant, --gear-ratio and "
+        "--rotor-inertia of the motor, --mass, --lever-m, --link-inertia-kgm2, the unit of the current, and "
+        "--start-angle-deg for logs that do not begin with the link horizontal"
     ]

@@ -16,6 +16,7 @@ import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 
 from twin_gait.exceptions import ParameterFileError
+from twin_gait.runs.column_units import ANGLES, TIMES, find_unit, plain_name, split_heading
 from twin_gait.runs.log_files import LogTable, read_text_table
 
 
@@ -40,15 +41,13 @@ class Kind(NamedTuple):
     largest: float = math.inf  # beyond this no joint of a robot goes; such a column is in another unit
 
 
-_TURN = 2.0 * math.pi  # [rad]
-_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}
-_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": _TURN}
-_SPEEDS = {**{f"{name}/s": factor for name, factor in _ANGLES.items()}, "rev/s": _TURN, "rpm": _TURN / 60.0}
+_TURN = ANGLES["turn"]  # [rad]
+_SPEEDS = {**{f"{name}/s": factor for name, factor in ANGLES.items()}, "rev/s": _TURN, "rpm": _TURN / 60.0}
 _TORQUES = {"Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 _AMPERES = {"A": 1.0, "mA": 1e-3}
 KINDS: Mapping[Quantity, Kind] = {
-    Quantity.TIME: Kind(("time", "t", "timestamp"), _TIMES),
-    Quantity.ANGLE: Kind(("position", "angle", "theta", "q"), _ANGLES, 60.0),
+    Quantity.TIME: Kind(("time", "t", "timestamp"), TIMES),
+    Quantity.ANGLE: Kind(("position", "angle", "theta", "q"), ANGLES, 60.0),
     Quantity.VELOCITY: Kind(("velocity", "omega", "speed", "dq", "qd"), _SPEEDS, 60.0),
     Quantity.FRICTION_TORQUE: Kind(
         ("friction_torque", "torque_friction", "t_fr", "tau_f"), _TORQUES, 2_000.0
@@ -59,26 +58,7 @@ KINDS: Mapping[Quantity, Kind] = {
     Quantity.TEMPERATURE: Kind(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
 }
 
-# A unit stands behind a name: ``velocity [deg/s]`` or ``velocity_deg_per_s``.
-_HEADING = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])]|_([^\W_]+(?:_per_[^\W_]+)?))?")
-_WAYS_TO_WRITE = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}
 _WEIGHT = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
-
-
-def _heading(column: str, quantity: Quantity) -> tuple[str, str | None]:
-    """A column's name without its unit, and the unit as it is written."""
-    found = _HEADING.fullmatch(column.strip())
-    name, bracketed, behind = found.groups() if found else (column.strip(), None, None)
-    if behind and "_per_" not in behind and _known_unit(behind, quantity) is None:
-        return column.strip(), None  # the last word of a name
-    return name, bracketed or behind
-
-
-def _known_unit(text: str | None, quantity: Quantity) -> str | None:
-    """A unit in the way it is written here, or None if it is none of the quantity."""
-    wanted = (text or "").strip().replace(" ", "").replace("·", "").replace("_per_", "/")
-    wanted = _WAYS_TO_WRITE.get(wanted, wanted)
-    return wanted if wanted in KINDS[quantity].units else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +69,7 @@ class LogColumns:
     names: Mapping[Quantity, str] = field(default_factory=dict)
     # unit of a quantity, where the column does not state it; SI without one
     units: Mapping[Quantity, str] = field(default_factory=dict)
+    unwrap: bool = False  # whether the angle is that of an encoder that starts again at each turn
 
 
 def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
@@ -97,13 +78,8 @@ def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[st
     asked_for = {name.lstrip("-") for name in columns.names.values()}
     free = [name for name in table.names if name not in asked_for]
     for quantity in Quantity:
-        asked, sign = columns.names.get(quantity), 1.0
-        if asked is None:
-            name = _known_column(free, quantity)
-        else:
-            if asked.startswith("-") and asked not in table:
-                sign, asked = -1.0, asked[1:].strip()
-            name = table.full_name(asked)
+        asked = columns.names.get(quantity)
+        name, sign = (_known_column(free, quantity), 1.0) if asked is None else table.signed_name(asked)
         if name is not None:
             if name in (held for held, _ in found.values()):
                 raise ParameterFileError(table.source, name, f"is given for {quantity} and another quantity")
@@ -114,22 +90,23 @@ def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[st
 
 def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
     """The one column whose name is the quantity's; an optional one in a strange unit is left."""
-    headings = [_heading(name, quantity) for name in names]
-    plain = [name.strip().lower().replace(" ", "_") for name, _ in headings]
+    units = KINDS[quantity].units
+    plain = [plain_name(name, units) for name in names]
     known = next((name for name in KINDS[quantity].names if plain.count(name) == 1), None)
     if known is None:
         return None
     place = plain.index(known)
-    stated = headings[place][1]
-    strange = stated is not None and _known_unit(stated, quantity) is None
+    stated = split_heading(names[place], units)[1]
+    strange = stated is not None and find_unit(stated, units) is None
     optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
     return None if optional and strange else names[place]
 
 
 def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
     """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
-    units, (_, stated) = KINDS[quantity].units, _heading(column, quantity)
-    known, told = _known_unit(stated, quantity), _known_unit(given, quantity)
+    units = KINDS[quantity].units
+    _, stated = split_heading(column, units)
+    known, told = find_unit(stated, units), find_unit(given, units)
     wrong = given if given and not told else stated if not told and not known else None
     if wrong:
         text = f"no unit {wrong!r} of {quantity} is known; give one of {', '.join(units)} with --units"
@@ -149,6 +126,7 @@ class Log:
     # of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty
     columns: Mapping[Quantity, np.ndarray]
     mass: float | None = None  # weight on the link in [kg], if the file's name says so
+    notices: tuple[str, ...] = ()  # deviations from the format that were accepted, one line each
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
@@ -172,7 +150,11 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     values = {quantity: table.numbers(name, gaps=True) * factor for quantity, (name, factor) in found.items()}
     weight = _WEIGHT.search(path.name)
     mass = float(re.sub("[,p]", ".", weight[1].lower())) if weight else None
-    return Log(str(path), values, mass)
+    if columns.unwrap and Quantity.ANGLE in values:
+        angle = values[Quantity.ANGLE]
+        known = np.isfinite(angle)
+        angle[known] = np.unwrap(angle[known])
+    return Log(str(path), values, mass, table.notices)
 
 
 FEWEST = 20  # samples of a test
@@ -187,6 +169,7 @@ _NEEDED = {
 _USELESS = {True: _CURRENTS, False: frozenset({Quantity.LOAD_TORQUE})}
 _SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
 _MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
+_WRAP = 0.1  # Largest motion of the joint while the encoder wraps, as a share of a turn.
 _USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
 
 
@@ -198,7 +181,7 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     """
     series = Quantity.FRICTION_TORQUE in log.columns
     columns = {name: values for name, values in log.columns.items() if name not in _USELESS[series]}
-    needed, notes = _NEEDED[series], list[str]()
+    needed, notes = _NEEDED[series], list(log.notices)
 
     def refuse(quantity: Quantity, why: str) -> None:
         """Leave a column out; a log is not read without one that is needed."""
@@ -226,6 +209,8 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     columns.update({quantity: rows[quantity].to_numpy() for quantity in columns})
     for quantity in sorted(_MEASURED.intersection(columns)):
         _check_mark(log.source, quantity, columns[quantity])
+    if Quantity.ANGLE in columns and (doubt := _wrapping(columns[Quantity.ANGLE])):
+        refuse(Quantity.ANGLE, doubt)
     if doubt := _disorder(columns, notes, series=series):
         refuse(Quantity.TIME, doubt)
     for quantity in sorted(columns):
@@ -282,6 +267,14 @@ def _beyond(quantity: Quantity, values: np.ndarray) -> str:
     if found <= KINDS[quantity].largest:
         return ""
     return f"reaches {found:.4g} {unit}: of a joint? Declare its unit, such as --units {quantity}={other}"
+
+
+def _wrapping(angle: np.ndarray) -> str:
+    """Return a text about an encoder that starts again at each turn; empty if the angle is continuous."""
+    jumps = np.abs(np.abs(np.diff(angle)) - _TURN) < _WRAP * _TURN
+    if not jumps.any():
+        return ""
+    return f"jumps by a turn {jumps.sum()} times, as an encoder that starts again at each turn: add --unwrap"
 
 
 def _wrong_slope(columns: Mapping[Quantity, np.ndarray]) -> str:

@@ -136,7 +136,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     free, scale = free[scale > 0.0], scale[scale > 0.0]
     unit = matrix[:, free] / scale
     rank = int(np.linalg.matrix_rank(unit.T @ unit, tol=_RANK, hermitian=True)) if len(free) else 0
-    block = _blocks(rows.test[rows.used])
+    block = blocks_of(rows.test[rows.used])
     number = int(block[-1]) + 1
     if rank < max(len(free), 1) or number < 2:
         unknown, nothing = (-math.inf, math.inf), np.full((model.size, model.size), math.nan)
@@ -156,8 +156,8 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     return Uncertainty(_intervals(fit, reported, number), correlations, errors, number)
 
 
-def _blocks(test: np.ndarray) -> np.ndarray:
-    """Number of the block of each sample: its test, or a stretch of it where tests are few."""
+def blocks_of(test: np.ndarray) -> np.ndarray:
+    """Return the number of the block of each sample: its test, or a stretch of it if tests are few."""
     _, index, lengths = np.unique(test, return_inverse=True, return_counts=True)
     pieces = 1 if len(lengths) >= FEWEST_TESTS else -(-BLOCKS // len(lengths))
     place = np.arange(len(index)) - (np.cumsum(lengths) - lengths)[index]

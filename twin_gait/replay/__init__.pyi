@@ -2,9 +2,9 @@ from .machine import Replay as Replay
 from .machine import replay as replay
 from .machine import replay_log as replay_log
 from .recording import LogFormat as LogFormat
-from .recording import Recording as Recording
-from .recording import at_ticks as at_ticks
 from .recording import normative_walk as normative_walk
 from .recording import read_recording as read_recording
+from .samples import Recording as Recording
+from .samples import at_ticks as at_ticks
 from .writing import summarise_replay as summarise_replay
 from .writing import write_replay as write_replay

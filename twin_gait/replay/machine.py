@@ -25,7 +25,8 @@ from twin_gait.gait.machine import POSTURE, GaitStateMachine, PhaseSwitch
 from twin_gait.gait.scaling import scale_table
 from twin_gait.parameters import SensorParameters
 from twin_gait.parameters.quantities import POSITIVE
-from twin_gait.replay.recording import LogFormat, Recording, is_normative, normative_walk, read_recording
+from twin_gait.replay.recording import LogFormat, is_normative, normative_walk, read_recording
+from twin_gait.replay.samples import Recording
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import Side
 
@@ -178,10 +179,13 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
     path = Path(log).expanduser()
     if is_normative(log):
         if log_format != LogFormat():
-            raise ParameterError(f"{log}: has no columns to choose; leave columns, units, convention out")
+            text = "is no log; leave columns, units, convention, gaps and the time of a cycle out"
+            raise ParameterError(f"{log}: {text}")
         return normative_walk(log), None
     if not path.is_dir():
         return read_recording(path, log_format), None
+    if log_format.cycle_time is not None:
+        raise ParameterError(f"cycle_time: {log} is a run, whose time is in seconds; leave it out")
     recording = replace(read_recording(path / LOG_FILE, log_format), source=log)
     return recording, load_experiment(path / EXPERIMENT_FILE).experiment
 

@@ -1,139 +1,47 @@
-"""A recorded walk at the ticks of the controller: from the columns of a log file, or from the literature."""
+"""Read a recorded walk: from the columns of a log file, or from the literature."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from twin_gait.control import SafetyState
 from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Convention
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import LONGEST_RUN
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK
 from twin_gait.measures import reference
-from twin_gait.parameters import Patient, SensorParameters, require
+from twin_gait.parameters import Patient, require
+from twin_gait.parameters.quantities import POSITIVE
+from twin_gait.replay.samples import LONGEST_GAP, Recording, at_ticks, repeat_stride
+from twin_gait.runs.column_units import ANGLES, FORCES, TIMES, find_unit, plain_name, split_heading
 from twin_gait.runs.log_files import LogTable, number_of, read_table
 from twin_gait.vocabulary import JointName, Side
 
-# A log whose instants are those of the ticks to this precision is taken as it is.
-SAME_INSTANT = 1e-6  # [s]
-# A knee bends backwards by a few degrees at most; beyond this the sign convention is the wrong one.
-FURTHEST_BACKWARDS = -30.0  # [deg]
-LARGEST_ANGLE = 180.0  # [deg]; beyond it degrees were taken for radians
-LONGEST_GAP, GAP_ROWS = 0.1, 5.0  # [s] and usual rows: a longer gap hides switches
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """A walk, one value a tick."""
-
-    source: str  # where it comes from, for messages and titles
-    start: float  # time of the first tick in [s]
-    # of each joint of each leg in [rad], flexion and dorsiflexion positive, shape ``(n,)``
-    angles: Mapping[tuple[Side, str], np.ndarray]
-    loads: Mapping[Side, np.ndarray]  # normal force of the foot in [N], where it was recorded, shape ``(n,)``
-    phases: Mapping[Side, np.ndarray]  # recorded phase by name, where there is one, shape ``(n,)``
-    # signals of the device by name in SI, where they were recorded, shape ``(n,)``
-    device: Mapping[str, np.ndarray] = field(default_factory=dict)
-    body_weight: float | None = None  # of wearer and device in [N], for guards on the load of the foot
-    # phase in which a leg begins, where it is not the recorded one of tick 0
-    starts: Mapping[Side, str] = field(default_factory=dict)
-    # phases into which operating modes sent both legs, by tick
-    postures: Mapping[int, str] = field(default_factory=dict)
-    fast_time_constant: float = SensorParameters.fast_time_constant  # of the velocity estimate in [s]
-
-    @property
-    def sides(self) -> tuple[Side, ...]:
-        """Legs that were recorded."""
-        return tuple(dict.fromkeys(side for side, _ in self.angles))
-
-    @property
-    def n_ticks(self) -> int:
-        """Number of ticks."""
-        return len(next(iter(self.angles.values())))
-
-    @property
-    def time(self) -> np.ndarray:
-        """Time of each tick in [s], shape ``(n,)``."""
-        return self.start + np.arange(self.n_ticks) * TICK
-
-
-def at_ticks(samples: Recording, time: np.ndarray) -> Recording:
-    """Bring samples of any rate to ticks of 1 ms.
-
-    Samples that lie on the ticks are kept bit for bit. Others are interpolated by PCHIP, a cubic that neither
-    overshoots nor leaves corners, so that the velocity estimate sees no steps; a phase holds until the next
-    sample. ``samples``: a walk, finite, one value an instant in place of a tick; ``time`` of the instants in
-    [s], finite, shape ``(n,)``. Raises ParameterFileError if there are too few samples, times that do not
-    ascend, a gap of more than ``LONGEST_GAP`` and ``GAP_ROWS`` usual rows, a length beyond an hour, or if an
-    angle cannot be one in that unit and sign.
-    """
-    for key, problem in _mistakes(time, samples.angles):
-        raise ParameterFileError(samples.source, key, problem)
-    recorded = replace(samples, start=float(time[0]))
-    grid = time[0] + np.arange(round((time[-1] - time[0]) / TICK) + 1) * TICK
-    if len(grid) == len(time) and np.abs(time - grid).max() <= SAME_INSTANT:
-        return recorded
-    grid = grid[grid <= time[-1] + SAME_INSTANT]
-    held = np.clip(np.searchsorted(time, grid + SAME_INSTANT, side="right") - 1, 0, len(time) - 1)
-
-    def smooth(columns: Mapping[Any, np.ndarray]) -> dict[Any, np.ndarray]:
-        within = np.minimum(grid, time[-1])
-        return {name: PchipInterpolator(time, values)(within) for name, values in columns.items()}
-
-    return replace(
-        recorded,
-        angles=smooth(samples.angles),
-        loads=smooth(samples.loads),
-        phases={side: names[held] for side, names in samples.phases.items()},
-        device=smooth(samples.device),
-    )
-
-
-def _mistakes(time: np.ndarray, angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterator[tuple[str, str]]:
-    """What is wrong with the instants of a log, then with the unit or sign of its angles: key and text."""
-    if len(time) < 2:
-        yield "time", f"expected at least two samples, got {len(time)}"
-    steps, duration = np.diff(time), time[-1] - time[0]
-    row, last = int(steps.argmax()), int(steps.argmin())
-    if steps[last] < SAME_INSTANT:
-        yield "time", f"must ascend, but {time[last + 1]:g} s follows {time[last]:g} s in row {last + 2}"
-    if not TICK <= duration <= LONGEST_RUN:
-        yield "time", f"spans {duration:g} s; expected seconds, {TICK:g} to {LONGEST_RUN:g}: cut it"
-    if steps[row] > max(LONGEST_GAP, GAP_ROWS * float(np.median(steps))):
-        text = f"has no rows for {steps[row]:.3g} s from {time[row]:g} s on (row {row + 1}); cut it there"
-        yield "time", text
-    for (side, joint), values in angles.items():
-        degrees = np.degrees(values)
-        if np.abs(degrees).max() > LARGEST_ANGLE:
-            text = f"reaches {np.abs(degrees).max():.4g} deg; are the --units of the log right?"
-            yield f"{side} {joint}", text
-        if joint == JointName.KNEE and degrees.min() < FURTHEST_BACKWARDS:
-            text = f"bends backwards by {-degrees.min():.0f} deg; flexion must come out positive"
-            yield f"{side} {joint}", f"{text}, so choose the --convention and --units of the log"
-
-
 TIME = "time"
-_UNIT_ENDINGS = {"_rad": RADIANS, "_deg": DEGREES, "[rad]": RADIANS, "[deg]": DEGREES, "(deg)": DEGREES}
+STRIDES = 8  # of a walk that is one stride, repeated
 _ANGLES = {f"{side}_{joint}_angle": (side, joint) for side, joint in product(Side, JointName)}
 _LOADS = {side: f"{side}_foot_normal_force" for side in Side}
 _PHASES = {side: f"{side}_phase" for side in Side}
 _OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
-# By quantity what its column is usually called. The controller saw the measured angle; a log of another
-# device may have degrees.
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    TIME: TIMES,
+    **dict.fromkeys(_ANGLES, ANGLES),
+    **dict.fromkeys(_LOADS.values(), FORCES),
+    **{name: {} for name in _PHASES.values()},
+    **{name: ANGLES if signal.column.endswith("_rad") else {} for name, signal in _OF_DEVICE.items()},
+}
+# Usual names of the column of a quantity, without the unit. The best is first: the controller reads the
+# measured angle.
 _USUAL: Mapping[str, tuple[str, ...]] = {
-    TIME: ("time_s", "time", "Time", "t"),
-    **{name: (f"{name[:-5]}measured_angle_rad", f"{name}_rad", f"{name}_deg") for name in _ANGLES},
-    **{name: (f"{name}_N",) for name in _LOADS.values()},
-    **{name: (name,) for name in _PHASES.values()},
-    **{name: (signal.column,) for name, signal in _OF_DEVICE.items()},
+    TIME: ("time", "t", "timestamp"),
+    **{name: (f"{name[:-5]}measured_angle", name) for name in _ANGLES},
+    **{name: (name.lower(),) for name in (*_LOADS.values(), *_PHASES.values())},
+    **{name: (plain_name(signal.column, _UNITS[name]),) for name, signal in _OF_DEVICE.items()},
 }
 
 
@@ -141,19 +49,28 @@ _USUAL: Mapping[str, tuple[str, ...]] = {
 class LogFormat:
     """How to read a log."""
 
-    # names and signs of the angles; None takes this package's own, and asks for one for files of OpenSim,
+    # names and signs of the angles; None takes this package's own, and is refused for files of OpenSim,
     # whose models differ
     convention: Convention | None = None
-    # column of a quantity, where it has a name of its own: ``{"left_hip_angle": "hip_l"}``
+    # column of a quantity, where it has a name of its own: ``{"left_hip_angle": "hip_l"}``; a minus before
+    # the name turns the sign
     columns: Mapping[str, str] = field(default_factory=dict)
-    units: str | None = None  # ``rad`` or ``deg``, for columns that do not say
+    units: str | None = None  # ``rad`` or ``deg``, for columns whose names do not state it
+    time_unit: str | None = None  # unit of the time, if its column does not state it; seconds without one
+    max_gap: float = LONGEST_GAP  # longest gap that is interpolated in [s]
+    # duration of the stride in [s], if the log is one stride whose time is a share of it; it is repeated
+    cycle_time: float | None = None
 
     def __post_init__(self) -> None:
-        """Check names and units."""
+        """Check names, units and numbers."""
         for quantity in self.columns:
             if quantity not in _USUAL:
                 raise ParameterError(f"columns: no quantity {quantity!r}; there are {', '.join(_USUAL)}")
         require(self.units in (None, RADIANS, DEGREES), "units", "rad or deg", self.units)
+        require(self.time_unit in (None, *TIMES), "time_unit", " or ".join(TIMES), self.time_unit)
+        POSITIVE.require("max_gap", self.max_gap)
+        if self.cycle_time is not None:
+            POSITIVE.require("cycle_time", self.cycle_time)
 
 
 def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording:
@@ -162,7 +79,7 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     ``path``: a .parquet or .csv file with columns such as ``left_hip_angle_rad``, or any with the names
     given; or a .mot or .sto file of OpenSim; ``log_format``: how to read it. Returns the walk at the ticks of
     the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
-    message names file, column and the way out. Of a run whose legs were held, what comes before it.
+    message names file, column and the way out. Of a run whose legs were held, the part before it is read.
     """
     table, log_format = read_table(path), log_format or LogFormat()
     if "safety_state" in table:  # from a trip on no guard moves the legs
@@ -176,58 +93,126 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
         raise ParameterFileError(table.source, "convention", text)
     convention = log_format.convention or HOUSE
     found = _columns_of(table, log_format, convention)
+    table, time = _without_repeated_rows(table, *_time_of(table, found, log_format))
 
-    def radians(column: str) -> np.ndarray:
-        # The unit that the name of a column says, else the file, the user, the convention.
-        stated = (unit for ending, unit in _UNIT_ENDINGS.items() if column.lower().endswith(ending))
-        unit = next(stated, table.unit) or log_format.units or convention.unit
-        if unit is None:
-            problem = "does not say its unit: add --units deg or --units rad"
-            raise ParameterFileError(table.source, column, problem)
-        return np.radians(table.numbers(column)) if unit == DEGREES else table.numbers(column)
+    def values(quantity: str) -> np.ndarray:
+        column, sign = found[quantity]
+        return (
+            sign * _factor(table, quantity, column, log_format, convention) * table.numbers(column, gaps=True)
+        )
 
     angles: dict[tuple[Side, str], np.ndarray] = {
-        (side, joint): convention.turned(joint, radians(found[name]))
+        (side, joint): convention.turned(joint, values(name))
         for name, (side, joint) in _ANGLES.items()
         if name in found
     }
-    loads = {side: table.numbers(found[name]) for side, name in _LOADS.items() if name in found}
-    phases = {side: table.words(found[name]) for side, name in _PHASES.items() if name in found}
-    device = {
-        signal.name: (radians if signal.column.endswith("_rad") else table.numbers)(found[name])
-        for name, signal in _OF_DEVICE.items()
-        if name in found
-    }
-    recording = Recording(table.source, 0.0, angles, loads, phases, device)
-    return at_ticks(recording, table.numbers(found.get(TIME, TIME)))
+    loads = {side: values(name) for side, name in _LOADS.items() if name in found}
+    phases = {side: table.words(found[name][0]) for side, name in _PHASES.items() if name in found}
+    device = {signal.name: values(name) for name, signal in _OF_DEVICE.items() if name in found}
+    warnings = (*table.notices, *_unit_notices(table, found, log_format))
+    recording = Recording(table.source, 0.0, angles, loads, phases, device, warnings=warnings)
+    if log_format.cycle_time is not None:
+        recording, time = repeat_stride(recording, time, log_format.cycle_time, STRIDES)
+    return at_ticks(recording, time, max_gap=log_format.max_gap)
 
 
-def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) -> dict[str, str]:
-    """By quantity the column that was named for it, or else the first of its usual ones that there is."""
+_Columns = Mapping[str, tuple[str, float]]  # name and sign of the column of each quantity
+
+
+def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) -> _Columns:
+    """Return the column that is named for each quantity, or else its first usual one in the table."""
     usual = dict(_USUAL)
     if convention.name != HOUSE.name:
         own = convention.columns
-        usual |= {name: (own[place],) if place in own else () for name, place in _ANGLES.items()}
-    named = {quantity: table.full_name(column) for quantity, column in log_format.columns.items()}
-    known = {quantity: next(filter(table.__contains__, names), None) for quantity, names in usual.items()}
-    found = {**{quantity: column for quantity, column in known.items() if column}, **named}
+        usual |= {name: (own[place].lower(),) if place in own else () for name, place in _ANGLES.items()}
+    found = {quantity: table.signed_name(column) for quantity, column in log_format.columns.items()}
+    named = {name for name, _ in found.values()}
+    for quantity in usual.keys() - found.keys():
+        plain = {name: plain_name(name, _UNITS[quantity]) for name in table.names if name not in named}
+        known = [name for stem in usual[quantity] for name in plain if plain[name] == stem]
+        if known:
+            found[quantity] = known[0], 1.0
     if not _ANGLES.keys() & found.keys():
         names = ", ".join(convention.columns.values()) or f"columns, of which {convention.name} names none"
         way_out = "name the columns with --columns, or choose one of --convention"
-        text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}"
+        text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}; there are {table.listed()}"
         raise ParameterFileError(table.source, "", text)
+    users = dict[str, str]()
+    for quantity, (name, sign) in found.items():
+        if name in users:
+            text = f"is given for {users[name]} and {quantity}; each needs a column of its own"
+            raise ParameterFileError(table.source, name, text)
+        users[name] = quantity
+        if sign < 0.0 and quantity in _PHASES.values():
+            raise ParameterFileError(table.source, name, f"is a {quantity}, which has no sign to turn")
     return found
+
+
+def _time_of(table: LogTable, found: _Columns, log_format: LogFormat) -> tuple[np.ndarray, str]:
+    """Return the time of each row in [s], and its column."""
+    column, sign = found.get(TIME, (TIME, 1.0))
+    values = sign * table.numbers(column)
+    if log_format.cycle_time is not None:
+        return values, column
+    stated, given = find_unit(split_heading(column, TIMES)[1], TIMES), log_format.time_unit
+    if stated and given and TIMES[stated] != TIMES[given]:
+        text = f"is in {stated} by its name; leave --time-unit {given} out"
+        raise ParameterFileError(table.source, column, text)
+    return values * TIMES[stated or given or "s"], column
+
+
+def _without_repeated_rows(table: LogTable, time: np.ndarray, column: str) -> tuple[LogTable, np.ndarray]:
+    """Leave out each row that equals the row before, with a notice."""
+    same = np.flatnonzero(np.diff(time) == 0.0) + 1
+    if not len(same):
+        return table, time
+    rows, before = (
+        table.frame.iloc[same].astype(str).to_numpy(),
+        table.frame.iloc[same - 1].astype(str).to_numpy(),
+    )
+    repeated = same[(rows == before).all(axis=1)]
+    if not len(repeated):
+        return table, time
+    kept = np.setdiff1d(np.arange(len(time)), repeated)
+    text = f"{len(repeated)} rows that repeat the row before were left out (row {repeated[0] + 1} first)"
+    return replace(table, frame=table.frame.iloc[kept], notices=(*table.notices, text)), time[kept]
+
+
+def _factor(
+    table: LogTable, quantity: str, column: str, log_format: LogFormat, convention: Convention
+) -> float:
+    """Return the factor of a column to SI: by its name, else by ``units``, the file or the convention."""
+    units = _UNITS[quantity]
+    stated = find_unit(split_heading(column, units)[1], units)
+    if units is ANGLES:
+        stated = stated or log_format.units or table.unit or convention.unit
+        if stated is None:
+            problem = "does not say its unit: add --units deg or --units rad"
+            raise ParameterFileError(table.source, column, problem)
+    return units[stated] if stated else 1.0
+
+
+def _unit_notices(table: LogTable, found: _Columns, log_format: LogFormat) -> list[str]:
+    """Return a notice if ``units`` has no effect, or overrides the header of the file."""
+    given, columns = log_format.units, [found[name][0] for name in found if _UNITS[name] is ANGLES]
+    if given is None:
+        return []
+    if all(find_unit(split_heading(column, ANGLES)[1], ANGLES) for column in columns):
+        return [f"--units {given} has no effect: the names of all columns of angles state their unit"]
+    if table.unit not in (None, given):
+        return [f"--units {given} was used, although the header says {table.unit}"]
+    return []
 
 
 KOOPMAN, WINTER = "koopman", "winter"
 
 
 def is_normative(name: str) -> bool:
-    """Whether a name asks for a walk from the literature."""
+    """Return whether a name is that of a walk from the literature."""
     return name == WINTER or name.startswith(f"{KOOPMAN}@")
 
 
-def normative_walk(name: str, *, strides: int = 8) -> Recording:
+def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
     """A walk of curves from the literature; the left leg begins at heel contact, the right one mid-stride.
 
     ``name``: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or

@@ -1,6 +1,7 @@
-"""What a replay tells and leaves behind in a folder: strides, agreement with recorded phases, a picture."""
+"""Results of a replay and their folder: strides, onsets, agreement with recorded phases, a figure."""
 
 from collections import Counter
+from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +17,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.phases import phase_entries, phase_spells
 from twin_gait.palette import JOINT_COLOURS
 from twin_gait.replay.machine import Replay
+from twin_gait.replay.samples import LEAST_HIP_RANGE
 from twin_gait.report import canvas
 from twin_gait.report.failures import failed_pictures
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -25,6 +27,9 @@ from twin_gait.vocabulary import JointName
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
 SHOWN_TICKS = 6000
+# A sprinter's stride lasts 0.4 s; the slowest steps of a wearer of an exoskeleton last some seconds each.
+STRIDE_TIMES = (0.4, 10.0)  # [s]
+OPEN_SHARE = 0.5  # of the hip's range in a stride: its ends are less apart in a stride of walking
 WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
 
 
@@ -43,6 +48,44 @@ def stride_phases(phases: np.ndarray) -> list[Stride]:
     ]
 
 
+def phase_onsets(phases: np.ndarray) -> dict[int, np.ndarray]:
+    """Return the instants at which phases begin in the strides of a leg, in per cent of the stride.
+
+    ``phases``: index of the phase at each tick, shape ``(n,)``. Returns, for each phase that occurs in a
+    stride, one value for each stride that has it; of a phase that occurs twice in a stride the first entry.
+    """
+    strides, onsets = stride_phases(phases), dict[int, np.ndarray]()
+    starts, ends = np.array([item[:2] for item in strides], dtype=int).reshape(-1, 2).T
+    for phase in sorted({phase for _, _, passed in strides for phase in passed}):
+        entries = phase_entries(phases, phase)
+        first = np.append(entries, len(phases))[np.searchsorted(entries, starts)]
+        within = first < ends
+        onsets[phase] = 100.0 * ((first - starts) / (ends - starts))[within]
+    return onsets
+
+
+def doubtful_strides(hip: np.ndarray, strides: Sequence[Stride]) -> list[str]:
+    """Return doubts about strides that are none: in duration, or by the motion of the hip; one line each.
+
+    ``hip``: angle of the hip in [rad], shape ``(n,)``.
+    """
+    lasts = np.array([TICK * (end - start) for start, end, _ in strides])
+    moves = np.array([np.ptp(np.degrees(hip[start : end + 1])) for start, end, _ in strides])
+    ends = np.array([abs(np.degrees(hip[end] - hip[start])) for start, end, _ in strides])
+    shortest, longest = STRIDE_TIMES
+    found = {
+        f"shorter than {shortest:g} s": lasts < shortest,
+        f"longer than {longest:g} s": lasts > longest,
+        f"with less than {LEAST_HIP_RANGE:g} deg of hip motion": moves < LEAST_HIP_RANGE,
+        "no whole cycle of the hip, which ends them far from where it began": ends > OPEN_SHARE * moves,
+    }
+    return [
+        f"{wrong.sum()} of {len(strides)} strides by the table are {text}: these are no strides of walking"
+        for text, wrong in found.items()
+        if wrong.any()
+    ]
+
+
 def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
     """Orders of phases that a stride may have."""
     if not table.cycles:
@@ -54,21 +97,33 @@ def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
 def summarise_replay(result: Replay) -> dict[str, Any]:
     """Results of a replay as plain numbers.
 
-    Returned by leg: strides and how many pass through a whole cycle of the table, switches by cause, and the
-    share of the ticks whose phase is the recorded one, where there is one.
+    Returned by leg: strides and how many pass through a whole cycle of the table, the onset of each phase in
+    the stride, switches by cause, and the share of the ticks whose phase is the recorded one, where there is
+    one. For the log: the gaps that were interpolated, and warnings.
     """
     names, recorded = np.array(result.table.phase_names), result.recording.phases
-    cycles, sides = meant_cycles(result.table), {}
+    cycles, sides, warnings = meant_cycles(result.table), {}, list(result.recording.warnings)
     for side in result.recording.sides:
         phases, own = result.phases[side], (item for item in result.switches if item.side is side)
         strides = stride_phases(phases)
         # Into postures first, then in the order of the table.
         counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
+        if (side, JointName.HIP) in result.recording.angles:
+            doubts = doubtful_strides(result.recording.angles[side, JointName.HIP], strides)
+            warnings += [f"{side}: {text}" for text in doubts]
         mean = TICK * (strides[-1][1] - strides[0][0]) / len(strides) if strides else None
         sides[str(side)] = {
             "strides": len(strides),
             "strides_with_the_whole_cycle": sum(passed in cycles for _, _, passed in strides),
             "stride_time_mean_s": mean,
+            "phase_onset_percent": {
+                str(names[phase]): {
+                    "mean": float(values.mean()),
+                    "sd": float(values.std(ddof=1)) if len(values) > 1 else None,
+                    "strides": len(values),
+                }
+                for phase, values in phase_onsets(phases).items()
+            },
             "switches": [
                 {"from": source, "to": target, "cause": cause, "count": count}
                 for (_, source, target, cause), count in sorted(counts.items())
@@ -80,6 +135,8 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
         "table": result.table.name,
         "duration_s": result.recording.n_ticks * TICK,
         "assumed_signals": dict(result.assumed),
+        "interpolated_gaps": [gap._asdict() for gap in result.recording.gaps],
+        "warnings": warnings,
         "cycles": [names[list(cycle)].tolist() for cycle in sorted(cycles)],
         "sides": sides,
     }

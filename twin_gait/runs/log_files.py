@@ -1,7 +1,7 @@
 """Read log files as columns: parquet, motion files of OpenSim (.mot, .sto) and any other table of text.
 
 The header of a motion file states ``nRows``, ``nColumns`` and ``inDegrees`` as ``key=value``; files of the
-older SIMM form state no unit. A name may stand over several columns.
+older SIMM form state no unit. Several columns may have the same name.
 """
 
 from __future__ import annotations
@@ -21,12 +21,11 @@ import pyarrow as pa
 
 from twin_gait.conventions import DEGREES, RADIANS
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_parquet, read_text, require_table_size
+from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_bytes, read_parquet, require_table_size
+from twin_gait.runs.text_layout import BLANKS, bare_name, encoding_of, find_layout, is_missing, used_lines
 
-_SEPARATORS, _BLANKS = ",;\t", r"\s+"
-_REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines that may stand above the names
-_MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 _LISTED = 12  # columns that a message names
+_NEXUS_BLOCKS = frozenset({"Model Outputs", "Trajectories", "Devices", "Joints", "Segments"})
 END_OF_HEADER = "endheader"
 _UNITS = {"yes": DEGREES, "no": RADIANS, None: None}  # by what inDegrees says
 T = TypeVar("T")
@@ -40,7 +39,8 @@ class LogTable:
     frame: pd.DataFrame  # the columns; a name may occur twice
     unit: str | None = None  # of angles, if the file states it: ``rad`` or ``deg``
     opensim: bool = False  # whether it is a motion file of OpenSim
-    decimal: str = "."  # what stands before the decimals of a number
+    decimal: str = "."  # decimal mark
+    notices: tuple[str, ...] = ()  # deviations from the format that were accepted, one line each
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -72,8 +72,14 @@ class LogTable:
         """A column of names."""
         return np.array([str(item).strip() for item in self._column(name)], dtype=object)
 
+    def signed_name(self, name: str) -> tuple[str, float]:
+        """Return the full name of a column, and -1 if a minus precedes the given name, or else 1."""
+        if name.startswith("-") and name not in self:
+            return self.full_name(name[1:].strip()), -1.0
+        return self.full_name(name), 1.0
+
     def full_name(self, name: str) -> str:
-        """The name of a column that is asked for with or without the unit in brackets behind it."""
+        """Return the name of a column that is given with or without the unit in brackets behind it."""
         known = [full for full in self.names if name in (full, bare_name(full))]
         return name if name in self.names else self._only(known, name)
 
@@ -94,16 +100,6 @@ class LogTable:
         return found[0]
 
 
-def bare_name(column: str) -> str:
-    """Name of a column without the unit in brackets behind it."""
-    return column.split("[")[0].strip(' "')
-
-
-def is_missing(cell: Any) -> bool:
-    """Whether a cell says that there is no number."""
-    return str(cell).strip().lower() in _MISSING
-
-
 def number_of(cell: Any, decimal: str = ".") -> float:
     """Value of a cell to the last digit; NaN if it holds no number."""
     try:
@@ -114,8 +110,9 @@ def number_of(cell: Any, decimal: str = ".") -> float:
 
 def read_table(path: Path) -> LogTable:
     """Read a log file of one of the known formats, by the ending of its name."""
-    readers: dict[str, Callable[[Path], LogTable]] = {".parquet": _read_parquet, ".csv": read_text_table}
-    readers |= {".mot": _read_storage, ".sto": _read_storage}
+    readers: dict[str, Callable[[Path], LogTable]] = {".parquet": _read_parquet}
+    readers |= dict.fromkeys((".csv", ".tsv", ".txt"), read_text_table)
+    readers |= dict.fromkeys((".mot", ".sto"), _read_storage)
     reader = readers.get(path.suffix.lower())
     if not path.is_file():
         raise ParameterFileError(path, "", "no such log; expected a run directory or a file")
@@ -132,36 +129,35 @@ def _read_parquet(path: Path) -> LogTable:
     return LogTable(str(path), frame)
 
 
-def read_text_table(path: Path, asked: Collection[str] = ()) -> LogTable:
+def read_text_table(path: Path, required: Collection[str] = ()) -> LogTable:
     """Read a table of text with commas, semicolons, tabs or blanks between its cells.
 
-    Lines above the one with all the names that are ``asked`` for, and comments, are passed over. A table
-    without names has numbered columns.
+    Comments, and lines above the names of the columns, are passed over; ``required``: some of the names. A
+    table without names has numbered columns. A line of units below the names is appended to the names in
+    brackets.
     """
-    lines = _lines(path)
-    start = _first_row(lines, asked)
-    first, following = (*lines[start : start + 2], "", "")[:2]
-    separator = max(_SEPARATORS, key=first.count)
-    separator = separator if separator in first else _BLANKS
-    decimal = "," if separator != "," and "," in following and "." not in following else "."
-    frame = _cells(path, [line.removesuffix(separator) for line in lines[start:]], separator)
-    names = frame.iloc[0].str.strip()
-    if all(is_missing(name) or math.isfinite(number_of(name, decimal)) for name in names):
-        frame = frame.rename(columns=lambda place: str(place + 1))
-    else:
+    layout = find_layout(_lines_of_table(path), required)
+    frame = _cells(path, layout.rows, layout.separator)
+    if layout.named:
+        bare = frame.iloc[0].astype(str).str.strip()
+        units = [*layout.units, *[""] * len(bare)]
+        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(bare, units, strict=False)]
         frame = frame.iloc[1:].set_axis(names, axis="columns")
-    return LogTable(str(path), frame, decimal=decimal)
+    else:
+        frame = frame.rename(columns=lambda place: str(place + 1))
+    return LogTable(str(path), frame, decimal=layout.decimal)
 
 
-def _first_row(lines: Sequence[str], asked: Collection[str]) -> int:
-    """The line with the names, or with the first numbers of a table without."""
-    used = (number for number, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in _REMARKS)
-    first = next(used, len(lines))
-    for number, line in enumerate(lines[first : first + _PREAMBLE], start=first):
-        for separator in (*_SEPARATORS, None):
-            if asked and set(asked) <= {bare_name(cell) for cell in line.split(separator)}:
-                return number
-    return first
+def _lines_of_table(path: Path) -> list[str]:
+    """Return the lines of a table of text, unless it is an export of Vicon Nexus."""
+    lines = _lines(path)
+    if (*lines, "")[0].strip(',; "\t') in _NEXUS_BLOCKS:
+        text = (
+            "is an export of Vicon Nexus, whose names are in three lines: delete all lines above the "
+            "numbers, and add one with a name for each column, such as time_s and left_hip_angle_deg"
+        )
+        raise ParameterFileError(path, "line 1", text)
+    return lines
 
 
 def _read_storage(path: Path) -> LogTable:
@@ -171,30 +167,42 @@ def _read_storage(path: Path) -> LogTable:
         raise ParameterFileError(path, END_OF_HEADER, "is missing; expected an OpenSim .mot or .sto file")
     stated = (re.split(r"\s*[=\s]\s*", line.lower(), maxsplit=1) for line in lines[:end])
     header = {pair[0]: pair[1] for pair in stated if len(pair) == 2}
-    frame = _cells(path, lines[end + 1 :], _BLANKS)
-    frame = frame.iloc[1:].set_axis(frame.iloc[0], axis="columns")
+    frame = _cells(path, used_lines(lines[end + 1 :]), BLANKS)
+    frame = frame.iloc[1:].set_axis([_coordinate(name) for name in frame.iloc[0]], axis="columns")
     short = np.flatnonzero((frame == "").any(axis=1))
     if len(short):
         text = f"expected {frame.shape[1]} numbers, one a column, and there are fewer"
         raise ParameterFileError(path, f"row {short[0] + 1}", text)
-    for key, found in zip(("nrows", "ncolumns"), frame.shape, strict=True):
-        if key in header and number_of(header[key]) != found:
-            text = f"the header says {header[key][:40]}, the file has {found}; is it complete?"
-            raise ParameterFileError(path, key, text)
+    notices = tuple(
+        f"the header says {key}={header[key.lower()][:40]}, but the file has {found}"
+        for key, found in zip(("nRows", "nColumns"), frame.shape, strict=True)
+        if key.lower() in header and number_of(header[key.lower()]) != found
+    )
     degrees = header.get("indegrees")
     if degrees not in _UNITS:
         raise ParameterFileError(path, "inDegrees", f"expected yes or no, got {str(degrees)[:40]!r}")
-    return LogTable(str(path), frame, _UNITS[degrees], opensim=True)
+    return LogTable(str(path), frame, _UNITS[degrees], opensim=True, notices=notices)
+
+
+def _coordinate(name: str) -> str:
+    """Return the coordinate of a path of Moco, such as ``/jointset/knee_r/knee_angle_r/value``."""
+    found = re.fullmatch(r"/.*/([^/]+)/value", name)
+    return found[1] if found else name
 
 
 def _lines(path: Path) -> list[str]:
     """Lines of a text, unless it or one of them is larger than that of any log of a walk."""
     try:
-        text = read_text(path, MOST_TEXT, "utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParameterFileError(path, "", f"cannot be read as UTF-8 text ({_short(error)})") from error
+        content = read_bytes(path, MOST_TEXT)
+        encoding = encoding_of(content)
+        text = content.decode(encoding)
+    except OSError as error:
+        raise ParameterFileError(path, "", f"cannot be read ({_short(error)})") from error
+    except UnicodeDecodeError as error:
+        text = f"cannot be read as {encoding.upper()} text ({_short(error)}); save it as UTF-8"
+        raise ParameterFileError(path, "", text) from error
     if "\0" in text:
-        raise ParameterFileError(path, "", "is not a text file")
+        raise ParameterFileError(path, "", "is not a text file, or UTF-16 without its mark: save it as UTF-8")
     lines = text.splitlines()
     for number, line in enumerate(lines, start=1):
         if len(line) > LONGEST_LINE:
@@ -205,14 +213,14 @@ def _lines(path: Path) -> list[str]:
 
 def _cells(path: Path, lines: Sequence[str], separator: str) -> pd.DataFrame:
     """Cells as they are written, the names in the first row."""
-    if not any(lines):
+    if not lines:
         raise ParameterFileError(path, "", "is empty; expected a line of column names and rows of numbers")
     require_table_size(path, len(lines) - 1, lines[0].count(separator) + 1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
             return pd.read_csv(
-                io.StringIO("\n".join(lines)), sep=separator, header=None, index_col=False, comment="#",
+                io.StringIO("\n".join(lines)), sep=separator, header=None, index_col=False,
                 skipinitialspace=True, dtype=str, keep_default_na=False,
             )  # fmt: skip
     except (ValueError, TypeError, OverflowError, pd.errors.ParserWarning) as error:
