@@ -27,17 +27,6 @@ EXAMPLE = "encoder_freeze:left_knee@4.2s"
 
 
 # %%
-def fall_rows(table: pd.DataFrame) -> list[dict]:
-    """Which faults ended in a fall, and when they were noticed."""
-    return [
-        {
-            "fault": row.fault,
-            "noticed": f"{row.cause} after {row.detection_s:.3f} s" if row.cause else "no trip",
-        }
-        for row in table[table["outcome"] == "fell"].itertuples()
-    ]
-
-
 def what_held(table: pd.DataFrame) -> dict:
     """In how many runs that which must hold did."""
     tripped = table[table["cause"] != ""]
@@ -69,7 +58,6 @@ if __name__ == "__main__":
     form.keep(
         {
             "outcomes": outcomes.to_dict("records"),
-            "falls": fall_rows(table),
             "held": what_held(table),
             "limits": {"torque_Nm": limits.torque, "current_A": limits.current},
             "safety": asdict(safety),

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from injected_faults.deviation import deviations, filtered
 
 from twin_gait import JointName, Run, Side
 from twin_gait.control import Trip, TripCause
@@ -266,6 +267,15 @@ def _load_stands_still(run: Run, trip: Trip) -> Values:
     return mask
 
 
+def _strays(run: Run, trip: Trip) -> Values:
+    """Ticks in which the filtered deviation of the command from its set point is too large."""
+    assert trip.side is not None and trip.joint is not None
+    settings = _settings(run)
+    found = filtered(deviations(run, trip.side, trip.joint), settings.command_time_constant)
+    mask: Values = np.abs(found) > settings.command_deviation
+    return mask
+
+
 def _supply_low(run: Run, trip: Trip) -> Values:
     least = _settings(run).least_voltage_share * run.experiment.plant.battery.voltage
     mask: Values = run.log["bus_voltage_V"].to_numpy() < least
@@ -295,6 +305,7 @@ _BREACHES: dict[TripCause, Callable[[Run, Trip], Values]] = {
     TripCause.DRIVE: _of_joint("measured_current_A", _disobeys),
     TripCause.FOOT_LOAD_FROZEN: _load_stands_still,
     TripCause.SUPPLY: _supply_low,
+    TripCause.SETPOINT: _strays,
 }
 
 

@@ -88,6 +88,8 @@ BOUNDS = safety.Bounds(
     highest_torque=60.0,
     torque_ticks=500,
     highest_command=300.0,
+    command_deviation=10.0,
+    command_gain=0.05,
     highest_current=18.0,
     heating=0.0,
     cooling=0.0,
@@ -155,7 +157,7 @@ def test_a_command_that_is_no_number_or_out_of_all_proportion_is_refused(command
 
 def test_names_of_causes_and_kinds_have_the_numbers_of_the_laws():
     names = "MISSING JUMP FROZEN MODEL SPEED RANGE COMMAND TORQUE CURRENT HEAT DRIVE PHASE LOAD SUPPLY"
-    in_order = f"{names} OPERATOR BUS"
+    in_order = f"{names} OPERATOR BUS SETPOINT"
     assert [getattr(safety, f"{name}_TRIP") for name in in_order.split()] == list(range(1, len(TripCause)))
     assert safety.NO_TRIP == TripCause.NONE.code == 0
     assert {kind.name: kind.code for kind in FaultKind} == {

@@ -74,6 +74,16 @@ def heat(e: Episode, amount: float) -> None:
     bounds.heating, bounds.cooling, watched_joint(e).watched.heat = 0.0, 0.0, amount
 
 
+def deviation(e: Episode, amount: float) -> None:
+    watched_joint(e).bounds.command_gain, watched_joint(e).watched.command_deviation = 0.0, amount
+
+
+def command(e: Episode, amount: float) -> None:
+    """The set point demands what is commanded."""
+    board = watched_joint(e)
+    board.watched.commanded = board.demand.target = amount
+
+
 def still_load(e: Episode, amount: float) -> None:
     """The encoder of the turning hip is in order."""
     jump(e, 1e-3)
@@ -99,9 +109,10 @@ JOINT_CASES = {
     "MODEL": Case(residual, of_bounds("model_deviation"), at_once),
     "SPEED": Case(speed, of_bounds("highest_speed"), at_once),
     "RANGE": Case(angle, of_bounds("upper"), at_once),
-    "TORQUE": Case(remembered("commanded"), of_bounds("highest_torque"), of_bounds("torque_ticks")),
+    "TORQUE": Case(command, of_bounds("highest_torque"), of_bounds("torque_ticks")),
     "CURRENT": Case(remembered("motor_current"), of_bounds("highest_current"), at_once),
     "HEAT": Case(heat, lambda e: 1.0, at_once),
+    "SETPOINT": Case(deviation, of_bounds("command_deviation"), at_once),
     "DRIVE": Case(remembered("current_deviation"), of_bounds("drive_deviation"), of_bounds("drive_ticks")),
 }
 OTHER_CASES = {
@@ -242,6 +253,41 @@ def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
     assert e.controller.trip.tick < 0
     look(e, 151)
     assert kept(e) == (151, safety.PHASE_TRIP, 4 + 0)
+
+
+def test_a_command_that_follows_its_set_point_does_not_deviate(e, look):
+    """Whatever the set point is made of, and whatever is measured."""
+    board = watched_joint(e)
+    demand, encoder = board.demand, board.encoder
+    demand.stiffness, demand.damping, demand.equilibrium, demand.gain = 200.0, 40.0, -0.2, 0.5
+    demand.gravity, demand.inertia, demand.target = 7.0, -2.0, 5.0
+    encoder.velocity_fast, board.model_friction = 0.3, 4.0
+    board.watched.commanded = -(200.0 * (0.1 + 0.2) + 40.0 * 0.3) + 0.5 * 4.0 + 7.0 - 2.0 + 5.0
+    look(e, 100)
+    assert board.watched.command_deviation == pytest.approx(0.0, abs=1e-12)
+    encoder.last_angle = encoder.angle = 0.1 + 0.05  # a change of the spring's torque by 10 N m
+    look(e, 101)
+    assert board.watched.command_deviation == pytest.approx(10.0 * board.bounds.command_gain)
+
+
+def test_a_command_beside_its_set_point_trips_when_the_filter_has_followed(e, look):
+    board = watched_joint(e)
+    bound, gain = board.bounds.command_deviation, board.bounds.command_gain
+    board.watched.commanded = -2.0 * bound
+    needed = math.ceil(math.log(0.5) / math.log(1.0 - gain))  # of a first-order filter, to half of a step
+    for tick in range(100, 100 + needed - 1):
+        look(e, tick)
+    assert e.controller.trip.tick < 0
+    look(e, 100 + needed - 1)
+    assert kept(e) == (100 + needed - 1, safety.SETPOINT_TRIP, JOINT)
+
+
+def test_a_held_joint_has_no_set_point_to_deviate_from(e, look):
+    board = watched_joint(e)
+    board.demand.held, board.watched.commanded = True, 50.0
+    for tick in range(100, 200):
+        look(e, tick)
+    assert board.watched.command_deviation == 0.0 and e.controller.trip.tick < 0
 
 
 # ------------------------------------------------------------------ several in one tick

@@ -322,7 +322,11 @@ def test_without_a_monitor_nobody_minds_the_silence():
 def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
     """A torque that runs away at 20 000 N m a second passes what is plausible within ticks."""
     run = walk(
-        "can", "engine=pinocchio", "duration_s=0.6", "faults=['controller_runaway:right_knee@0.4s=20000Nm/s']"
+        "can",
+        "engine=pinocchio",
+        "duration_s=0.6",
+        "faults=['controller_runaway:right_knee@0.4s=20000Nm/s']",
+        "control.safety.command_deviation_Nm=1e4",  # so that the plausible command is passed first
     )
     highest = run.experiment.control.safety.highest_command
     torque = run.log["right_knee_motor_command_torque_Nm"].to_numpy()

@@ -57,7 +57,7 @@ BENCH_FAULTS = {
     "encoder_offset:right_hip@0.4s=-4deg": "encoder_jump",
     "motor_dead:right_hip@0.5s": "drive",
     "motor_stuck:right_knee@0.3s=-20Nm": "drive",
-    "controller_runaway:right_hip@0.2s=3000Nm/s": "command",
+    "controller_runaway:right_hip@0.2s=3000Nm/s": "command_against_setpoint",
     "supply_dip@0.4s=25V": None,
 }
 
@@ -171,6 +171,7 @@ def test_a_drive_that_does_not_obey_is_cut_off():
         ("joint_range", "stopping_deceleration_rad_per_s2=1.0"),
         ("supply", "least_voltage_share=0.99"),
         ("command", "highest_command_Nm=61"),
+        ("command_against_setpoint", "command_deviation_Nm=0.3"),
         ("encoder_against_model", "model_deviation_rad=1e-4"),
     ],
 )
@@ -186,6 +187,23 @@ def test_a_tighter_bound_trips_when_the_log_says_that_it_was_broken(cause, setti
     breach = breach_tick(run, run.trip)
     needed = stated_reaction(run.trip.cause, run.experiment.control.safety) - TICK
     assert breach <= hold_start(run) <= breach + needed / TICK + 1.5
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        ("controller_runaway:right_knee@2.679s=397.27Nm/s",),
+        ("controller_runaway:right_hip@2.325s=125.6Nm/s", "supply_dip@2.325s=2.398V"),
+    ],
+)
+def test_a_runaway_that_ended_in_a_fall_without_a_trip_is_held(faults):
+    unbounded = run_of("treadmill", "duration_s=6", "control.safety.command_deviation_Nm=1e4", faults=faults)
+    assert unbounded.verdict.outcome == "fell" and unbounded.trip is None
+    run = run_of("treadmill", "duration_s=6", faults=faults)
+    assert run.verdict.outcome == "held" and run.trip.cause is TripCause.SETPOINT
+    assert run.trip.time < run.experiment.faults[0].time + 0.15
+    found = audit(run)
+    assert found.hold_kept and found.in_time
 
 
 def test_without_a_monitor_nothing_trips():

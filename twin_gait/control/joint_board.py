@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder, target_current
+from twin_gait.core.estimation import first_order_step
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import (
@@ -115,11 +116,27 @@ def model_friction(board: BoardState) -> None:
 
 def watch_drive(board: BoardState, rates: Rates) -> None:
     """Note the cause of a trip that is found on joint and drive; cut off a drive that does not obey."""
+    deviation, gain = command_deviation(board), board.bounds.command_gain
+    board.watched.command_deviation = first_order_step(board.watched.command_deviation, deviation, gain)
     cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
     board.cause = cause if board.cause == NO_TRIP else board.cause
     # Whatever else was found first.
     broken = board.watched.drive_streak >= board.bounds.drive_ticks
     board.command.drive_off = board.command.drive_off or broken
+
+
+def command_deviation(board: BoardState) -> float:
+    """Compute the deviation of the last command from its set point at the present measurement in [N m].
+
+    This second computation reads the encoder a tick after the first one, so that it shares no sample with it.
+    In normal operation the deviation is the change of the spring and damper torque in a tick; a sudden change
+    by ΔT adds at most ΔT times ``command_gain`` to the filtered deviation. A held joint has no set point, and
+    a deviation of 0.
+    """
+    if board.demand.held:
+        return 0.0
+    friction = board.demand.gain * board.model_friction
+    return board.watched.commanded - total_torque(board.demand, spring_torque(board), friction)
 
 
 def report(board: BoardState, measurement: Measurement) -> None:
@@ -165,22 +182,33 @@ def copy_command(source: Command, target: Command) -> None:
     target.cause = source.cause
 
 
+def spring_torque(board: BoardState) -> float:
+    """Compute the torque of the demanded spring and damper at the present measurement in [N m]."""
+    encoder, demand = board.encoder, board.demand
+    return impedance_torque(
+        encoder.angle, encoder.velocity_fast, demand.stiffness, demand.damping, demand.equilibrium
+    )
+
+
+def total_torque(demand: Demand, impedance: float, friction: float) -> float:
+    """Compute the sum of two torques of a board and of the torques that are fed forward, all in [N m]."""
+    return impedance + friction + demand.gravity + demand.inertia + demand.target
+
+
 def ask(board: BoardState) -> None:
     """Impedance on friction compensation, or the brake of a held joint."""
-    asked, demand, encoder = board.command, board.demand, board.encoder
+    asked, demand = board.command, board.demand
     if demand.held:
         asked.impedance, asked.friction = hold_torque(board.watched.motor_speed, demand.damping), 0.0
     else:
-        asked.impedance = impedance_torque(
-            encoder.angle, encoder.velocity_fast, demand.stiffness, demand.damping, demand.equilibrium
-        )
+        asked.impedance = spring_torque(board)
         asked.friction = demand.gain * board.model_friction
 
 
 def sum_up(board: BoardState) -> None:
     """Sum the torques of the command up."""
-    asked, demand = board.command, board.demand
-    asked.torque = asked.impedance + asked.friction + demand.gravity + demand.inertia + demand.target
+    asked = board.command
+    asked.torque = total_torque(board.demand, asked.impedance, asked.friction)
 
 
 def check(board: BoardState, watching: bool) -> None:

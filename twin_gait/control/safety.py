@@ -26,6 +26,7 @@ class TripCause(Coded):
     SUPPLY = "supply"
     OPERATOR = "operator"
     BUS = "bus_silence"
+    SETPOINT = "command_against_setpoint"
 
 
 class SafetyState(Coded):

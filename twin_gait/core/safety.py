@@ -16,7 +16,7 @@ from twin_gait.core.control_tick import Encoder
 # Causes of a trip, as the log and the engines number them.
 NO_TRIP, MISSING_TRIP, JUMP_TRIP, FROZEN_TRIP, MODEL_TRIP, SPEED_TRIP, RANGE_TRIP, COMMAND_TRIP = range(8)
 TORQUE_TRIP, CURRENT_TRIP, HEAT_TRIP, DRIVE_TRIP, PHASE_TRIP, LOAD_TRIP = range(8, 14)
-SUPPLY_TRIP, OPERATOR_TRIP, BUS_TRIP = range(14, 17)
+SUPPLY_TRIP, OPERATOR_TRIP, BUS_TRIP, SETPOINT_TRIP = range(14, 18)
 
 
 @dataclass(slots=True)
@@ -35,6 +35,8 @@ class Bounds:
     highest_torque: float  # Command in [N m] that may be exceeded for a while.
     torque_ticks: int  # How long.
     highest_command: float  # Largest plausible command in [N m].
+    command_deviation: float  # Largest deviation of the command from its set point in [N m].
+    command_gain: float  # Gain of the filter of that deviation: period over its time constant.
     highest_current: float  # In [A].
     heating: float  # Period over winding time constant and squared continuous current in 1 / [A²].
     cooling: float  # Period over winding time constant.
@@ -54,6 +56,7 @@ class Watched:
     motor_current: float = 0.0  # Measured in [A].
     current_deviation: float = 0.0  # Of the measured current from what the drive should give in [A].
     commanded: float = 0.0  # Command of the last tick in [N m].
+    command_deviation: float = 0.0  # Filtered deviation of the commands from their set points in [N m].
     frozen_streak: int = 0  # Consecutive ticks in which the encoder stood still while the motor turned.
     torque_streak: int = 0  # Consecutive ticks with a command above the limit.
     drive_streak: int = 0  # Consecutive ticks with a current that deviates.
@@ -136,6 +139,8 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
         cause = CURRENT_TRIP
     elif heat > 1.0:
         cause = HEAT_TRIP
+    elif not abs(watched.command_deviation) <= bounds.command_deviation:
+        cause = SETPOINT_TRIP
     elif watched.drive_streak >= bounds.drive_ticks:
         cause = DRIVE_TRIP
     return cause

@@ -240,6 +240,10 @@ class SafetyParameters(quantities.Parameters):
         model_resistance_ratio: Resistance of winding and inverter that the monitor assumes over the true one.
         torque_time: For so long in [s] a command may lie above the torque limit.
         highest_command: Largest plausible command in [N m].
+        command_deviation: Largest filtered deviation in [N m] of the command from the torque that the set
+            point of the joint gives for the measurement of the next tick. In normal operation it is reached
+            when the spring and damper torque changes by 200 N m, twice the hard torque limit, within a tick.
+        command_time_constant: Of the filter of that deviation in [s].
         current_share: Measured current over the current limit that trips at once.
         thermal_time_constant: Of the winding in [s] (maxon EC 90 flat data sheet).
         drive_deviation: Of the measured current from what the drive was told, in [A].
@@ -264,6 +268,8 @@ class SafetyParameters(quantities.Parameters):
     model_resistance_ratio: Annotated[quantities.Ratio, SHARES] = 1.0
     torque_time: Annotated[quantities.Time, OVERLOADS] = 0.5
     highest_command: Annotated[quantities.Torque, quantities.POSITIVE] = 300.0
+    command_deviation: Annotated[quantities.Torque, quantities.POSITIVE] = 10.0
+    command_time_constant: Annotated[quantities.Time, REACTIONS] = 0.02
     current_share: Annotated[quantities.Ratio, SHARES] = 1.2
     thermal_time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 52.6
     drive_deviation: Annotated[quantities.Current, quantities.POSITIVE] = 1.0

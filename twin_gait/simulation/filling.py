@@ -135,6 +135,7 @@ def _bounds(problem: Problem, number: int) -> Bounds:
         model_gain=min(1.0, TICK / settings.model_time_constant),
         highest_torque=control.limits.torque,
         torque_ticks=ticks(settings.torque_time),
+        command_gain=min(1.0, TICK / settings.command_time_constant),
         highest_current=settings.current_share * control.limits.current,
         heating=cooling / (continuous * continuous),
         cooling=cooling,
