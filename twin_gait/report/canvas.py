@@ -47,7 +47,7 @@ STRIP = 0.975  # the top of a panel above this share of its height shows the pha
 
 Drawing = Callable[[], Figure | None]  # draws a picture, or returns None if it does not apply
 # matplotlib's own defaults, without the settings of the user.
-_STANDARD = {name: value for name, value in mpl.rcParamsDefault.items() if name != "backend"}
+_STANDARD: dict[Any, Any] = {name: value for name, value in mpl.rcParamsDefault.items() if name != "backend"}
 
 
 class Pictures(NamedTuple):
@@ -60,7 +60,8 @@ class Pictures(NamedTuple):
 @contextlib.contextmanager
 def standard_settings(more: Mapping[str, Any] | None = None) -> Iterator[None]:
     """Draw with the defaults of matplotlib and ``more``, whatever a matplotlibrc of the user sets."""
-    with mpl.rc_context({**_STANDARD, **(more or {})}):
+    settings: dict[Any, Any] = {**_STANDARD, **(more or {})}
+    with mpl.rc_context(settings):
         yield
 
 

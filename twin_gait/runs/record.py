@@ -4,6 +4,7 @@ import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,9 +30,10 @@ from twin_gait.report.failures import failed_pictures, reason_of
 from twin_gait.runs.drawing import begin_drawing
 from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
 from twin_gait.runs.own_files import store_files
+from twin_gait.runs.stored_log import checked_log
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
-from twin_gait.simulation.problem import scaled_table
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 
@@ -170,8 +172,9 @@ def read_run(directory: Path) -> StoredRun:
     if not (directory / EXPERIMENT_FILE).is_file():
         raise RunDirectoryError(f"{directory}: not a run directory: it has no {EXPERIMENT_FILE}")
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
-    world = experiment.build_world()
-    table = scaled_table(experiment, world)
+    # A controller of the user's own, whose module may be gone, changes nothing in what is read here.
+    problem = build_problem(replace(experiment, controller=None))
+    table = problem.table
     switches = _read_switches(directory / SWITCHES_FILE, table)
     try:
         log = read_parquet(directory / LOG_FILE)
@@ -183,17 +186,21 @@ def read_run(directory: Path) -> StoredRun:
             switches=switches,
             status=RunStatus(summary["status"]),
             reason=summary["reason"],
-            wall_s=summary["wall_s"],
-            body_weight=world.body_weight,
+            wall_s=float(summary["wall_s"]),
+            body_weight=problem.world.body_weight,
             trip=_trip_of(summary["safety"]),
         )
-    except (OSError, ValueError, KeyError, TypeError, pa.ArrowException) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
-    if log.empty:
-        raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows; run the simulation again")
     if summary.get("log_schema_version") != LOG_SCHEMA_VERSION:
         again = f"use that one, or run it anew: twin-gait simulate {directory / EXPERIMENT_FILE}"
         raise RunDirectoryError(f"{directory}: its log is of another version of the program; {again}")
+    run = replace(run, log=checked_log(log, problem, directory / LOG_FILE))
+    late = next((item.tick for item in switches if not 0 <= item.tick < len(log)), None)
+    if late is not None:
+        raise RunDirectoryError(
+            f"{directory / SWITCHES_FILE}: tick: expected 0 to {len(log) - 1} as in {LOG_FILE}, got {late}"
+        )
     return StoredRun(run, summary, directory.absolute().name)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.report.walk_words import carried_by_belt, describe, missing_peaks, table_of_walk
 from twin_gait.runs.record import StoredRun
@@ -17,13 +18,19 @@ from twin_gait.vocabulary import Surroundings
 def about(stored: StoredRun) -> About:
     """What the page of a run says of it, its measures and who carries it from its summary."""
     run, summary, name = stored
+    try:
+        notes = [*filter(None, (carried_by_belt(summary),)), *missing_peaks(summary)]
+        walk = table_of_walk(summary)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        problem = f"summary.json is not complete ({type(error).__name__}: {error}); run the simulation again"
+        raise RunDirectoryError(f"{name or run.experiment.name}: {problem}") from error
     return About(
         title=f"twin_gait · {name or run.experiment.name}",
         subtitle=describe(run.experiment),
-        notes=[*filter(None, (carried_by_belt(summary),)), *missing_peaks(summary)],
+        notes=notes,
         events=run.events,
         outcome=run.verdict.outcome or run.status,
-        walk=table_of_walk(summary),
+        walk=walk,
         modes=modes_of(run.experiment),
     )
 

@@ -122,6 +122,8 @@ def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
 
 def _thinned(track: Track) -> Track:
     """Drop the keys inside a spell without change, which interpolation gives back exactly."""
+    if len(track.times) < 2:  # the belt in a run of a few ticks
+        return track
     same = (track.values[1:] == track.values[:-1]).reshape(len(track.times) - 1, -1).all(axis=1)
     kept = ~np.concatenate(([False], same[:-1] & same[1:], [False]))
     return replace(track, times=track.times[kept], values=track.values[kept])

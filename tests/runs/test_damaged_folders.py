@@ -1,0 +1,116 @@
+"""A run folder that was edited, cut or damaged is refused in one line that says where; never a defect."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from twin_gait import load_experiment, load_run, save_run, simulate
+from twin_gait.cli import main
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.files import write_parquet
+
+KNEE = "left_knee_angle_rad"
+Damage = Callable[[Path], object]
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    run = simulate(load_experiment("treadmill", ["duration_s=2.5"]).experiment)
+    return save_run(run, tmp_path_factory.mktemp("runs") / "walk", pictures=False)
+
+
+def log(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Damage:
+    return lambda folder: write_parquet(
+        folder / "log.parquet", change(pd.read_parquet(folder / "log.parquet"))
+    )
+
+
+def cell(name: str, row: int, value: object) -> Damage:
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        column = table[name].astype(str).astype(object)
+        column.iloc[row] = value
+        return table.assign(**{name: column})
+
+    return log(change)
+
+
+def text(file: str, change: Callable[[str], str]) -> Damage:
+    return lambda folder: (folder / file).write_text(change((folder / file).read_text()))
+
+
+def summary(change: Callable[[dict[str, Any]], Any]) -> Damage:
+    return text("summary.json", lambda given: json.dumps(change(json.loads(given))))
+
+
+DAMAGES: dict[str, tuple[Damage, str]] = {
+    "no time": (log(lambda table: table.drop(columns="time_s")), r"log.parquet: time_s: no such column"),
+    "no knee": (log(lambda table: table.drop(columns=KNEE)), rf"log.parquet: {KNEE}: no such column"),
+    "no power": (log(lambda table: table.drop(columns="battery_power_W")), r"battery_power_W: no such"),
+    "half of the columns": (log(lambda table: table.iloc[:, :40]), r" and \d+ more: no such column"),
+    "text": (cell(KNEE, 3, "abc"), rf"{KNEE}: expected a finite number in row 4, got 'abc'"),
+    "another phase": (cell("left_phase", 5, "dancing"), r"left_phase: expected a phase .* row 6, got 'danc"),
+    "times": (log(lambda table: table[::-1]), r"time_s: expected a row for every tick .* row 1"),
+    "a tick is missing": (log(lambda table: table.drop(index=7)), r"time_s: .* row 8"),
+    "one row": (log(lambda table: table.iloc[:1]), r"transitions.csv: tick: expected 0 to 0 .*, got \d+"),
+    "no row": (log(lambda table: table.iloc[:0]), r"log.parquet: has no rows"),
+    "no columns": (log(lambda table: table[[]]), r"log.parquet: has no rows"),
+    "no log": (lambda folder: (folder / "log.parquet").unlink(), r"cannot be read"),
+    "other bytes": (lambda folder: (folder / "log.parquet").write_bytes(b"x" * 99), r"cannot be read"),
+    "tick": (text("transitions.csv", lambda given: given.replace("\n", "\n-5", 1)), r"tick: .*, got -5\d+"),
+    "a list": (summary(lambda given: [given]), r"cannot be read"),
+    "no number": (summary(lambda given: {**given, "wall_s": "x"}), r"cannot be read"),
+    "trip": (summary(lambda given: {**given, "safety": {"tripped": True, "place": 3}}), r"cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_a_damaged_folder_is_refused_in_one_line(name: str, kept: Path, tmp_path: Path, capsys) -> None:
+    damage, message = DAMAGES[name]
+    folder = tmp_path / "walk"
+    shutil.copytree(kept, folder)
+    damage(folder)
+    with pytest.raises(RunDirectoryError, match=message):
+        load_run(folder)
+    for words in (
+        ["plot", folder, "--out", tmp_path / "figures"],
+        ["view", folder, "--out", tmp_path / "page.html"],
+        ["view", kept, folder, "--out", tmp_path / "page.html"],
+        ["export", folder, "--out", tmp_path / "log.csv"],
+        ["export", folder, "--format", "opensim", "--out", tmp_path / "opensim"],
+    ):
+        assert main(list(map(str, words))) == 2, words
+        assert len(capsys.readouterr().err.splitlines()) == 1
+    assert main(["replay", str(folder)]) in (0, 2)
+    assert [path.name for path in tmp_path.iterdir()] == ["walk"]
+
+
+def test_a_summary_without_its_measures_is_refused_by_the_page(kept: Path, tmp_path: Path, capsys) -> None:
+    folder = tmp_path / "walk"
+    shutil.copytree(kept, folder)
+    summary(lambda given: {key: given[key] for key in given if key not in ("sides", "power")})(folder)
+    assert main(["view", str(folder), "--out", str(tmp_path / "page.html")]) == 2
+    assert "summary.json is not complete" in capsys.readouterr().err
+    assert main(["export", str(folder), "--out", str(tmp_path / "log.csv")]) == 0
+
+
+def test_phases_as_plain_words_are_taken(kept: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "walk"
+    shutil.copytree(kept, folder)
+    log(lambda table: table.assign(left_phase=table["left_phase"].astype(str)))(folder)
+    assert load_run(folder).log.equals(load_run(kept).log)
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 3])
+def test_a_run_of_a_few_ticks_is_drawn_and_read_again(ticks: int, tmp_path: Path) -> None:
+    run = simulate(load_experiment("treadmill", [f"duration_s={ticks / 1000}"]).experiment)
+    folder = save_run(run, tmp_path / "walk")
+    assert load_run(folder).log.equals(run.log)
+    assert main(["view", str(folder), "--out", str(tmp_path / "page.html")]) == 0
+    assert main(["export", str(folder), "--out", str(tmp_path / "log.csv")]) == 0

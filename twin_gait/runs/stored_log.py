@@ -1,0 +1,50 @@
+"""Check of the log of a run folder, which somebody may have edited, cut or written with another program."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+from twin_gait.gait.table import TICK
+from twin_gait.runs.log_files import LogTable
+from twin_gait.simulation.log import log_layout
+from twin_gait.simulation.problem import Problem
+
+
+def checked_log(log: pd.DataFrame, problem: Problem, path: Path) -> pd.DataFrame:
+    """Check that a log has the columns of an experiment, numbers in them, phases and every tick.
+
+    Returns the log, its phases as categories of the gait table. Raises RunDirectoryError, with the column and
+    the row, if it has not.
+    """
+    again = f"restore the file, or run it again: twin-gait simulate {path.parent}"
+    if log.empty:
+        raise RunDirectoryError(f"{path}: has no rows; {again}")
+    names = ["time_s", *log_layout(problem).names]
+    missing = [name for name in names if name not in log.columns]
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise RunDirectoryError(f"{path}: {missing[0]}{more}: no such column; {again}")
+    phases, table, found = problem.table.phase_names, LogTable(str(path), log), {}
+    for name in names:
+        if name.endswith("_phase"):
+            codes = pd.Index(phases).get_indexer(log[name].astype(str))
+            wrong = np.flatnonzero(codes < 0)
+            if len(wrong):
+                place = f"row {wrong[0] + 1}, got {str(log[name].iloc[wrong[0]])[:40]!r}"
+                raise RunDirectoryError(
+                    f"{path}: {name}: expected a phase of the gait table in {place}; {again}"
+                )
+            found[name] = pd.Categorical.from_codes(codes, categories=pd.Index(phases))
+        elif log[name].dtype.kind not in "fib":
+            try:
+                found[name] = table.numbers(name, gaps=True)
+            except ParameterFileError as error:
+                raise RunDirectoryError(f"{error}; {again}") from error
+    late = np.flatnonzero(~(np.abs(log["time_s"].to_numpy(float) - TICK * np.arange(len(log))) < TICK / 2))
+    if len(late):
+        raise RunDirectoryError(
+            f"{path}: time_s: expected a row for every tick from 0 s, not so in row {late[0] + 1}; {again}"
+        )
+    return log.assign(**found)
