@@ -33,23 +33,24 @@ from twin_gait.worlds.arm_policy import (
 )
 
 SHOULDER = 0.5  # [m] above the hips
+WEIGHT = 1000.0  # [N]
 ARMS = ArmParameters(
     lean=0.1,
-    push=80.0,
-    push_per_lean=600.0,
-    push_per_rate=150.0,
+    push=0.08,
+    push_per_lean=0.6,
+    push_per_rate=0.15,
     yielding=0.1,
     reach=0.35,
     chair_tilt=0.3,
     stand_reach=0.4,
     stand_slack=0.3,
-    chair_push=20.0,
+    chair_push=0.02,
     chair_turn=30.0,
     risen_length=1.5 / 1.43,
     seated_length=0.8 / 1.43,
 )
 HABIT = replace(
-    new_policy(ARMS, 1.0, 1.43), yielding=0.01, swing_ticks=40, planted_ticks=20, stand_ahead=0.55
+    new_policy(ARMS, WEIGHT, 1.43), yielding=0.01, swing_ticks=40, planted_ticks=20, stand_ahead=0.55
 )
 
 

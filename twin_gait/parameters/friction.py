@@ -13,6 +13,10 @@ from twin_gait.parameters.quantities import declarations, require
 EXPONENTS = quantities.Range(0.0, 10.0, above=True, reason="fits of joints have 0.3 to 4")
 
 
+# Stiffer bristles bend by less than the finest encoder resolves; the step decides if they can be integrated.
+BRISTLES = quantities.Range(0.0, 1e9, above=True, reason="4 N·m bend them by 4 nrad")
+
+
 class _FrictionLaw(quantities.Parameters):
     tag = "law"
 
@@ -178,7 +182,7 @@ class LuGreFriction(StribeckFriction):
 
     kind: ClassVar[str] = "lugre"
     law: ClassVar[int] = BRISTLE
-    bristle_stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE]
+    bristle_stiffness: Annotated[quantities.RotaryStiffness, BRISTLES]
     bristle_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
 
 
