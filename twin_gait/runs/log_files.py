@@ -132,8 +132,8 @@ def _read_parquet(path: Path) -> LogTable:
 def read_text_table(path: Path, required: Collection[str] = ()) -> LogTable:
     """Read a table of text with commas, semicolons, tabs or blanks between its cells.
 
-    Comments, and lines above the names of the columns, are passed over; ``required``: some of the names. A table
-    without names has numbered columns. A line of units below the names is appended to the names in brackets.
+    Comments, and lines above the names of the columns, are passed over; ``required``: some of the names. A
+    table without names has numbered columns. A line of units below the names is appended to them in brackets.
     """
     layout = find_layout(_lines_of_table(path), required)
     frame = _cells(path, layout.rows, layout.separator)
