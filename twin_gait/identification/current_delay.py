@@ -20,9 +20,9 @@ from twin_gait.identification.statistics import LEVEL, blocks_of
 
 _KNOTS = 100  # of the piecewise linear friction over the speed, as many samples between each two
 _MOST_SAMPLES = 40_000  # evenly taken
-# Below this share of the usual speed, ripple of the friction looks like a delay, because the filter mixes speeds
-# with different friction. In falls, friction that depends on the load does: this share of the fast samples has
-# to move in each direction.
+# Below this share of the usual speed, ripple of the friction looks like a delay, because the filter mixes
+# speeds with different friction. In falls, friction that depends on the load looks like one, too: this share
+# of the fast samples has to move in each direction.
 _FAST, _BOTH_WAYS = 0.25, 0.2
 _NOTICED = 1e-4  # [s]; friction of a knee at 1 Hz is biased by less than 1 %
 _RANK = 1e-10  # relative singular value below which the rate cannot be distinguished
