@@ -78,6 +78,10 @@ def test_a_wrong_inertia_is_not_taken_for_a_delay():
     assert delay_warnings(campaign_tests(0.0, heavy), heavy, IdentificationOptions().processing) == []
 
 
-def test_logs_of_one_direction_do_not_tell_a_delay():
-    tests = [replace(test, used=test.used & (test.velocity > 0.0)) for test in campaign_tests(HALF_PERIOD)]
+@pytest.mark.parametrize("rebound", [0.0, 0.5], ids=["falls", "falls with a slow rebound"])
+def test_logs_of_one_direction_do_not_give_an_estimate(rebound):
+    """With a slow rebound many samples move back, but no fast ones."""
+    tests = [
+        replace(test, used=test.used & (test.velocity > -rebound)) for test in campaign_tests(HALF_PERIOD)
+    ]
     assert estimate_delay(tests, BENCH) is None

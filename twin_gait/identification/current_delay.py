@@ -20,9 +20,10 @@ from twin_gait.identification.statistics import LEVEL, blocks_of
 
 _KNOTS = 100  # of the piecewise linear friction over the speed, as many samples between each two
 _MOST_SAMPLES = 40_000  # evenly taken
-# Slower than this share of the usual speed, ripple of the friction looks like a delay: the filter mixes
-# speeds at which friction differs much. In one direction, friction that depends on the load does.
-_FAST, _BOTH_WAYS = 0.25, 0.05
+# Below this share of the usual speed, ripple of the friction looks like a delay, because the filter mixes
+# speeds with different friction. In falls, friction that depends on the load looks like one, too: this share
+# of the fast samples has to move in each direction.
+_FAST, _BOTH_WAYS = 0.25, 0.2
 _NOTICED = 1e-4  # [s]; friction of a knee at 1 Hz is biased by less than 1 %
 _RANK = 1e-10  # relative singular value below which the rate cannot be distinguished
 
@@ -37,7 +38,8 @@ class Delay(NamedTuple):
 def estimate_delay(tests: Sequence[FrictionTest], bench: BenchSetup) -> Delay | None:
     """Estimate by how much the current still leads the angle; None if the logs do not determine it."""
     rows = join_tests(tests)
-    if rows.rarer_direction < _BOTH_WAYS:
+    chosen = np.flatnonzero(rows.used & (np.abs(rows.velocity) > _FAST * usual_speed(rows)))
+    if rows.rows(chosen).rarer_direction < _BOTH_WAYS:
         return None
     mass = np.array([test.mass for test in tests], dtype=float)[rows.test]
     load, across = (bench.load_torque(np.asarray(rows.angle) - turn, mass) for turn in (0.0, np.pi / 2))
@@ -47,7 +49,6 @@ def estimate_delay(tests: Sequence[FrictionTest], bench: BenchSetup) -> Delay | 
     expected = bench.inertia(mass) * np.concatenate(jerks) + across * rows.velocity
     measured = np.concatenate([test.motor_rate for test in tests])
     table = np.column_stack([load, across, acceleration, measured, expected, rows.torque])
-    chosen = np.flatnonzero(rows.used & (np.abs(rows.velocity) > _FAST * usual_speed(rows)))
     chosen = chosen[:: -(-len(chosen) // _MOST_SAMPLES)]
     speed, block = rows.velocity[chosen], blocks_of(rows.test[chosen])
     knots = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _KNOTS)))
