@@ -249,7 +249,7 @@
         make("p", { className: "what" }, `${board.place(row.control)}: ${written(event.before, row.control)} → ${written(event.value, row.control)}, `
           + `as of ${(event.tick / 1000).toFixed(1)} s`),
         make("p", { className: "comes" }, title(text)),
-        make("p", { className: "numbers" }, [off && `RMS off the reference: ${off}`, `at a limit ${(100 * saturated_share).toFixed(1)} % of the time`]
+        make("p", { className: "numbers" }, [off && `RMS off the reference: ${off}`, `worst joint at a limit ${(100 * saturated_share).toFixed(1)} % of the time`]
           .filter(Boolean).join("; ")),
         button("Discard", "discard", () => this.close()),
         button(bad ? "Apply all the same" : "Apply", "apply", () => { this.close(); row.ask(send); }));
