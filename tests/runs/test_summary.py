@@ -242,6 +242,25 @@ def test_command_beyond_the_limit_counts_as_saturated(walk: Run) -> None:
     assert hip["saturated_share"] == pytest.approx(0.1)
 
 
+def test_share_of_any_joint_at_a_limit_is_not_that_of_the_worst_joint(walk: Run) -> None:
+    """Ticks 0 to 99 of one joint and 50 to 249 of another: 200 of the worst, 250 of any."""
+    log = walk.log.copy()
+    for name, ticks in (("left_hip", slice(0, 99)), ("right_knee", slice(50, 249))):
+        log.loc[ticks, f"{name}_motor_command_torque_Nm"] = 61.0
+    found, before = summarise(replace(walk, log=log)), summarise(walk)
+    assert before["any_joint_saturated_share"] == before["worst_joint_saturated_share"] == 0.0
+    assert found["worst_joint_saturated_share"] == pytest.approx(200 / len(log))
+    assert found["any_joint_saturated_share"] == pytest.approx(250 / len(log))
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_double_support_is_stance_less_the_other_swing(summary: dict[str, Any], side: str) -> None:
+    """One foot or both are on the ground at any time of the known walk."""
+    swings = [leg["swing_share"] for leg in summary["sides"].values()]
+    assert summary["sides"][side]["double_support_share"] == pytest.approx(1.0 - sum(swings), abs=2e-3)
+    assert 0.1 < summary["sides"][side]["double_support_share"] < 0.5
+
+
 def test_time_outs_are_counted_in_all_and_once_the_gait_has_settled() -> None:
     into_extension = sum(PHASE_TICKS[:4])
     # The fourth left stride begins with the heel strike at 200 + 3 · 1200.

@@ -23,14 +23,14 @@ from twin_gait.parameters import LimitParameters
 CURRENT_TOLERANCE = 1e-9  # [A]
 
 
-def saturation_shares(
+def saturation_cases(
     command: np.ndarray, target_current: np.ndarray, current: np.ndarray, limits: LimitParameters
-) -> dict[str, float]:
-    """Shares of the ticks in which a motor could not do what it was told, by their names in a summary.
+) -> dict[str, np.ndarray]:
+    """Find the ticks in which a motor cannot follow its command.
 
-    ``at_torque_limit_share``: the command is beyond the torque limit; ``at_current_limit_share``: the target
-    current sits at the current limit; ``voltage_limited_share``: the bus voltage drives less current than the
-    target; ``saturated_share``: at least one of the three. NaN for an empty record.
+    ``at_torque_limit``: the command is beyond the torque limit; ``at_current_limit``: the target current is
+    at the current limit; ``voltage_limited``: the bus voltage drives less current than the target;
+    ``saturated``: at least one of the three. Returns booleans, one a tick.
 
     ``command``: commanded torque before limits in [N m]; ``target_current``: current after torque and current
     limit in [A]; ``current``: current after the voltage limit in [A].
@@ -40,8 +40,24 @@ def saturation_shares(
         "at_current_limit": np.abs(target_current) >= limits.current,
         "voltage_limited": np.abs(target_current - current) > CURRENT_TOLERANCE,
     }
-    cases["saturated"] = np.any(list(cases.values()), axis=0)
-    return {f"{name}_share": float(case.mean()) if len(case) else math.nan for name, case in cases.items()}
+    return {**cases, "saturated": np.any(list(cases.values()), axis=0)}
+
+
+def saturation_shares(
+    command: np.ndarray, target_current: np.ndarray, current: np.ndarray, limits: LimitParameters
+) -> dict[str, float]:
+    """Compute the shares of the ticks of :func:`saturation_cases`, by their names in a summary.
+
+    ``at_torque_limit_share``, ``at_current_limit_share``, ``voltage_limited_share`` and ``saturated_share``;
+    NaN for an empty record.
+    """
+    cases = saturation_cases(command, target_current, current, limits)
+    return {f"{name}_share": share_of_ticks(case) for name, case in cases.items()}
+
+
+def share_of_ticks(case: np.ndarray) -> float:
+    """Return the share of the ticks in which something holds; NaN for an empty record."""
+    return float(case.mean()) if len(case) else math.nan
 
 
 def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> dict[str, float]:

@@ -79,7 +79,7 @@ def missing_peaks(summary: Mapping[str, Any]) -> list[str]:
 
 
 def strides_of(leg: Mapping[str, Any]) -> str:
-    """Strides of a leg of a summary, their time and swing; by its phases where it has no ground."""
+    """Describe the strides of a leg of a summary: time, swing, double support; by phases without ground."""
     by = "_by_phase" if leg["strides"] is None else ""
     counted = leg[f"strides{by}_counted"]
     told = f"{'in the air, by its phases ' if by else ''}{stride_count(counted, leg[f'strides{by}'])}"
@@ -87,6 +87,8 @@ def strides_of(leg: Mapping[str, Any]) -> str:
         told += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
     if leg.get("swing_share") is not None:
         told += f", swing {100.0 * leg['swing_share']:.0f} %"
+    if leg.get("double_support_share") is not None:
+        told += f", double support {100.0 * leg['double_support_share']:.0f} %"
     return told
 
 

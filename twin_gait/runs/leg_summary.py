@@ -17,7 +17,7 @@ from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
 from twin_gait.measures.walk import mean_stride
-from twin_gait.parameters import ActuatorParameters
+from twin_gait.parameters import ActuatorParameters, LimitParameters
 from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
@@ -48,6 +48,20 @@ def _largest(values: np.ndarray) -> float:
 def _largest_magnitude(values: np.ndarray) -> float:
     finite = values[np.isfinite(values)]
     return float(finite[np.argmax(np.abs(finite))]) if len(finite) else math.nan
+
+
+def limit_shares(run: Run) -> dict[str, float]:
+    """Compute how often the motors of a run are at a limit, by names in a summary.
+
+    ``worst_joint_saturated_share``: share of the ticks of the joint that is at a limit most often;
+    ``any_joint_saturated_share``: share of the ticks in which at least one joint is at a limit.
+    """
+    legs = [MeasuredLeg(run, record) for record in run.leg_records()]
+    cases = [leg.saturated(joint) for leg in legs for joint in leg.record.angles]
+    return {
+        "worst_joint_saturated_share": max(map(effort.share_of_ticks, cases)),
+        "any_joint_saturated_share": effort.share_of_ticks(np.any(cases, axis=0)),
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +147,7 @@ class MeasuredLeg:
             "stride_time_mean_s": finite_mean(times),
             "stride_time_variation": strides.coefficient_of_variation(times),
             "swing_share": finite_mean(strides.swing_shares(self.strides, contacts.toe_offs)),
+            "double_support_share": self.double_support_share(),
             **self._reference_errors("contact", self.strides),
             "early_stance_lag_mean_s": finite_mean(lags),
             "early_stance_lag_largest_s": _largest_magnitude(lags),
@@ -212,11 +227,27 @@ class MeasuredLeg:
             "peak_deg": finite_mean(peak),
         }
 
-    def saturation(self, joint: JointName) -> dict[str, float]:
-        """Shares of the time in which a motor is at a limit."""
+    def _limits_of(self, joint: JointName) -> tuple[np.ndarray, np.ndarray, np.ndarray, LimitParameters]:
+        """Return command, target current and current of a motor at every tick, and the limits."""
         names = ("motor_command_torque_Nm", "target_current_A", "measured_current_A")
         command, target, current = (self.column(joint, name) for name in names)
-        return effort.saturation_shares(command, target, current, self.run.experiment.control.limits)
+        return command, target, current, self.run.experiment.control.limits
+
+    def saturated(self, joint: JointName) -> np.ndarray:
+        """Return whether a motor is at a limit of torque, current or voltage, at every tick."""
+        return effort.saturation_cases(*self._limits_of(joint))["saturated"]
+
+    def saturation(self, joint: JointName) -> dict[str, float]:
+        """Compute the shares of the ticks in which a motor is at a limit."""
+        return effort.saturation_shares(*self._limits_of(joint))
+
+    def double_support_share(self) -> float:
+        """Compute the share of the counted strides in which both feet carry; NaN for one leg alone."""
+        own, others = self.record, self.run.leg_records()
+        (other,) = [item for item in others if item.side is not own.side] or [None]
+        if other is None or own.loaded is None or other.loaded is None:
+            return math.nan
+        return strides.double_support_share(own.loaded, other.loaded, self.strides)
 
     def work(self, joint: JointName) -> dict[str, float]:
         """What a motor does at its joint, means over the counted strides; work is per mass of the wearer."""

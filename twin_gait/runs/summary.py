@@ -20,7 +20,7 @@ from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
-from twin_gait.runs.leg_summary import MeasuredLeg, reference_error
+from twin_gait.runs.leg_summary import MeasuredLeg, limit_shares, reference_error
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
@@ -68,8 +68,9 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "fell": run.status is RunStatus.FELL,
         "strides_skipped": skip_strides,
         "sides": sides,
-        **_walk(run, skip_strides),
+        **_walk(run, walk, skip_strides),
         "symmetry": _symmetry(sides),
+        **limit_shares(run),
         **battery_in_numbers(run),
         "safety": _safety(run),
         **({} if run.experiment.modes is None else {"requests_refused": " | ".join(refused)}),
@@ -96,9 +97,9 @@ def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None
     return {name: symmetry_index(left[name], right[name]) for name in SYMMETRIES if name in left}
 
 
-def _walk(run: Run, skip: int) -> dict[str, Any]:
-    """Who drives a walk on a belt, and the measures of the healthy one; nothing on the bench."""
-    power = run.walk_power(skip=skip)
+def _walk(run: Run, legs: Mapping[Side, Mapping[str, float]], skip: int) -> dict[str, Any]:
+    """Return who drives a walk on a belt, and the measures of the healthy one; nothing on the bench."""
+    power = run.walk_power(skip=skip, legs=legs)
     if power is None:
         return {}
     return {"walk_reference": reference_measures(run.experiment), "power": power}

@@ -181,12 +181,15 @@ class Run:
             for side, leg, other in legs
         }
 
-    def walk_power(self, *, skip: int = SKIPPED_STRIDES) -> dict[str, float] | None:
-        """Who drives the walk; None without a walkway."""
+    def walk_power(
+        self, *, skip: int = SKIPPED_STRIDES, legs: Mapping[Side, Mapping[str, float]] | None = None
+    ) -> dict[str, float] | None:
+        """Add up who drives the walk; None without a walkway. ``legs``: their walk measures, if known."""
         walkway = self.walkway
         if walkway is None:
             return None
-        legs = self.walk_measures(skip=skip)
+        if legs is None:
+            legs = self.walk_measures(skip=skip)
         return walk_power(self.log, legs.values(), self.leg_record(self.sides[0]).strides(skip=skip), walkway)
 
     @cached_property

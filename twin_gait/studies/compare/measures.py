@@ -60,7 +60,7 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
         "stride_time_s": known["stride_time_mean_s"],
         "stride_length_m": strides.finite_mean(speed * times),
         "step_time_s": strides.finite_mean(counted_steps(own, others, leg.strides)),
-        "double_support_share": strides.double_support_share(own.loaded, others.loaded, leg.strides),
+        "double_support_share": known["double_support_share"],
         "toe_clearance_m": known["toe_clearance_least_m"],
     }
 

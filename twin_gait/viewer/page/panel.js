@@ -414,7 +414,7 @@
       const off = Object.entries(rmse_deg).filter(([, value]) => value !== null)
         .map(([joint, value]) => `${words(joint)} ${value.toFixed(1)}°`).join(", ");
       return [`As of ${(this.event.tick / 1000).toFixed(1)} s`, off && `RMS off the reference: ${off}`,
-        `at a limit ${(100 * saturated_share).toFixed(1)} % of the time`].filter(Boolean).join("; ");
+        `worst joint at a limit ${(100 * saturated_share).toFixed(1)} % of the time`].filter(Boolean).join("; ");
     },
   };
 
