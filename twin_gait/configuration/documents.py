@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from twin_gait.configuration.events import events_document
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.sections import written
 from twin_gait.experiment import Experiment
@@ -46,6 +47,8 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     document = written(experiment)
     if experiment.modes is not None:
         document["modes"] = table_document(experiment.modes)
+    if experiment.events:
+        document["events"] = events_document(experiment)
     return {
         "schema_version": SCHEMA_VERSION,
         **{key: value for key, value in document.items() if value != []},

@@ -16,20 +16,29 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.configuration.documents import dump_yaml, table_document
+from twin_gait.configuration.events import changed_keys
 from twin_gait.configuration.experiments import LoadedExperiment
-from twin_gait.exceptions import RunDirectoryError, TwinGaitError
+from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
 from twin_gait.live.forecast import Place, errors_of, foresee
 from twin_gait.live.journal import complete
 from twin_gait.live.news import EventBook, WalkNews
-from twin_gait.live.protocol import DoAction, Message, MessageRefused, SetControl, State, Value, one_line
+from twin_gait.live.protocol import (
+    DoAction,
+    Message,
+    MessageRefused,
+    SetControl,
+    State,
+    Value,
+    one_line,
+)
 from twin_gait.live.session_records import SessionRecorder
-from twin_gait.live.settings import Settings, loop_numbers
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
+from twin_gait.simulation.settings import Settings, loop_numbers
+from twin_gait.simulation.stepping import SteppedRun
 
 # Actions that wait for changes that are being checked; others go straight to the walk.
 CHECKED = ("revert", "save")
@@ -82,13 +91,16 @@ class LiveSession:
         """Start the process and wait until it walks.
 
         Raises RunDirectoryError if the run folder may not be used. Raises MessageRefused if the experiment
-        cannot be walked live, ParameterError if the bus cannot be opened, MissingOptionalDependency if one is
-        asked for without python-can.
+        cannot be walked live, ParameterError if it has events or the bus cannot be opened,
+        MissingOptionalDependency if a bus is given without python-can.
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self.force)
         document, name = self.loaded.document, self.loaded.experiment.name
+        if document.get("events"):
+            has = f"{len(document['events'])} events, which simulate executes"
+            raise ParameterError(f"{name}: has {has}; live takes none: leave them out with --set events=[]")
         if self.can is not None:
             self._link = CanLink(self.can, self)
             self.news.on_block = self._link.take
@@ -183,8 +195,14 @@ class LiveSession:
             text, forecast = f"forecast of {text}: {found.text}", asdict(found)
             self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
             return
-        note, numbers = {"user": message.user, **change, "text": text}, loop_numbers(settings)
-        tick = self.news.ask({"command": "settings", "numbers": numbers, "note": note})["tick"]
+        command = {
+            "command": "settings",
+            "numbers": loop_numbers(settings),
+            "user": message.user,
+            "set": changed_keys(self.settings, settings),
+            "whole": changed_keys(self.panel.preset, settings),
+        }
+        tick = self.news.ask(command)["tick"]
         if settings.table != self.settings.table and self.book.recorder is not None:
             self.book.recorder.table(table_document(settings.table), tick)
         self.settings, self._known, self.controls = settings, known, controls
@@ -195,8 +213,7 @@ class LiveSession:
         name = str(message.action)
         if name == "fault":
             values = {"fault": fault_text(values)}
-        note = {"user": message.user, "subject": name}
-        answer = self.news.ask({"command": name, "note": note, **values})
+        answer = self.news.ask({"command": name, "user": message.user, **values})
         self.book.answer(message, "applied", answer["text"], tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
