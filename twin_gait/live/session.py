@@ -33,6 +33,7 @@ from twin_gait.live.protocol import (
     State,
     Value,
     one_line,
+    user_name,
 )
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.runs.folders import check_target, journal_of
@@ -70,9 +71,11 @@ class LiveSession:
     can: str | None = None  # bus that the walk is put on, as open_bus takes it; None for none
     # called if the walk has to be compiled first, which takes 10 to 20 s
     on_compile: Callable[[], None] = lambda: None
+    on_unkept: Callable[[str], None] = lambda text: None  # called if the walk can no longer be kept, with why
 
     def __post_init__(self) -> None:
-        """Prepare the session."""
+        """Prepare the session; MessageRefused for a name of a user that no message could have."""
+        self.user = user_name(self.user)
         self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
         self._link: CanLink | None = None
@@ -82,7 +85,9 @@ class LiveSession:
         self.controls = self.panel.controls(self.settings)
         self._known: Mapping[Place, str] = {}
         self._actions = tuple(action_specs(self.panel.problem))
-        self.news = WalkNews(self.book, self.panel.problem, on_compile=self.on_compile)
+        self.news = WalkNews(
+            self.book, self.panel.problem, on_compile=self.on_compile, on_unkept=self._unkept
+        )
         self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ beginning and end
@@ -99,8 +104,8 @@ class LiveSession:
         check_target(self.folder, RUN_DIRECTORY, force=self.force)
         document, name = self.loaded.document, self.loaded.experiment.name
         if document.get("events"):
-            has = f"{len(document['events'])} events, which simulate executes"
-            raise ParameterError(f"{name}: has {has}; live takes none: leave them out with --set events=[]")
+            has = "events, which only simulate executes"
+            raise ParameterError(f"{name}: has {has}; leave them out with --set events=[]")
         if self.can is not None:
             self._link = CanLink(self.can, self)
             self.news.on_block = self._link.take
@@ -122,18 +127,30 @@ class LiveSession:
             if (journal := journal_of(self.folder)).exists():
                 self.summaries = complete(journal, pictures=self.pictures)
         except RunDirectoryError as error:
-            self.failure = one_line(error)
+            self.failure = f"{one_line(error)}; {self.way_out}"
             self.book.emit("note", f"the run folder could not be written: {self.failure}")
         for folder in self.summaries:
             self.book.emit("note", f"the run is in {folder}")
         if self.book.recorder is not None:
-            self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.summaries)
+            folders = [self.folder] if self.failure else self.summaries
+            self.book.recorder.close(self.news.status, self.book.tick, self.summary, folders)
             self.book.recorder = None
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """Of the last walk, at the end; empty if it could not be written."""
         return next(reversed(self.summaries.values()), {})
+
+    def _unkept(self, why: str) -> None:
+        """Report that the walk is no longer kept: in the terminal, the record and the pages."""
+        text = f"the walk is no longer kept: {why}; {self.way_out}"
+        self.book.emit("note", text)
+        self.on_unkept(text)
+
+    @property
+    def way_out(self) -> str:
+        """Command that gives the part of the walk that was kept."""
+        return f"make room, then get what was kept: twin-gait sessions complete {self.folder}"
 
     # ------------------------------------------------------------------ what pages ask for
 
