@@ -10,8 +10,8 @@ from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.live.controls import Panel, action_specs, values_of
 from twin_gait.live.forecast import errors_of
 from twin_gait.live.protocol import DoAction
-from twin_gait.live.settings import loop_numbers
-from twin_gait.live.stepping import SteppedRun
+from twin_gait.simulation.settings import loop_numbers
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"

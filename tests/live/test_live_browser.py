@@ -1,7 +1,6 @@
 """The live page in headless Chromium: what is set in the panel is in the log, what is wrong is refused."""
 
 import contextlib
-import csv
 import os
 import re
 import shutil
@@ -20,13 +19,13 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+import yaml
 
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
-from twin_gait.live.journal import CHANGES_FILE
-from twin_gait.live.stepping import FADE_TICKS
-from twin_gait.runs.record import LOG_FILE, read_run
+from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, read_run
 from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.stepping import FADE_TICKS
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import EXTREMES_TICKS
@@ -284,9 +283,9 @@ def bench_session(
     return table, monitor, read_run(walk.folder).run.log, again.run.log, changes
 
 
-def read_changes(walk: Walk) -> list[dict[str, str]]:
-    with (walk.folder / CHANGES_FILE).open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+def read_changes(walk: Walk) -> list[dict[str, Any]]:
+    """What was done to the walk: a time and, of changes, keys and values."""
+    return yaml.safe_load((walk.folder / EXPERIMENT_FILE).read_text(encoding="utf-8"))["events"]
 
 
 def logged(log: pd.DataFrame, tick: int, name: str) -> tuple[float, float]:
@@ -308,15 +307,21 @@ def test_every_control_of_the_table_is_in_the_log_of_its_phase(bench_session) ->
         assert found == pytest.approx(value * scale, rel=1e-9, abs=1e-12), name
 
 
-def in_force(changes: list[dict[str, str]], mode: str) -> int:
+def begin_of(changes: list[dict[str, Any]], mode: str) -> int:
+    """Tick in which a mode was set."""
+    times = (item["time_s"] for item in changes if item.get("set", {}).get("monitor.control") == mode)
+    return round(1e3 * next(times))
+
+
+def in_force(changes: list[dict[str, Any]], mode: str) -> int:
     """A tick at which a mode is in force, faded in, and the blend of a phase that began meanwhile over."""
-    return next(int(item["tick"]) for item in changes if item["value"] == mode) + FADE_TICKS + 100
+    return begin_of(changes, mode) + FADE_TICKS + 100
 
 
 def test_every_control_of_the_monitor_is_in_the_log(bench_session) -> None:
     _, monitor, log, _, changes = bench_session
     assert len(monitor) == 10
-    before_torque = next(int(item["tick"]) for item in changes if item["value"] == "torque_control") - 1
+    before_torque = begin_of(changes, "torque_control") - 1
     moments = {
         "stiffness": before_torque,
         "damping": before_torque,
@@ -472,7 +477,8 @@ def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_a
         assert walk.end() == 0
     finally:
         walk.close()
-    assert [item["subject"] for item in read_changes(walk)] == ["swing_flexion.knee.gain"]
+    (change,) = read_changes(walk)
+    assert list(change["set"]) == ["table.phases.swing_flexion.knee.friction_compensation_gain"]
 
 
 @pytest.mark.slow
@@ -719,16 +725,15 @@ def test_hold_shows_its_cause_and_its_joint(session) -> None:
     assert len(pills) == 2 and all(text.endswith("Hold") for text in pills)
 
 
-def change(session: dict[str, Any], subject: str, text: str = "") -> int:
-    """First tick with a change."""
-    return next(
-        int(one["tick"]) for one in session["changes"] if one["subject"] == subject and text in one["text"]
-    )
+def change(session: dict[str, Any], subject: str, number: int = 0) -> int:
+    """First tick with a change of a key, or with another event; one of several by its number."""
+    found = [one for one in session["changes"] if subject in one or subject in one.get("set", {})]
+    return round(1e3 * found[number]["time_s"])
 
 
 def test_support_is_read_back_from_the_force_of_the_ropes(session) -> None:
     force = session["log"]["support_force_N"].to_numpy()
-    began, end = change(session, "support_share", "0.64"), change(session, "all")
+    began, end = change(session, "scenario.support.share"), change(session, "scenario.support.share", -1)
     # The ropes are dampers too: what counts is the mean over some strides of two seconds each.
     ticks = round(1000 * MEAN_OVER)
     before, after = force[began - ticks : began].mean(), force[end - ticks : end].mean()
@@ -737,7 +742,8 @@ def test_support_is_read_back_from_the_force_of_the_ropes(session) -> None:
 
 def test_belt_speed_is_read_back_from_a_foot_that_stands_on_it(session) -> None:
     model = load_experiment("treadmill").experiment.build_world().model
-    log, began, end = session["log"], change(session, "belt_speed", "1.4"), change(session, "all")
+    log, key = session["log"], "scenario.belt_speed_m_per_s"
+    began, end = change(session, key), change(session, key, -1)
     speeds = []
     for first, last in ((200, min(began, 6000)), (began + 400, end)):
         inside = log.iloc[first:last]

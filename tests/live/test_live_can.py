@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
 import threading
@@ -282,7 +281,7 @@ WALKED = {}
 def rows_of(panel, first, end):
     """A block of a walk."""
     if not WALKED:
-        from twin_gait.live.stepping import SteppedRun
+        from twin_gait.simulation.stepping import SteppedRun
 
         run = SteppedRun(panel.problem)
         WALKED.update(zip(run.layout.names, run.advance(400).T, strict=True))
@@ -377,10 +376,11 @@ def test_commands_change_the_walk_as_those_of_a_page(walked):
     log = walked.run.log
     assert log["right_knee_stiffness_Nm_per_rad"].iloc[-1] == pytest.approx(100.0)
     assert log["right_knee_equilibrium_rad"].iloc[-1] == pytest.approx(0.5)
-    rows = list(csv.DictReader((walked.folder / "live_changes.csv").read_text().splitlines()))
-    assert {row["user"] for row in rows} == {"CAN"}
-    (mode,) = [row for row in rows if row["subject"] == "mode"]
-    assert rows.index(mode) == 5 and int(mode["tick"]) == walked.said["mode"].tick
+    events = walked.run.experiment.events
+    assert {item.by for item in events} == {"CAN"}
+    (mode,) = [item for item in events if "mode" in item.changes]
+    assert events.index(mode) == 5 and mode.tick == walked.said["mode"].tick
+    assert simulate(walked.run.experiment).log.equals(log)
 
 
 def test_what_a_page_may_not_a_monitor_may_not(walked):

@@ -11,9 +11,9 @@ from twin_gait.configuration import load_experiment
 from twin_gait.live.controls import Panel
 from twin_gait.live.forecast import HORIZON, foresee
 from twin_gait.live.session import LiveSession
-from twin_gait.live.settings import loop_numbers
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.settings import loop_numbers
+from twin_gait.simulation.stepping import SteppedRun
 
 # Of the default treadmill walk: each ends it within seconds, and the check has nothing against any of them.
 FALLS = [
@@ -103,7 +103,7 @@ def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_f
     ahead = SteppedRun(panel.problem)
     foresee(ahead, asked.answers()[3]["moment"], changed(panel, FALLS[0]))
     np.testing.assert_array_equal(asked.takes[0].rows, plain.takes[0].rows)
-    assert asked.takes[0].changes == ()
+    assert asked.takes[0].events == ()
 
 
 @pytest.mark.slow

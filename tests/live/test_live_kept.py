@@ -1,6 +1,8 @@
 """What is left of a live walk whose processes die, and how little of it is held in memory."""
 
+import errno
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -15,6 +17,8 @@ import pytest
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.cli.program import main
+from twin_gait.cli.sessions import line_of
+from twin_gait.cli.simulate import _finish
 from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.live import journal as finishing
@@ -29,11 +33,11 @@ from twin_gait.live.journal import (
 )
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import read_run
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 
 pytestmark = pytest.mark.slow
@@ -60,11 +64,11 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
     run.inject(parse_fault("encoder_jump:right_knee@0s"))
     switches = 0
     while run.tick < ticks:
-        new = {"tick": run.tick, "user": "Ann", "text": f"at {run.tick}"}
+        new = {"time_s": round(1e-3 * run.tick, 3), "set": {}, "by": "Ann"}
         rows = run.advance(min(100, ticks - run.tick))
         journals.keep(
             Piece(
-                rows=rows, switches=run.switches(switches), changes=(new,), status=run.status,
+                rows=rows, switches=run.switches(switches), events=(new,), status=run.status,
                 reason=run.reason, trip=run.trip, wall_s=run.tick * 1e-3, over=over and run.tick == ticks,
             )
         )  # fmt: skip
@@ -87,7 +91,7 @@ def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     np.testing.assert_array_equal(take.rows, run.rows())
     assert columns == run.layout.names and run.trip is not None
     assert (take.switches, take.trip) == (run.switches(), run.trip)
-    assert [item["tick"] for item in take.changes] == list(range(0, 1400, 100))
+    assert [round(1e3 * item["time_s"]) for item in take.events] == list(range(0, 1400, 100))
     assert journals.path.stat().st_mode & 0o077 == 0
 
 
@@ -145,6 +149,64 @@ def test_a_disk_that_is_full_is_told_and_the_walk_goes_on(problem, tmp_path, mon
     assert len(told) == 1 and "cannot be written any more" in told[0]
     with locked(journals.path):  # it has been let go
         pass
+
+
+ROOM = 400_000  # bytes that fit on the disk; a journal of the bench has half of that in a second
+
+
+@pytest.fixture
+def small_disk():
+    """Files of this process and of those that it starts cannot grow beyond ``ROOM``."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, before[1]))
+    yield lambda: resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_is_reported_in_terminal_record_and_page_and_what_is_on_it_is_recovered(
+    loaded, tmp_path, monkeypatch, small_disk, capsys
+):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    records, folder, said = tmp_path / "sessions", tmp_path / "run", []
+    session = LiveSession(
+        loaded=loaded, folder=folder, records=records, pictures=False, on_unkept=said.append
+    )  # fmt: skip
+    with monkeypatch.context() as context, closing(session):
+        session.start()
+        small_disk()  # for this process; that of the walk has it still
+        wait_for(lambda: session.news.unkept)
+        last = session.news.frame["tick"]
+        wait_for(lambda: session.news.frame["tick"] > last + 100)  # the walk goes on
+        context.setattr(finishing, "write_run", full)
+    way_out = f"twin-gait sessions complete {folder}"
+    (text,) = said
+    assert text.startswith("the walk is no longer kept: ") and way_out in text and "\n" not in text
+    assert way_out in session.failure and "No space left" in session.failure
+    assert text in [event.text for event in session.book.after(0)]  # what pages are sent
+    assert text in [item["text"] for item in read_session(records, 1)["log"]]
+    (entry,) = list_sessions(records)
+    assert entry["folders"] == entry["unfinished"] == [str(folder)] and way_out in line_of(entry)
+    assert _finish(session, False) == 1 and way_out in capsys.readouterr().err
+
+    _, columns, pieces = read_journal(journal_of(folder))
+    (walk,) = walks_in(pieces, 60_000)
+    assert BATCH_TICKS <= len(walk.rows) < last
+    assert main(["sessions", "complete", str(folder)]) == 0
+    angle = read_run(folder).run.log["right_hip_angle_rad"]
+    np.testing.assert_array_equal(angle, walk.rows[:, columns.index("right_hip_angle_rad")])
+    (entry,) = list_sessions(records)
+    assert entry["folders"] == [str(folder)] and entry["unfinished"] == []
+
+
+def test_the_command_says_at_once_that_a_walk_is_no_longer_kept_and_ends_with_1(tmp_path, small_disk):
+    command = [sys.executable, "-m", "twin_gait", "live", "bench_leg", "--set", "duration_s=5"]
+    command += ["--no-browser", "--no-pictures", "--no-record", "--out", str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if "the walk is no longer kept" in line]
+    assert f"twin-gait sessions complete {tmp_path / 'run'}" in line
 
 
 def test_every_walk_of_a_journal_has_a_folder_and_only_the_last_is_drawn(
@@ -215,7 +277,7 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     assert (
         stored.summary["status"] == "interrupted" and "process of the walk died" in stored.summary["reason"]
     )
-    assert f"\n{changed.tick}," in (tmp_path / "run" / "live_changes.csv").read_text()
+    assert [item.tick for item in stored.run.experiment.events] == [changed.tick]
     (entry,) = list_sessions(database)
     assert (entry["status"], entry["folders"]) == ("died", [str(tmp_path / "run")])
     assert any("died" in item["text"] for item in read_session(database, entry["id"])["log"])

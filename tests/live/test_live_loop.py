@@ -1,7 +1,6 @@
 """The back half of ``twin-gait live``: messages, controls, rules, the loop against the clock, the process."""
 
 import base64
-import csv
 import json
 import math
 import os
@@ -19,11 +18,12 @@ import numpy as np
 import pytest
 
 from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
-from twin_gait.live import stepping
+from twin_gait.experiment.events import FADE_TICKS
 from twin_gait.live.controls import Panel, action_specs, fault_text, values_of
 from twin_gait.live.forecast import errors_of
-from twin_gait.live.journal import complete, walked_run, walks_in
+from twin_gait.live.journal import complete, walked_document, walked_run, walks_in
 from twin_gait.live.loop import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock, LiveLoop
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
@@ -38,12 +38,12 @@ from twin_gait.live.protocol import (
 )
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
-from twin_gait.live.settings import loop_numbers
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import read_run
-from twin_gait.simulation import simulate
+from twin_gait.simulation import simulate, stepping
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.settings import loop_numbers
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 
 DEGREE = math.pi / 180.0
@@ -476,7 +476,7 @@ class Rig:
         if self.script and self.script[0][0] <= self.time + 1e-9:
             command = self.script.popleft()[1]
             self.taken.append(command["serial"])
-            return command
+            return {"set": {}, "whole": {}, **command}
         return None
 
     def news(self):
@@ -527,7 +527,7 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
         "serial": 1,
         "command": "fault",
         "fault": "encoder_freeze:right_knee@0s",
-        "note": {"user": "Ann"},
+        "user": "Ann",
     }
     rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
     rig.loop.walk()
@@ -538,7 +538,9 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
     assert told[0]["text"] == "fault: encoder freeze, right knee"
     assert told[1]["text"] == "trip: encoder frozen, right knee"
     assert rig.news()[0]["events"] == rig.news()[-1]["events"] == []
-    kept = walked_run(rig.takes[0], bench_problem)
+    document = walked_document(rig.takes[0], load_experiment("bench_leg", ["duration_s=60"]).document)
+    experiment = experiment_from_mapping(document, "experiment", Path())
+    kept = walked_run(rig.takes[0], bench_problem, experiment)
     assert [event.text for event in kept.events] == [item["text"] for item in told]
     assert [event.time for event in kept.events] == [item["time"] for item in told]
 
@@ -546,11 +548,11 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
 def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):
     script = [
         (0.203, {"serial": 1, "command": "pause"}),
-        (0.5, {"serial": 2, "command": "stop", "note": {"text": "stop"}}),
+        (0.5, {"serial": 2, "command": "stop"}),
         (0.6, {"serial": 3, "command": "push", "joint": "right_hip", "torque": 1.0, "duration": 5e-3}),
         (0.7, {"serial": 4, "command": "walk"}),
         (0.8, {"serial": 5, "command": "step"}),
-        (1.0, {"serial": 6, "command": "restart", "note": {"text": "again"}}),
+        (1.0, {"serial": 6, "command": "restart"}),
         (1.3, {"serial": 7, "command": "end"}),
     ]
     rig = Rig(bench_problem, script, longest=5000)
@@ -559,7 +561,7 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
     state = stopped.rows[:, rig.run.layout.names.index("safety_state")]
     assert np.flatnonzero(state)[0] == rig.answers()[2]["tick"] == 210
     assert len(state) == pytest.approx(210 + 500, abs=2 * BLOCK_TICKS)  # the hold goes on in the pause
-    assert [item["tick"] for item in stopped.changes] == [210]
+    assert stopped.events == ({"time_s": 0.21, "stop": True},)
     refused = {serial: bool(item["refused"]) for serial, item in rig.answers().items()}
     assert refused == {1: False, 2: False, 3: True, 4: True, 5: True, 6: False, 7: False}
     assert len(again.rows) == pytest.approx(300, abs=2 * BLOCK_TICKS)
@@ -569,12 +571,13 @@ def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_wa
 def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_problem):
     settings = bench_panel.set(bench_panel.preset, "late_stance.knee.stiffness", 2.0)
     numbers = json.loads(json.dumps(loop_numbers(settings)))
-    note = {"user": "Ann", "subject": "late_stance.knee.stiffness", "text": "k"}
-    script = [(0.1, {"serial": 1, "command": "settings", "numbers": numbers, "note": note})]
+    given = {"table.phases.late_stance.knee.stiffness_Nm_per_rad": 2.0 / DEGREE}
+    command = {"command": "settings", "numbers": numbers, "set": given, "user": "Ann"}
+    script = [(0.1, {"serial": 1, **command})]
     rig = Rig(bench_problem, script, longest=4000)
     rig.loop.walk()
     (take,) = rig.takes
-    assert [(item["tick"], item["user"]) for item in take.changes] == [(100, "Ann")]
+    assert take.events == ({"time_s": 0.1, "set": given, "fade_ms": FADE_TICKS, "by": "Ann"},)
     names = rig.run.layout.names
     codes = take.rows[:, names.index("right_phase")].astype(int)
     held = take.rows[:, names.index("right_knee_stiffness_Nm_per_rad")]
@@ -629,7 +632,7 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
     rig.loop.walk()
     (take,) = rig.takes
     assert (str(take.status), take.trip) == ("completed", None)
-    run = walked_run(take, problem)
+    run = walked_run(take, problem, problem.experiment)
     assert run.log["belt_speed_m_per_s"].eq(0.0).mean() > 0.5 and run.waiting.any()
     assert run.verdict.outcome == "walked"  # though no stride begins for more than four seconds
     hips = take.rows[:, [rig.run.layout.names.index(f"{side}_hip_angle_rad") for side in problem.sides]]
@@ -721,9 +724,11 @@ def test_changes_are_applied_with_their_tick_and_logged(finished):
     pushed = np.flatnonzero(log["right_knee_patient_torque_Nm"] == -6.0)
     assert pushed[0] == said["push"].tick and len(pushed) == 200
     assert np.flatnonzero(log["safety_state"])[0] == said["stop"].tick
-    rows = list(csv.DictReader((folder / "run" / "live_changes.csv").read_text().splitlines()))
-    assert [int(row["tick"]) for row in rows] == [said[name].tick for name in ("k", "zero", "push", "stop")]
-    assert {row["user"] for row in rows} == {"Ann"} and rows[0]["value"] == "2.4"
+    events = read_run(folder / "run").run.experiment.events
+    assert [item.tick for item in events] == [said[name].tick for name in ("k", "zero", "push", "stop")]
+    assert {item.by for item in events} == {"Ann"}
+    (stiffness,) = events[0].changes.values()
+    assert stiffness == pytest.approx(2.4 / DEGREE, rel=1e-14)
 
 
 def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished):
@@ -859,6 +864,7 @@ PARENT = """
     import sys, time
     from pathlib import Path
     from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import experiment_from_mapping
     from twin_gait.live.session import LiveSession
 
     loaded, folder = load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1])

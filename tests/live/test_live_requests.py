@@ -12,9 +12,9 @@ from twin_gait import load_experiment, simulate
 from twin_gait.live.controls import Panel, action_specs, values_of
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import DoAction, MessageRefused, read_message
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import log_table
+from twin_gait.simulation.stepping import SteppedRun
 
 TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 NAMES = ("walk", "walk")

@@ -15,8 +15,10 @@ import pytest
 
 from twin_gait.cli import sessions as command
 from twin_gait.cli.program import OneLineParser
+from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.live import session_records as sessions
+from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import (
     GOING_ON,
     KILLED,
@@ -60,6 +62,25 @@ def record(tmp_path):
     second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={}, folder=Path("run"))
     yield path
     second.close("ended", 0, {}, [])
+
+
+def test_all_run_folders_of_a_session_are_listed(tmp_path):
+    recorder = SessionRecorder(tmp_path, user="Ann", experiment="treadmill", document={}, folder=Path("run"))
+    recorder.close("ended", 5, {}, ["/runs/one", "/runs/one-2", "/runs/one-3"])
+    (entry,) = list_sessions(tmp_path)
+    assert command.line_of(entry).endswith("  /runs/one, /runs/one-2, /runs/one-3")
+
+
+@pytest.mark.parametrize("forged", ["Eve\n   9  2026-01-01 00:00 UTC  Ann", "\x1b[2J", "a\rb", "x" * 65])
+def test_a_name_that_would_forge_lines_is_refused_and_one_of_a_record_is_shown_on_one_line(tmp_path, forged):
+    loaded = load_experiment("bench_leg", ["duration_s=1"])
+    with pytest.raises(TwinGaitError, match="user: expected a text of 0 to 64 printable characters") as error:
+        LiveSession(loaded=loaded, folder=tmp_path / "run", user=forged)
+    assert str(error.value).isprintable() and not list(tmp_path.iterdir())
+    recorder = SessionRecorder(tmp_path, user=forged, experiment="treadmill", document={}, folder=Path("r\n"))
+    recorder.close("ended", 0, {}, ["r\n"])
+    (entry,) = list_sessions(tmp_path)
+    assert command.line_of(entry).isprintable() and command.line_of(entry).startswith("   1  ")
 
 
 # ---------------------------------------------------------------------- keeping

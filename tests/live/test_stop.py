@@ -14,11 +14,11 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.core.belt import Belt, treadmill_speed
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
 from twin_gait.viewer.surroundings import BELT_MARK_SPACING
 from twin_gait.worlds import FaultKind

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from twin_gait import load_experiment, simulate
+from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control.safety import Trip, TripCause
-from twin_gait.live.journal import Piece, walked_run
-from twin_gait.live.stepping import SteppedRun
+from twin_gait.live.journal import Piece, walked_document, walked_run
 from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.runs.record import read_run, write_run
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import RunStatus, run_events
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 
 INJECTED, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"
@@ -72,18 +75,24 @@ def test_a_run_that_went_well_has_no_events(status, kinds):
 @pytest.mark.slow
 def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tmp_path):
     given = "faults=['supply_dip@1.4s']"  # later than the end of the walk
-    problem = build_problem(load_experiment("bench_leg", [given, "duration_s=1.5"]).experiment)
+    loaded = load_experiment("bench_leg", [given, "duration_s=1.5"])
+    problem = build_problem(loaded.experiment)
     run = SteppedRun(problem)
     run.advance(730)
     run.inject(parse_fault("encoder_offset:right_hip@0s=-8deg"))
     run.advance(300)
+    struck = {"time_s": 0.73, "fault": "encoder_offset:right_hip=-8deg"}
     piece = Piece(
-        rows=run.rows(), switches=run.switches(), faults=run.injected, status=run.status,
+        rows=run.rows(), switches=run.switches(), events=(struck,), status=run.status,
         reason=run.reason, trip=run.trip,
     )  # fmt: skip
-    kept = walked_run(piece, problem)
+    document = walked_document(piece, loaded.document)
+    kept = walked_run(piece, problem, experiment_from_mapping(document, "experiment", Path()))
     fault, trip = kept.events
     assert (fault.kind, fault.time, fault.text) == ("fault", 0.73, "fault: encoder offset, right hip")
     assert trip.time == kept.trip.time >= 0.73
-    write_run(kept, tmp_path, pictures=False)
-    assert read_run(tmp_path).run.events == kept.events
+    write_run(kept, tmp_path, document=document, pictures=False)
+    stored = read_run(tmp_path).run
+    assert stored.events == kept.events
+    written = (tmp_path / "experiment.yaml").read_text()
+    assert written.count("encoder_offset") == 1  # it stands among the events, and not among the faults too

@@ -13,11 +13,11 @@ from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.core.belt import belt_speed, walk_command
 from twin_gait.exceptions import MeasurementError, ParameterFileError
 from twin_gait.gait import TICK, GaitStateMachine, Scaling
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import log_table
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
 from twin_gait.viewer.surroundings import BELT_MARK_SPACING
 from twin_gait.vocabulary import FIRST_SWING, STAND, Side

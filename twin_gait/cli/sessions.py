@@ -49,12 +49,17 @@ def list_sessions(arguments: argparse.Namespace) -> int:
 
 
 def line_of(entry: Mapping[str, Any]) -> str:
-    """One line on a session: number, time, user, experiment, status, changes and folder."""
+    """One line on a session: number, time, user, experiment, status, changes and folders.
+
+    Whatever stands in the record, nothing in it moves the cursor of a terminal.
+    """
     who, began = entry["user"] or "(nobody named)", entry["began"][:16].replace("T", " ")
     counted = "{changes} changes, {refusals} refused, {versions} table versions".format_map(entry)
-    folder = entry["folders"][-1] if entry["folders"] else "no run folder"
+    left = {path: f"{path} (unfinished: twin-gait sessions complete {path})" for path in entry["unfinished"]}
+    folders = ", ".join(left.get(path, path) for path in entry["folders"]) or "no run folder"
     what = "{experiment}  {status}".format_map(entry)
-    return f"{entry['id']:>4}  {began} UTC  {who}  {what}  {counted}  {folder}"
+    line = f"{entry['id']:>4}  {began} UTC  {who}  {what}  {counted}  {folders}"
+    return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in line)
 
 
 def show_session(arguments: argparse.Namespace) -> int:

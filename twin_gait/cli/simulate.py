@@ -18,7 +18,6 @@ from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.configuration import LoadedExperiment
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import private_files
 from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
@@ -150,6 +149,7 @@ def walk_live(arguments: argparse.Namespace) -> int:
             records=None if arguments.no_record else live.session_records.default_records(),
             can=arguments.can,
             on_compile=terminal.note_compilation,
+            on_unkept=_warn,
         )
         asyncio.run(_serve(session, arguments, should_stop))
     return _finish(session, should_stop() and loaded.experiment.duration < LONGEST_RUN)
@@ -180,14 +180,20 @@ async def _serve(
         terminal.clear_line()
 
 
+def _warn(text: str) -> None:
+    print(f"twin-gait live: {text}", file=sys.stderr, flush=True)
+
+
 def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
     news, summary = session.news, session.summary
-    if session.failure:
-        raise RunDirectoryError(session.failure)
     if summary:
         print("\n".join(report(summary, *session.summaries)))
     if news.death:
-        print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
-    if news.death or summary.get("status") == "diverged":
+        _warn(f"{news.death}; the run is kept up to its last second")
+    if session.failure:
+        _warn(session.failure)
+    elif news.unkept and summary:
+        _warn(f"the run ends where it was no longer kept: {news.unkept}")
+    if news.death or news.unkept or session.failure or summary.get("status") == "diverged":
         return FAILED
     return INTERRUPTED if interrupted else DONE

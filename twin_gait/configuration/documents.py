@@ -8,6 +8,7 @@ import hashlib
 import json
 from typing import Any
 
+from twin_gait.configuration.events import events_document
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.readers import own_controller_document
 from twin_gait.configuration.sections import written
@@ -43,6 +44,8 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         document["modes"] = table_document(experiment.modes)
     if experiment.controller is not None:
         document["controller"] = own_controller_document(experiment.controller)
+    if experiment.events:
+        document["events"] = events_document(experiment)
     return {
         "schema_version": SCHEMA_VERSION,
         **{key: value for key, value in document.items() if value != []},

@@ -14,6 +14,7 @@ from pydantic import create_model
 
 from twin_gait.configuration import gait_table_file, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
+from twin_gait.configuration.events import events_of, faults_and_requests
 from twin_gait.configuration.readers import SIDES, own_controller, section_of, type_of
 from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
@@ -73,7 +74,13 @@ def experiment_from_mapping(
     if wanted is not None and wanted != urdf_hash(find_urdf(urdf)):
         problem = f"{urdf} is not the file that this experiment was made with; restore it, or remove this key"
         raise ParameterFileError(source, "provenance.urdf_sha256", problem)
-    return converting(source, "", lambda: Experiment(**found))
+    if not entry.events:
+        return converting(source, "", lambda: Experiment(**found))
+    for key, more in zip(("faults", "requests"), faults_and_requests(entry.events, source), strict=True):
+        found[key] = (*found.get(key, ()), *more)
+    plain = converting(source, "", lambda: Experiment(**found))
+    events = events_of(entry.events, plain, source)
+    return converting(source, "", lambda: replace(plain, events=events))
 
 
 def _known(data: Mapping[str, Any], like: LoadedExperiment) -> dict[str, Any]:
@@ -203,7 +210,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
 
 def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
     """Fill in every value that a mapping leaves to its default, units of the rest as typed."""
-    experiment = experiment_from_mapping(data, source, folder)
+    plain = {key: value for key, value in data.items() if key != "events"}  # they have no default
+    experiment = experiment_from_mapping(plain, source, folder)
     defaults = experiment_document(experiment)
     for wearer in (defaults["patient"], defaults["control"].get("patient")):
         for side in SIDES if wearer is not None else ():

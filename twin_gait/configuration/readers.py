@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, create_model, model_validator
 
+from twin_gait.configuration.events import EventEntry
 from twin_gait.configuration.sections import Section, reads
 from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.sections import type_of as type_of
@@ -115,6 +116,7 @@ class ExperimentReader(Section):
     scenario: Section
     table: dict[str, Any]
     modes: dict[str, Any] | None = None
+    events: tuple[EventEntry, ...] = ()
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
     controller: OwnControllerReader | None = None
     provenance: dict[str, Any] | None = None

@@ -8,7 +8,7 @@ import math
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
@@ -134,16 +134,17 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
 
 def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
     """Type of a number in a unit, validated as that in SI."""
-    names = item.unit.factors.items() if item.unit and factor != 1.0 else ()
-    unit = "".join(f" {end.replace('_per_', '/')}" for end, value in names if value == factor)
+    return Annotated[_PLAIN[kind], AfterValidator(partial(in_si, item, factor))]
 
-    def in_si(value: Any) -> Any:
-        found = value if factor == 1.0 else factor * value
-        if item.range is not None and not item.range.holds(found):
-            raise ValueError(f"expected {item.range.in_unit(factor).expected}, got {value:g}{unit}")
-        return found
 
-    return Annotated[_PLAIN[kind], AfterValidator(in_si)]
+def in_si(item: Declaration, factor: float, value: Any) -> Any:
+    """Convert a number in a unit to SI; ValueError if it is out of range."""
+    found = value if factor == 1.0 else factor * value
+    if item.range is not None and not item.range.holds(found):
+        names = item.unit.factors.items() if item.unit and factor != 1.0 else ()
+        unit = "".join(f" {end.replace('_per_', '/')}" for end, size in names if size == factor)
+        raise ValueError(f"expected {item.range.in_unit(factor).expected}, got {value:g}{unit}")
+    return found
 
 
 def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any], Callable[[Any], Any]]:

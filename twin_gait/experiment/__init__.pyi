@@ -1,6 +1,11 @@
 from .device import ControlMode as ControlMode
 from .device import ControlParameters as ControlParameters
 from .device import PlantParameters as PlantParameters
+from .events import Change as Change
+from .events import Event as Event
+from .events import Push as Push
+from .events import Step as Step
+from .events import Stop as Stop
 from .experiment import FINEST_STEP as FINEST_STEP
 from .experiment import LONGEST_RUN as LONGEST_RUN
 from .experiment import Engine as Engine

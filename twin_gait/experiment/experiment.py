@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from twin_gait.control.own_controller import OwnController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlParameters, PlantParameters
+from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import Bodies, LegModel
@@ -109,6 +110,7 @@ class Experiment(Parameters):
         requests: What is asked of the supervisor, and when.
         controller: Record of a controller of the user's own that takes the place of ``control.mode``, or
             None.
+        events: Changes, pushes, steps by hand and stops with their times, in the order of time.
     """
 
     name: str
@@ -130,6 +132,7 @@ class Experiment(Parameters):
     initial_mode: str | None = None
     requests: Annotated[tuple[TimedRequest, ...], Notation(parse_request)] = ()
     controller: Annotated[OwnController | None, AsInFile()] = None
+    events: Annotated[tuple[Event, ...], AsInFile()] = ()
 
     def __post_init__(self) -> None:
         """Check the ranges, the joints of the table and the faults."""
@@ -150,6 +153,7 @@ class Experiment(Parameters):
         if self.network is not None:
             self.network.require_fit(self.leg.legs, self.joints, self.duration)
         self._check_modes()
+        self._check_events()
         bare = self.patient is None or self.scenario.pelvis is PelvisGuide.FREE
         expected = "rigid without a wearer, and on one whose trunk is free"
         require(self.interface is None or not bare, "interface", expected, "brace")
@@ -171,6 +175,24 @@ class Experiment(Parameters):
         for name, mode in self.modes.phases.items():
             there = mode.posture in (None, *self.table.postures)
             require(there, f"posture of {name} in {modes}", offered, mode.posture)
+
+    def _check_events(self) -> None:
+        """Check that events come before the end of the run, and that joints and steps by hand exist."""
+        object.__setattr__(self, "events", tuple(sorted(self.events, key=lambda item: item.tick)))
+        joints = [f"{side}_{joint}" for side in self.leg.legs for joint in self.joints]
+        for item in self.events:
+            ends = f"a time before the end of the run at {self.duration:g} s"
+            require(item.tick < self.n_ticks, "events", ends, round(item.tick * TICK, 3))
+            if isinstance(item, Push):
+                require(item.joint in joints, "joint of a push", f"one of {', '.join(joints)}", item.joint)
+            if isinstance(item, Step) or (isinstance(item, Change) and item.changes.get("manual")):
+                expected = f"a gait table with {HELD_PHASE}, and no modes, whose steps are requests"
+                require(self.stepped_by_hand, "steps by hand", expected, self.table.name)
+
+    @property
+    def stepped_by_hand(self) -> bool:
+        """Whether the legs can wait for steps by hand."""
+        return HELD_PHASE in self.table.phases and self.modes is None
 
     def _check_joints(self) -> None:
         """Every joint that the table controls is one of the legs' and has a drive, friction and a path."""

@@ -21,8 +21,8 @@ from twin_gait.configuration.validation import short
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
-from twin_gait.live.settings import HELD_PHASE, MODES, Settings, changed_at, first_settings, found_at
 from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.settings import MODES, Settings, changed_at, first_settings, found_at
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import FaultKind
 from twin_gait.yaml12 import load_yaml
@@ -116,7 +116,7 @@ class Binding(NamedTuple):
     """A control and what it sets."""
 
     control: Control  # but for its values
-    path: str  # in the settings, as :func:`~twin_gait.live.settings.found_at` takes it
+    path: str  # in the settings, as :func:`~twin_gait.simulation.settings.found_at` takes it
     scale: float = 1.0  # SI value of one unit of the control
 
     def shown(self, settings: Settings) -> Value:
@@ -168,7 +168,7 @@ class Panel:
         """What drives the walk, steps by hand, and what may be adjusted of the world."""
         experiment = self.preset.experiment
         yield Binding(Control(name="mode", choices=MODES, **_SHOWN["controls"]["mode"]), "mode")
-        if HELD_PHASE in experiment.table.phases and experiment.modes is None:
+        if experiment.stepped_by_hand:
             yield Binding(Control(name="manual", **_SHOWN["controls"]["manual"]), "manual")
         for item in experiment.scenario.adjustments:
             control = Control(

@@ -16,12 +16,12 @@ from twin_gait.checking.finding import Rule, Severity
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import Piece, walked_run
-from twin_gait.live.settings import WALK, Settings, loop_numbers
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import EventKind, gait_verdict
 from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.settings import WALK, Settings, loop_numbers
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.vocabulary import Outcome
 
 HORIZON = 10_000  # ticks that are looked ahead: five strides; a change that fells does so by then
@@ -98,7 +98,8 @@ def foresee(
     switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
     # Whatever tripped: the legs are looked at to the end.
     walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
-    shown = walked_run(walk, replace(run.problem, experiment=settings.experiment))
+    ahead = replace(settings.experiment, duration=round(len(walk.rows) * TICK, 3), faults=())
+    shown = walked_run(walk, run.problem, ahead)
     records = _records(shown, first)
     sides = [MeasuredLeg(shown, record, 1).summary() for record in records]
     text, bad = _told(run, first, records)

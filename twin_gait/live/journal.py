@@ -1,7 +1,7 @@
 """Live walks in pieces, their journal, a stream of Arrow batches, and the run folders that become of it.
 
 The loop keeps nothing of a walk but its last rows. After every block it hands over a piece that is complete
-in itself (rows, switches, changes, how the walk stands), so that the pieces up to any moment are the walk up
+in itself (rows, switches, events, how the walk stands), so that the pieces up to any moment are the walk up
 to it. Those of half a second are one batch: the rows of the log as columns, the rest as its own metadata.
 The set-up stands in the schema, so that the file is all that is needed to make the run folders, whoever
 is left to do so; a batch that a kill has cut short is left out. Whoever writes or completes a journal holds a
@@ -21,14 +21,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 from pydantic import ConfigDict, TypeAdapter
 
 from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control import Trip
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import plain, require_regular, write_atomically
+from twin_gait.experiment import Experiment
+from twin_gait.files import plain, require_regular
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
@@ -37,11 +37,9 @@ from twin_gait.runs.record import RUN_DIRECTORY, write_run
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table
-from twin_gait.worlds.faults import Fault
+from twin_gait.worlds.faults import parse_fault
 
 BATCH_TICKS = 500  # in a batch: a kill loses no more than this and what waits to be written
-CHANGES_FILE = "live_changes.csv"
-CHANGE_COLUMNS = ("tick", "time_s", "user", "subject", "before", "value", "text")
 # Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
 LONGEST_PICTURES = 120.0  # [s]
 
@@ -54,8 +52,7 @@ class Piece:
 
     rows: np.ndarray  # of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
     switches: tuple[PhaseSwitch, ...] = ()  # of the phases
-    changes: tuple[Mapping[str, Any], ...] = ()  # that were applied: tick, user and so on, by column
-    faults: tuple[Fault, ...] = ()  # that somebody let strike so far
+    events: tuple[Mapping[str, Any], ...] = ()  # what was done to it, as an experiment file has it
     status: RunStatus = RunStatus.COMPLETED  # how the walk stands
     reason: str = ""  # why it has ended; empty before that
     trip: Trip | None = None  # what the safety monitor tripped on, or None
@@ -73,7 +70,7 @@ def joined(pieces: Sequence[Piece]) -> Piece:
         pieces[-1],
         rows=np.concatenate([piece.rows for piece in pieces]),
         switches=tuple(item for piece in pieces for item in piece.switches),
-        changes=tuple(item for piece in pieces for item in piece.changes),
+        events=tuple(item for piece in pieces for item in piece.events),
     )
 
 
@@ -90,7 +87,11 @@ def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
     for walk in (joined(part) for part in parts if part):
         ticks = len(walk.rows)
         if ticks and walk.status is RunStatus.COMPLETED and ticks < longest:
-            how = "stopped at" if walk.over else "the process of the walk died; it is kept up to"
+            how = (
+                "stopped at"
+                if walk.over
+                else "the process of the walk died, or could not write; it is kept up to"
+            )
             yield replace(walk, status=RunStatus.INTERRUPTED, reason=f"{how} {ticks * TICK:.3f} s")
         elif ticks:
             yield walk
@@ -217,11 +218,10 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
             )
         walks, done = list(walks_in(pieces, problem.experiment.n_ticks)), dict[Path, dict[str, Any]]()
         for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):
-            run = walked_run(walk, problem)
+            document = walked_document(walk, setup["document"])
+            run = walked_run(walk, problem, experiment_from_mapping(document, "experiment", Path()))
             drawn = pictures and walk is walks[-1] and run.duration <= LONGEST_PICTURES
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
-                write_atomically(staging / CHANGES_FILE, _changes_table(walk.changes))
-                document = {**setup["document"], "duration_s": run.duration}
                 done[folder] = plain(write_run(run, staging, document=document, pictures=drawn))
         journal.unlink()
     return done
@@ -235,20 +235,20 @@ def _names(folder: Path, force: bool) -> Iterator[Path]:
     yield from (path for path in numbered if not path.exists())
 
 
-def _changes_table(changes: Iterable[Mapping[str, Any]]) -> str:
-    rows = [{**item, "time_s": f"{item['tick'] * TICK:.3f}"} for item in changes]
-    table = pd.DataFrame(rows, columns=CHANGE_COLUMNS, dtype=object)
-    return str(table.to_csv(index=False, lineterminator="\n"))
+def walked_document(walk: Piece, document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the file of the experiment that gives a live walk again: what was done to it are its events.
 
-
-def walked_run(walk: Piece, problem: Problem) -> Run:
-    """A live walk as a run like any other; faults injected from a page are faults of its experiment.
-
-    Returns the run, as long as it was walked.
+    ``document``: that of the session. Faults and events after the last tick are left out.
     """
-    experiment, ticks = problem.experiment, len(walk.rows)
-    faults = tuple(item for item in (*experiment.faults, *walk.faults) if item.time < ticks * TICK)
-    walked = replace(experiment, duration=round(ticks * TICK, 3), faults=faults)
+    duration = round(len(walk.rows) * TICK, 3)
+    events = [item for item in walk.events if item["time_s"] < duration]
+    faults = [text for text in document.get("faults") or () if parse_fault(text).time < duration]
+    more = {"duration_s": duration, "faults": faults, "events": events}
+    return {**document, **{key: value for key, value in more.items() if value or key in document}}
+
+
+def walked_run(walk: Piece, problem: Problem, experiment: Experiment) -> Run:
+    """Return a live walk as a run like any other, of an experiment that is as long as the walk."""
     log, weight = log_table(walk.rows, log_layout(problem), problem.table), problem.world.body_weight
     ended = walk.switches, walk.status, walk.reason, walk.wall_s
-    return Run(walked, problem.table, log, *ended, weight, walk.trip)
+    return Run(experiment, problem.table, log, *ended, weight, walk.trip)

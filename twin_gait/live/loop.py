@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.experiment.events import FADE_TICKS
+from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import Piece
 from twin_gait.live.protocol import DeadlineStatistics, one_line
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import ticks
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.page import event_entries
 from twin_gait.worlds.faults import parse_fault
 
@@ -25,6 +27,12 @@ BLOCK_TICKS = 10
 PERIOD = BLOCK_TICKS * TICK  # [s]
 LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
 CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
+
+# Characters of the events of a walk. With more, changes are refused, so that its experiment file can be read.
+LONGEST_SCRIPT = 500_000
+
+# Commands that add to the events; the stop, which comes once, is never refused for that.
+RECORDED = ("settings", "push", "fault", "step", "request")
 
 Command = Mapping[str, Any]
 
@@ -89,13 +97,15 @@ class LiveLoop:
         """Begin with nothing handed over."""
         self._longest = self.run.problem.experiment.n_ticks
         self._ended = self.paused = False
-        self._changes: list[Mapping[str, Any]] = []  # that have not been handed over
+        self._whole: Mapping[str, Any] = {}  # all that differs from the preset, as ``set`` of an event
         self._begin()
 
     def _begin(self) -> None:
         """Begin a walk."""
         self._began = self.now()
         self._told = self._switches = 0  # ticks and switches handed over
+        self._events: list[Mapping[str, Any]] = []  # that have not been handed over
+        self._script = 0  # characters of the events of this walk
 
     # ------------------------------------------------------------------ the loop
 
@@ -145,11 +155,10 @@ class LiveLoop:
         """Keep what is new in the walk, and send it with how the walk stands."""
         run, first, trip = self.run, self._told, self.run.trip
         piece = Piece(
-            rows=run.rows(first), switches=run.switches(self._switches), changes=tuple(self._changes),
-            faults=run.injected, status=run.status, reason=run.reason, trip=trip,
-            wall_s=self.now() - self._began, over=over,
+            rows=run.rows(first), switches=run.switches(self._switches), events=tuple(self._events),
+            status=run.status, reason=run.reason, trip=trip, wall_s=self.now() - self._began, over=over,
         )  # fmt: skip
-        self._told, self._changes = run.tick, []
+        self._told, self._events = run.tick, []
         self._switches += len(piece.switches)
         self.keep(piece)
         self.send(
@@ -162,7 +171,7 @@ class LiveLoop:
     # ------------------------------------------------------------------ commands
 
     def _take_commands(self) -> None:
-        """Obey what has come and answer it; what was obeyed is noted among the changes of the walk."""
+        """Execute the commands that have come, and answer them."""
         while (command := self.commands()) is not None:
             answer: dict[str, Any] = {"kind": "answer", "refused": "", "text": ""}
             try:
@@ -170,16 +179,15 @@ class LiveLoop:
             except TwinGaitError as error:
                 answer["refused"] = one_line(error)
             answer.setdefault("tick", self.run.tick)  # after a restart it is that of the new walk
-            notes = [command["note"]] if "note" in command else command.get("notes", ())
-            for note in notes if not answer["refused"] else ():
-                self._changes.append({"text": answer["text"], **note, "tick": answer["tick"]})
             self.send(answer)
             if not self._moving:  # else the next block tells how it stands
                 self._hand_over()
 
     def _obey(self, command: Command) -> dict[str, Any]:
-        """Obey a command; gives what its answer has to tell, in words as ``text``."""
+        """Execute a command, and record it as an event; gives the fields of its answer, ``text`` in words."""
         name, run = command["command"], self.run
+        if name in RECORDED and self._script > LONGEST_SCRIPT:
+            raise ParameterError(f"{name}: too many events in one walk; start again")
         if name in ("walk", "push", "fault", "step", "request"):
             self._require_going(name)
         match name:
@@ -188,15 +196,20 @@ class LiveLoop:
             case "walk" | "pause":
                 self.paused = name == "pause"
             case "stop":
+                if run.trip is None:
+                    self._record(command, stop=True)
                 run.stop()
             case "restart":
-                self._restart()
+                self._restart(command)
             case "settings":  # they fade in
+                self._whole = command["whole"]
+                self._record(command, set=command["set"], fade_ms=FADE_TICKS)
                 run.set(command["numbers"])
             case "moment":
                 return {"moment": run.moment()}
             case "request":
-                answer = run.request(command["request"])
+                answer = run.request(command["request"])  # in the next tick, which it runs
+                self._record(command, answer.time, request=answer.request)
                 if answer.refused:
                     raise ParameterError(answer.refused)
                 return {"text": f"{answer.request}: {answer.before} → {answer.after}", "tick": answer.tick}
@@ -204,15 +217,27 @@ class LiveLoop:
                 joint, torque, duration = (command[name] for name in ("joint", "torque", "duration"))
                 names = [f"{item.side}_{item.joint}" for item in run.problem.joints]
                 run.push(names.index(joint), torque, ticks(duration))
+                push = {"joint": joint, "torque_Nm": torque, "duration_ms": ticks(duration)}
+                self._record(command, push=push)
                 return {"text": f"push {joint}: {torque:g} Nm for {duration:g} s"}
             case "fault":
-                run.inject(parse_fault(command["fault"]))
+                fault = parse_fault(command["fault"])
+                run.inject(fault)
+                self._record(command, fault=fault.without_time)
                 return {"text": f"fault {command['fault'].partition('@')[0]}"}
             case "step":
                 if not run.waiting():
                     raise ParameterError("step: no leg waits for one; switch steps by hand on, and wait")
                 run.release()
+                self._record(command, step=True)
         return {"text": name}
+
+    def _record(self, command: Command, time: float | None = None, **action: Any) -> None:
+        """Record an event, as an experiment file has it, at a time in [s] or before the next tick."""
+        time = self.run.tick * TICK if time is None else time
+        by = {"by": command["user"]} if command.get("user") else {}
+        self._events.append({"time_s": round(time, 3), **action, **by})
+        self._script += len(dump(self._events[-1]))
 
     def _require_going(self, name: str) -> None:
         """Refuse what a walk that is over cannot do; in a hold the supervisor still answers."""
@@ -220,10 +245,13 @@ class LiveLoop:
         if held or self.run.status is not RunStatus.COMPLETED:
             raise ParameterError(f"{name}: the walk is over; start again")
 
-    def _restart(self) -> None:
+    def _restart(self, command: Command) -> None:
+        """Begin a new walk, whose first event has all that has been changed."""
         if self.run.tick > 0:
             self._hand_over(over=True)
         self.run.restart()
         self.paused = False
         self._begin()
+        if self._whole:
+            self._record(command, set=self._whole, fade_ms=0)
         self.clock.pause()

@@ -89,13 +89,25 @@ _ENDINGS = ("held", "fell", "diverged")
 class WalkNews:
     """The process of the walk and what is known of its walks; told by the thread that reads, asked by any."""
 
-    def __init__(self, book: EventBook, problem: Problem, *, on_compile: Callable[[], None]) -> None:
-        """Prepare it. ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`."""
+    def __init__(
+        self,
+        book: EventBook,
+        problem: Problem,
+        *,
+        on_compile: Callable[[], None],
+        on_unkept: Callable[[str], None],
+    ) -> None:
+        """Prepare it.
+
+        ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`; ``on_unkept``: called once if the
+        process can no longer write its journal, with the reason.
+        """
         # The newest news.
         self.frame: Mapping[str, Any] = {"status": "starting", "tick": 0, "deadlines": {}, "events": []}
         self.death = ""  # how the process died
         self.on_block: Callable[[Block], None] = lambda block: None  # takes the walk, block by block
-        self._book, self._on_compile = book, on_compile
+        self.unkept = ""  # why the walk is no longer kept
+        self._book, self._on_compile, self._on_unkept = book, on_compile, on_unkept
         self._layout, self._phases = log_layout(problem), np.array(problem.table.phase_names)
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
         self.process: subprocess.Popen[str] | None = None  # None before the start
@@ -197,7 +209,8 @@ class WalkNews:
             case "compiling":
                 self._on_compile()
             case "unkept":
-                self._book.emit("note", f"the walk is no longer kept: {message['text']}")
+                self.unkept = message["text"]
+                self._on_unkept(self.unkept)
 
     def _note_news(self, news: Mapping[str, Any]) -> None:
         """Keep the rows, and tell what the walk does by itself; the rest is for the pages."""

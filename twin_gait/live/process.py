@@ -25,8 +25,8 @@ from twin_gait.files import dump
 from twin_gait.live.journal import Journal
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import one_line
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
 
 SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
 REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time

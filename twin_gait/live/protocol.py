@@ -68,7 +68,7 @@ Value = float | str | bool
 def _text(value: Any, longest: int = LONGEST_NAME, least: int = 0) -> str:
     if isinstance(value, str) and least <= len(value) <= longest and value.isprintable():
         return value
-    raise ValueError(f"expected a text of {least} to {longest} characters, got {short(value)}")
+    raise ValueError(f"expected a text of {least} to {longest} printable characters, got {short(value)}")
 
 
 def _value(value: Any) -> Any:
@@ -82,6 +82,14 @@ def _value(value: Any) -> Any:
 Name = Annotated[str, BeforeValidator(partial(_text, least=1))]
 User = Annotated[str, BeforeValidator(_text)]
 Said = Annotated[Value, BeforeValidator(_value)]
+
+
+def user_name(name: str) -> str:
+    """Return the name of a user if a message could have it; MessageRefused otherwise."""
+    try:
+        return _text(name)
+    except ValueError as error:
+        raise MessageRefused(f"user: {error}") from None
 
 
 class SetControl(Strict):

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.configuration.documents import dump_yaml, table_document
+from twin_gait.configuration.events import changed_keys
 from twin_gait.configuration.experiments import LoadedExperiment
-from twin_gait.exceptions import RunDirectoryError, TwinGaitError
+from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
@@ -33,12 +34,13 @@ from twin_gait.live.protocol import (
     State,
     Value,
     one_line,
+    user_name,
 )
 from twin_gait.live.session_records import SessionRecorder
-from twin_gait.live.settings import Settings, loop_numbers
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
+from twin_gait.simulation.settings import Settings, loop_numbers
+from twin_gait.simulation.stepping import SteppedRun
 
 # Actions that wait for changes that are being checked; others go straight to the walk.
 CHECKED = ("revert", "save")
@@ -70,9 +72,11 @@ class LiveSession:
     can: str | None = None  # bus that the walk is put on, as open_bus takes it; None for none
     # called if the walk has to be compiled first, which takes 10 to 20 s
     on_compile: Callable[[], None] = lambda: None
+    on_unkept: Callable[[str], None] = lambda text: None  # called if the walk can no longer be kept, with why
 
     def __post_init__(self) -> None:
-        """Prepare the session."""
+        """Prepare the session; MessageRefused for a name of a user that no message could have."""
+        self.user = user_name(self.user)
         self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
         self._link: CanLink | None = None
@@ -82,7 +86,9 @@ class LiveSession:
         self.controls = self.panel.controls(self.settings)
         self._known: Mapping[Place, str] = {}
         self._actions = tuple(action_specs(self.panel.problem))
-        self.news = WalkNews(self.book, self.panel.problem, on_compile=self.on_compile)
+        self.news = WalkNews(
+            self.book, self.panel.problem, on_compile=self.on_compile, on_unkept=self._unkept
+        )
         self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ beginning and end
@@ -91,13 +97,16 @@ class LiveSession:
         """Start the process and wait until it walks.
 
         Raises RunDirectoryError if the run folder may not be used. Raises MessageRefused if the experiment
-        cannot be walked live, ParameterError if the bus cannot be opened, MissingOptionalDependency if one is
-        asked for without python-can.
+        cannot be walked live, ParameterError if it has events or the bus cannot be opened,
+        MissingOptionalDependency if a bus is given without python-can.
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self.force)
         document, name = self.loaded.document, self.loaded.experiment.name
+        if document.get("events"):
+            has = "events, which only simulate executes"
+            raise ParameterError(f"{name}: has {has}; leave them out with --set events=[]")
         if self.can is not None:
             self._link = CanLink(self.can, self)
             self.news.on_block = self._link.take
@@ -119,18 +128,30 @@ class LiveSession:
             if (journal := journal_of(self.folder)).exists():
                 self.summaries = complete(journal, pictures=self.pictures)
         except RunDirectoryError as error:
-            self.failure = one_line(error)
+            self.failure = f"{one_line(error)}; {self.way_out}"
             self.book.emit("note", f"the run folder could not be written: {self.failure}")
         for folder in self.summaries:
             self.book.emit("note", f"the run is in {folder}")
         if self.book.recorder is not None:
-            self.book.recorder.close(self.news.status, self.book.tick, self.summary, self.summaries)
+            folders = [self.folder] if self.failure else self.summaries
+            self.book.recorder.close(self.news.status, self.book.tick, self.summary, folders)
             self.book.recorder = None
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """Of the last walk, at the end; empty if it could not be written."""
         return next(reversed(self.summaries.values()), {})
+
+    def _unkept(self, why: str) -> None:
+        """Report that the walk is no longer kept: in the terminal, the record and the pages."""
+        text = f"the walk is no longer kept: {why}; {self.way_out}"
+        self.book.emit("note", text)
+        self.on_unkept(text)
+
+    @property
+    def way_out(self) -> str:
+        """Command that gives the part of the walk that was kept."""
+        return f"make room, then get what was kept: twin-gait sessions complete {self.folder}"
 
     # ------------------------------------------------------------------ what pages ask for
 
@@ -203,11 +224,13 @@ class LiveSession:
             text, forecast = f"forecast of {'; '.join(texts)}: {found.text}", asdict(found)
             self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
             return
-        notes = [
-            {"user": message.user, **change, "text": text}
-            for change, text in zip(changes, texts, strict=True)
-        ]
-        command = {"command": "settings", "numbers": loop_numbers(settings), "notes": notes}
+        command = {
+            "command": "settings",
+            "numbers": loop_numbers(settings),
+            "user": message.user,
+            "set": changed_keys(self.settings, settings),
+            "whole": changed_keys(self.panel.preset, settings),
+        }
         tick = self.news.ask(command)["tick"]
         if settings.table != self.settings.table and self.book.recorder is not None:
             self.book.recorder.table(table_document(settings.table), tick)
@@ -220,8 +243,7 @@ class LiveSession:
         name = str(message.action)
         if name == "fault":
             values = {"fault": fault_text(values)}
-        note = {"user": message.user, "subject": name}
-        answer = self.news.ask({"command": name, "note": note, **values})
+        answer = self.news.ask({"command": name, "user": message.user, **values})
         self.book.answer(message, "applied", answer["text"], tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import MOST_TEXT, private_files, read_bytes, write_new
 from twin_gait.live.protocol import Event
-from twin_gait.runs.folders import hold
+from twin_gait.runs.folders import hold, journal_of
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
@@ -137,9 +137,10 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
 
     Returns ``id``, ``user``, name of the ``experiment``, ``began`` and ``ended`` in UTC, ``status`` of the
     last walk (or ``going on``, or ``killed`` if nobody is there to end it) and its last ``tick``, run
-    ``folders`` (without an end also those to come), how many ``changes`` were applied, ``refusals`` and
-    ``versions`` of the table there were; ``document`` of the experiment, ``summary``, ``tables`` and ``log``:
-    every event in order. Raises SessionError if there is no such session.
+    ``folders`` (without an end also those to come), those of them that are ``unfinished`` (only their
+    journal exists, of which ``twin-gait sessions complete`` makes them), how many ``changes`` were applied,
+    ``refusals`` and ``versions`` of the table there were; ``document`` of the experiment, ``summary``,
+    ``tables`` and ``log``: every event in order. Raises SessionError if there is no such session.
     """
     path = _file(folder, session)
     try:
@@ -160,6 +161,8 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
                     found[key].append(value)
                 else:
                     found[key] = value
+        left = [item for item in found["folders"] if journal_of(Path(item)).exists()]
+        found["unfinished"] = [] if found["status"] == GOING_ON else left
         responses = [item["response"] for item in found["log"]]
         found |= {"changes": responses.count("applied"), "refusals": responses.count("refused")}
         return found | {"versions": len(found["tables"]), "began": found["began"]}

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin_gait.control import Trip, TripCause
+from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT
@@ -36,11 +37,15 @@ class EpisodeEngine(ABC):
     """
 
     chunk_ticks: ClassVar[int]
+    scripted: ClassVar[bool] = False  # whether it executes the events of an experiment
     state: Any
     switches: np.ndarray
 
     def __init__(self, problem: Problem) -> None:
-        """Find the columns of the log."""
+        """Find the columns of the log; ParameterError for events that the engine does not execute."""
+        if problem.experiment.events and not self.scripted:
+            way_out = "leave engine and controller as they are, or leave the events out with --set events=[]"
+            raise ParameterError(f"events: only simulate executes them, in the compiled engine; {way_out}")
         self.problem = problem
         self.layout = log_layout(problem)
 

@@ -16,6 +16,7 @@ from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine, has_lane
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.scripted_engine import ScriptedEngine
 
 FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
 # Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
@@ -72,7 +73,8 @@ def engine_of(problem: Problem, on_compile: Callable[[], None] | None = None) ->
     """The engine that an experiment asks for, at tick 0."""
     if problem.experiment.engine is Engine.COMPILED:
         try:
-            return CompiledEngine(problem, on_compile=on_compile)
+            engine = ScriptedEngine if problem.experiment.events else CompiledEngine
+            return engine(problem, on_compile=on_compile)
         except UncompiledControllerError as error:
             told = f"{error}; stepping through Python instead, which takes some twenty times as long"
             warnings.warn(told, SlowControllerWarning, stacklevel=3)

@@ -124,9 +124,20 @@ class Fault:
 
     def __str__(self) -> str:
         """The fault in its notation; reading it gives an equal fault."""
+        return with_time(self.without_time, self.time)
+
+    @property
+    def without_time(self) -> str:
+        """The fault in its notation without the time, as an event has it."""
         place = f":{self.place}" if self.place else ""
         size = "" if self.magnitude is None else f"={self.magnitude!r}{next(iter(self.kind.units))}"
-        return f"{self.kind}{place}@{self.time!r}s{size}"
+        return f"{self.kind}{place}{size}"
+
+
+def with_time(text: str, time: float) -> str:
+    """Return the notation of a fault with a time in [s], from that without one."""
+    name, equals, size = text.partition("=")
+    return f"{name}@{time!r}s{equals}{size}"
 
 
 def parse_fault(text: str) -> Fault:

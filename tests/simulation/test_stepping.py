@@ -10,11 +10,10 @@ import pytest
 from twin_gait.configuration import load_experiment
 from twin_gait.control import TripCause
 from twin_gait.exceptions import ParameterError
-from twin_gait.live import stepping
-from twin_gait.live.stepping import SteppedRun
-from twin_gait.simulation import RunStatus, simulate
+from twin_gait.simulation import RunStatus, simulate, stepping
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import log_table
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 
 LATE_STANCE, SWING_FLEXION = "late_stance", "swing_flexion"

@@ -1,9 +1,9 @@
 """A run that is advanced piece by piece and changed in between, in compiled code.
 
-:func:`twin_gait.simulation.simulate` runs an experiment from start to end. Here the caller holds the clock:
-they advance the walk by some ticks, look at the rows of the log, change the parameters of the phases, the
-belt or the support, push the leg or inject a fault, and go on. Without a change the rows are those of
-``simulate``, bit for bit.
+A live session advances it against a clock, and :mod:`twin_gait.simulation.scripted_engine` from event to
+event: the caller advances the walk by some ticks, changes the parameters of the phases, the belt or the
+support, pushes the leg or injects a fault, and goes on. The rows do not depend on how many ticks are advanced
+at a time; without a change they are those of ``simulate``, bit for bit.
 """
 
 import base64
@@ -19,9 +19,9 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.experiment.events import FADE_TICKS
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.live.settings import LoopNumbers, numbers_of
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.simulation.answers import Answer, answer_at
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -29,11 +29,11 @@ from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import RunStatus, log_table, run_events
+from twin_gait.simulation.settings import LoopNumbers, numbers_of
 from twin_gait.worlds.faults import Fault, FaultKind
 
-FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
-WAIT_TICKS = 10  # between two looks at whether a leg waits
+WAIT_TICKS = 10  # whether a leg waits is looked up in every tick that is a multiple of this
 MOST_FAULTS = 16  # that can be injected into one walk
 
 
@@ -42,31 +42,42 @@ class SteppedRun:
 
     Attributes:
         problem: The experiment as an engine needs it, as the walk began.
+        engine: Engine that runs the ticks.
         layout: Names and positions of the log's columns.
         tick: Ticks that have been run.
         numbers: In force, or fading in.
         injected: Faults that have been injected, with their times.
     """
 
-    def __init__(self, problem: Problem, *, on_compile: Callable[[], None] | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        *,
+        on_compile: Callable[[], None] | None = None,
+        spare_faults: int | None = None,
+    ) -> None:
         """Lay the walk out; no tick is run.
 
         ``problem`` from :func:`twin_gait.simulation.problem.build_problem`; ``on_compile``: called if the
-        loop has to be compiled first, which takes 10 to 20 s.
+        loop has to be compiled first, which takes 10 to 20 s; ``spare_faults``: number of faults that can be
+        injected, ``MOST_FAULTS`` by default.
         """
         self.problem = problem
         self.layout = log_layout(problem)
         self.tick = 0
         experiment = problem.experiment
-        spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * MOST_FAULTS
+        number = MOST_FAULTS if spare_faults is None else spare_faults
+        spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * number
         roomy = replace(experiment, faults=(*experiment.faults, *spare))
-        self._engine = CompiledEngine(replace(problem, experiment=roomy), on_compile=on_compile)
-        self._episode = self._engine.episode
-        starts = self._episode["faults"]["start_tick"]
-        starts[len(experiment.faults) :] = NEVER
-        self._episode["first_fault"] = starts.min()
-        self._start = self._engine.store.copy()
-        self.numbers: LoopNumbers = numbers_of(problem)
+        self.engine = CompiledEngine(replace(problem, experiment=roomy), on_compile=on_compile)
+        self._episode = self.engine.episode
+        if spare:
+            starts = self._episode["faults"]["start_tick"]
+            starts[len(experiment.faults) :] = NEVER
+            self._episode["first_fault"] = starts.min()
+        self._start = self.engine.store.copy()
+        self._first_numbers: LoopNumbers = numbers_of(problem)
+        self.numbers: LoopNumbers = self._first_numbers
         self._values = self._changeable()
         # Values before a fade by name, its first tick, its length; None without one. JSON takes it as it is.
         self._fade: tuple[dict[str, Any], int, int] | None = None
@@ -74,6 +85,7 @@ class SteppedRun:
         self.injected: tuple[Fault, ...] = ()
         self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
         self._belt_waits = False
+        self._were_held = np.zeros(len(problem.sides), dtype=bool)  # legs in the held phase at the last look
 
     def _changeable(self) -> dict[str, np.ndarray]:
         """Where in the record the numbers stand that fade."""
@@ -83,7 +95,7 @@ class SteppedRun:
             "setpoints": joints["setpoints"].view(float).reshape(len(joints), -1, COLUMNS_PER_JOINT),
             "gravity_shares": controller["legs"]["gravity_shares"],
             "target_torque": joints["target"],
-            "belt_speed": self._engine.store["belt"]["cruise"],
+            "belt_speed": self.engine.store["belt"]["cruise"],
         }
         if model.pelvis_index is not None:  # the wearer's hangs in the support
             hung = model.pelvis_index + self.problem.world.wearer_shift
@@ -93,17 +105,17 @@ class SteppedRun:
     @property
     def status(self) -> RunStatus:
         """How the walk stands; ``completed`` as long as nothing has ended it."""
-        return self._engine.ending(self.tick)[0]
+        return self.engine.ending(self.tick)[0]
 
     @property
     def reason(self) -> str:
         """Why it has ended; empty before that."""
-        return self._engine.ending(self.tick)[1]
+        return self.engine.ending(self.tick)[1]
 
     @property
     def trip(self) -> Trip | None:
         """What the safety monitor tripped on, or None."""
-        return self._engine.trip()
+        return self.engine.trip()
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
@@ -116,28 +128,38 @@ class SteppedRun:
 
         Returns rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
         """
-        first, end = self.tick, self.tick + ticks
+        first = self.tick
         rows = np.zeros((ticks, len(self.layout.names)))
-        while self.tick < end and self.status is RunStatus.COMPLETED:
-            self._let_belt_wait()
-            self._apply_fade()
-            over = self._push_ends <= self.tick
-            self._episode["joints"]["push"][over], self._push_ends[over] = 0.0, NEVER
-            piece = ticks if self.numbers["held_phase"] is None else WAIT_TICKS
-            if self._fade is not None:
-                piece = 1
-            until = min(end, self.tick + piece, int(self._push_ends.min()))
-            there = self._legs_in_held_phase()
-            self.tick = self._engine.run_ticks(self.tick, until, rows, first)
-            if (there & ~self._legs_in_held_phase()).any():
-                self._hold()  # after the step that was let go the next one waits again
+        self.advance_into(rows, first, first + ticks)
         self._log.append((first, rows[: self.tick - first]))
         return self._log[-1][1]
 
-    def _let_belt_wait(self) -> None:
-        """Let the belt stand while a leg waits for its step: it would carry the leg away."""
+    def advance_into(self, rows: np.ndarray, first_row: int, end: int) -> None:
+        """Run the ticks before ``end``, and write them into the log of the caller.
+
+        ``rows``: shape ``(n, n_columns)``, changed in place; its first row is that of tick ``first_row``.
+        """
+        while self.tick < end and self.status is RunStatus.COMPLETED:
+            by_hand = self.numbers["held_phase"] is not None or self._belt_waits
+            if by_hand and self.tick % WAIT_TICKS == 0:
+                self._watch_steps()
+            self._apply_fade()
+            over = self._push_ends <= self.tick
+            self._episode["joints"]["push"][over], self._push_ends[over] = 0.0, NEVER
+            piece = WAIT_TICKS - self.tick % WAIT_TICKS if by_hand else end - self.tick
+            if self._fade is not None:
+                piece = 1
+            until = min(end, self.tick + piece, int(self._push_ends.min()))
+            self.tick = self.engine.run_ticks(self.tick, until, rows, first_row)
+
+    def _watch_steps(self) -> None:
+        """Stop the belt while a leg waits for its step, and let the next one wait after a step."""
+        held = self._legs_in_held_phase()
+        if (self._were_held & ~held).any():
+            self._hold()
+        self._were_held = held
         waits = bool(self.waiting())
-        if waits != self._belt_waits:
+        if waits != self._belt_waits:  # it would carry the leg away
             self._belt_waits = waits
             self._begin_fade(BELT_TICKS)
 
@@ -196,44 +218,54 @@ class SteppedRun:
 
     def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far."""
-        return self._engine.phase_switches(first)
+        return self.engine.phase_switches(first)
 
     def moment(self) -> dict[str, Any]:
         """The present moment, from which another run of the same problem can go on: plain values for JSON."""
         return {
             "tick": self.tick,
-            "record": base64.b64encode(self._engine.store.tobytes()).decode(),
+            "record": base64.b64encode(self.engine.store.tobytes()).decode(),
             "numbers": self.numbers,
             "fade": self._fade,
             "push_ends": self._push_ends.tolist(),
             "belt_waits": self._belt_waits,
+            "were_held": self._were_held.tolist(),
         }
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
         """Take over a moment of another run of the same problem; rows and switches before it are unknown."""
-        self._engine.store[:] = np.frombuffer(base64.b64decode(moment["record"]), self._engine.store.dtype)
-        self._engine.point_at_rows()  # addresses are those of a process
+        self.engine.store[:] = np.frombuffer(base64.b64decode(moment["record"]), self.engine.store.dtype)
+        self.engine.point_at_rows()  # addresses are those of a process
         self._episode["recording"]["n_switches"] = 0
         self.tick, self._log = moment["tick"], []
         self.numbers, self._belt_waits = moment["numbers"], moment["belt_waits"]
         self._fade = moment["fade"]
         self._push_ends[:] = moment["push_ends"]
+        self._were_held[:] = moment["were_held"]
 
     def set(self, numbers: LoopNumbers, *, fade_ticks: int = FADE_TICKS) -> None:
         """Let other numbers fade in by the minimum-jerk law, in some ticks or, with 0, at once.
 
-        ``numbers`` as :func:`~twin_gait.live.settings.numbers_of` has them. Parameters of the phases fade in
-        all phases at once, also in one whose own fade is over; thresholds change at once. As long as a phase
-        is held the monitor does not watch how long a leg stays.
+        ``numbers`` as :func:`~twin_gait.simulation.settings.numbers_of` has them; those that are in force
+        already change nothing. Parameters of the phases fade in all phases at once, also in one whose own
+        fade is over; thresholds change at once. As long as a phase is held the monitor does not watch how
+        long a leg stays. Without a fade in tick 0 the walk starts with them.
         """
+        if numbers == self.numbers:
+            return
         held, self.numbers = self.numbers["held_phase"], numbers
         given = [entries(Comparison(**comparison)) for comparison in numbers["comparisons"]]
         program = self._episode["controller"]["program"]
         program["comparisons"][: len(given)] = given  # the record has room for more
         self._begin_fade(fade_ticks)
         if numbers["held_phase"] != held:
+            self._were_held[:] = False
             self._hold()
         self._note_phase_time_out()
+        if self.tick == fade_ticks == 0:
+            self._apply_fade()
+            self._arrive(np.ones(len(self.problem.sides)))
+            self._fade_anew()
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint of ``problem.joints`` for some ticks, in [N m], positive towards flexion."""
@@ -322,11 +354,8 @@ class SteppedRun:
 
     def restart(self) -> None:
         """Go back to tick 0 with the present numbers; pushes and injected faults are forgotten."""
-        self._engine.store[:] = self._start
+        self.engine.store[:] = self._start
         self.tick, self._log, self.injected, self._belt_waits = 0, [], (), False
-        self._push_ends[:] = NEVER
-        self._hold()
-        self.set(self.numbers, fade_ticks=0)
-        self._apply_fade()
-        self._arrive(np.ones(len(self.problem.sides)))
-        self._fade_anew()
+        self._push_ends[:], self._were_held[:], self._fade = NEVER, False, None
+        numbers, self.numbers = self.numbers, self._first_numbers
+        self.set(numbers, fade_ticks=0)

@@ -1,4 +1,4 @@
-"""What a live session can change, as one frozen value, and the numbers that the loop gets from it."""
+"""Everything that can change during a run, as one frozen value, and the numbers that the loop gets."""
 
 from __future__ import annotations
 
@@ -8,29 +8,27 @@ from typing import Any
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.events import HELD_PHASE
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
-from twin_gait.live.protocol import Value
 from twin_gait.network.messages import CODES
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.vocabulary import GaitPhase, Side
+from twin_gait.vocabulary import Side
 
-# The step that waits for a hand in manual mode begins where this phase ends.
-HELD_PHASE = GaitPhase.LATE_STANCE
 # What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4).
 MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Everything that the controls of a live session set."""
+    """Everything that events and the controls of a live session set."""
 
     experiment: Experiment  # with the gait table, belt speed and support as they are now
     monitor: Mapping[Side, PhaseParameters]  # impedances that the monitor sets, as a phase of each leg
     torques: Mapping[str, float]  # target torques that it sets in [N m], by joint, such as ``left_hip``
     mode: str = WALK  # what drives the joints, of ``MODES``
     manual: bool = False  # whether every step waits for a hand
-    # values of the controls that have been set, by name, in their units; what none has set is the preset's
-    changes: Mapping[str, Value] = field(default_factory=dict)
+    # values of the live controls that have been set, by name, in their units
+    changes: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def table(self) -> GaitTable:
@@ -116,10 +114,29 @@ def found_at(record: Any, path: str) -> Any:
     return record
 
 
+# Only one of the two is given.
+_EITHER = {"damping": "damping_ratio", "damping_ratio": "damping"}
+
+
 def changed_at(record: Any, path: str, value: Any) -> Any:
-    """A record with another value there; a damping takes the place of a damping ratio."""
+    """A record with another value there; a damping and a damping ratio replace each other."""
     step, _, rest = path.partition(".")
     inner = changed_at(found_at(record, step), rest, value) if rest else value
     if isinstance(record, Mapping):
         return {**record, step: inner}
-    return replace(record, **{step: inner}, **({"damping_ratio": None} if step == "damping" else {}))
+    return replace(record, **{step: inner}, **({_EITHER[step]: None} if step in _EITHER else {}))
+
+
+def settings_after(settings: Settings, changes: Mapping[str, Any]) -> Settings:
+    """Return settings with new values at some paths.
+
+    A phase that a side of the table does not have yet begins as the common one.
+    """
+    for path, value in changes.items():
+        _, *steps = path.split(".")
+        if steps[:2] == ["table", "side_phases"]:
+            side, phase = steps[2:4]
+            own = {phase: settings.table.phases[phase], **settings.table.side_phases.get(Side(side), {})}
+            settings = changed_at(settings, f"experiment.table.side_phases.{side}", own)
+        settings = changed_at(settings, path, value)
+    return settings

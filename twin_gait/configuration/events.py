@@ -1,0 +1,247 @@
+"""Events in an experiment file: what is done at a time, under the keys that ``--set`` has, and back.
+
+An entry under ``events`` has a time and one of ``set``, ``push``, ``step``, ``stop``, ``request`` and
+``fault``. Keys that can change during a run are those that :func:`changeable_keys` lists.
+"""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING
+from functools import partial
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
+from twin_gait.configuration.sections import in_si
+from twin_gait.configuration.validation import Count, Number, Strict, converting, refuse_two_units, short
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import Change, Event, Experiment, Push, Step, Stop
+from twin_gait.experiment.device import ControlParameters
+from twin_gait.experiment.events import FADE_TICKS
+from twin_gait.gait.modes import TimedRequest
+from twin_gait.gait.table import LONGEST, TICK, JointImpedance, PhaseParameters
+from twin_gait.parameters import require
+from twin_gait.parameters.quantities import Declaration, declarations
+from twin_gait.simulation.settings import MODES, Settings, found_at
+from twin_gait.worlds.faults import Fault, parse_fault, with_time
+
+_ACTIONS = ("set", "push", "step", "stop", "request", "fault")
+_WHAT_CHANGES = (
+    "table.phases.PHASE.JOINT.QUANTITY, table.phases.PHASE.gravity_compensation, the same under "
+    "table.sides.SIDE, control.target_torque_Nm.JOINT, {adjustable}monitor.control, monitor.steps_by_hand "
+    "and monitor.SIDE_JOINT.QUANTITY"
+)
+STRONGEST_PUSH = 1000.0  # [N m]; beyond, a torque is a mistake of the unit: it would break the leg
+
+
+class PushEntry(Strict):
+    """A torque on a joint from outside."""
+
+    joint: str
+    torque_Nm: Annotated[Number, Field(ge=-STRONGEST_PUSH, le=STRONGEST_PUSH)]
+    duration_ms: Annotated[Count, Field(ge=1, le=LONGEST)]
+
+
+class EventEntry(Strict):
+    """An entry under ``events``."""
+
+    time_s: Annotated[Number, Field(ge=0.0, le=LONGEST * TICK, description="time of the event")]
+    set: dict[str, Any] | None = Field(None, description="new values of parameters by their keys")
+    fade_ms: Annotated[Count, Field(ge=0, le=LONGEST)] = Field(FADE_TICKS, description="fade of a set")
+    push: PushEntry | None = Field(None, description="torque on a joint from outside")
+    step: Literal[True] | None = Field(None, description="release of a step by hand")
+    stop: Literal[True] | None = Field(None, description="emergency stop")
+    request: str | None = Field(None, description="request of the operating modes")
+    fault: str | None = Field(None, description="fault without its time")
+    by: str = Field("", description="who did it in a live session")
+
+    @model_validator(mode="after")
+    def _one_action(self) -> "EventEntry":
+        given = [name for name in _ACTIONS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"expected exactly one of {', '.join(_ACTIONS)}, got {' and '.join(given) or 'none'}"
+            )
+        if "fade_ms" in self.model_fields_set and self.set is None:
+            raise ValueError("fade_ms: goes with set only; leave it out")
+        return self
+
+    @property
+    def tick(self) -> int:
+        """Tick of the event."""
+        return round(self.time_s / TICK)
+
+    @property
+    def time(self) -> float:
+        """Time of that tick in [s]."""
+        return round(self.tick * TICK, 3)
+
+
+class Place(NamedTuple):
+    """What a key sets."""
+
+    path: str  # Path in the settings.
+    factor: float = 1.0  # SI value of one unit.
+    item: Declaration | None = None  # Declaration of a number; None for a choice.
+    choices: tuple[str | bool, ...] = ()  # Values of a choice.
+
+    def value(self, key: str, given: Any) -> float | str | bool:
+        """Convert a value of the key to SI; ParameterError if the key does not take it."""
+        if self.item is None:
+            words = " or ".join(item if isinstance(item, str) else str(item).lower() for item in self.choices)
+            require(given in self.choices and type(given) is type(self.choices[0]), key, words, given)
+            return given  # type: ignore[no-any-return]
+        number = isinstance(given, int | float) and not isinstance(given, bool)
+        require(number, key, "a number", given)
+        try:
+            return float(in_si(self.item, self.factor, given))
+        except ValueError as error:
+            raise ParameterError(f"{key}: {error}") from error
+
+
+def changeable_keys(experiment: Experiment) -> dict[str, Place]:
+    """Return all keys that can change during a run, with what each sets; those in SI have the factor 1."""
+    table, found = experiment.table, dict[str, Place]()
+    sides = {f"sides.{side}": f"side_phases.{side}" for side in experiment.leg.legs}
+    for key, path in {"phases": "phases", **sides}.items():
+        for phase in table.phases:
+            name, at = f"table.{key}.{phase}", f"experiment.table.{path}.{phase}"
+            found |= _declared(PhaseParameters, "gravity_compensation", name, at)
+            for joint in table.joints:
+                found |= _impedance(f"{name}.{joint}", f"{at}.joints.{joint}")
+    ((torque, _),) = _declared(ControlParameters, "target_torque", "control", "experiment.control")
+    item = _declaration(ControlParameters, "target_torque")
+    for joint in experiment.joints:
+        found[f"{torque}.{joint}"] = Place(f"experiment.control.target_torque.{joint}", item=item)
+    found |= _adjustable(experiment)
+    found["monitor.control"] = Place("mode", choices=tuple(MODES))
+    if experiment.stepped_by_hand:
+        found["monitor.steps_by_hand"] = Place("manual", choices=(False, True))
+    for side in experiment.leg.legs:
+        for joint in experiment.joints:
+            name = f"monitor.{side}_{joint}"
+            found |= _impedance(name, f"monitor.{side}.joints.{joint}")
+            found[f"{name}.target_torque_Nm"] = Place(f"torques.{side}_{joint}", item=item)
+    return found
+
+
+def _declaration(parameters: Any, name: str) -> Declaration:
+    return next(item for item in declarations(parameters) if item.name == name)
+
+
+def _declared(parameters: Any, name: str, key: str, path: str) -> Iterator[tuple[str, Place]]:
+    """Keys of a declared field, one for each of its units."""
+    item = _declaration(parameters, name)
+    for own, factor in item.keys.items():
+        yield f"{key}.{own}", Place(f"{path}.{name}", factor, item)
+
+
+def _impedance(key: str, path: str) -> Iterator[tuple[str, Place]]:
+    for item in declarations(JointImpedance):
+        yield from _declared(JointImpedance, item.name, key, path)
+
+
+def _adjustable(experiment: Experiment) -> Iterator[tuple[str, Place]]:
+    """Keys of the world that can be adjusted."""
+    for item in experiment.scenario.adjustments:
+        *steps, name = item.place.split(".")
+        record, key = experiment.scenario, "scenario"
+        for step in steps:
+            key, record = f"{key}.{_declaration(type(record), step).key}", getattr(record, step)
+        yield from _declared(type(record), name, key, ".".join(["experiment.scenario", *steps]))
+
+
+def _flat(values: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Keys with dots of a mapping that may have mappings inside, and their values."""
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def _changes(given: Mapping[str, Any], known: Mapping[str, Place], experiment: Experiment) -> dict[str, Any]:
+    """New values in SI by their paths."""
+    values, found = dict(_flat(given)), {}
+    refuse_two_units(values)
+    for key, value in values.items():
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1, cutoff=0.8)
+            hint = f"did you mean {near[0]}? " if near else ""
+            adjustable = "".join(f"{name}, " for name, _ in _adjustable(experiment))
+            raise ParameterError(
+                f"{short(key)}: cannot change during a run; {hint}what can: "
+                f"{_WHAT_CHANGES.format(adjustable=adjustable)}"
+            )
+        found[known[key].path] = known[key].value(key, value)
+    return found
+
+
+def events_of(entries: tuple[EventEntry, ...], experiment: Experiment, source: str) -> tuple[Event, ...]:
+    """Return the events of an experiment but for requests and faults, which stand among its own."""
+    known, found = changeable_keys(experiment), list[Event]()
+    for number, entry in enumerate(entries):
+        about: dict[str, Any] = {"tick": entry.tick, "by": entry.by}
+        if entry.set is not None:
+            read = partial(_changes, entry.set, known, experiment)
+            changes = converting(source, f"events[{number}].set", read)
+            found.append(Change(**about, changes=changes, fade_ticks=entry.fade_ms))
+        elif entry.push is not None:
+            push = entry.push
+            found.append(
+                Push(**about, joint=push.joint, torque=push.torque_Nm, duration_ticks=push.duration_ms)
+            )
+        elif entry.step or entry.stop:
+            found.append((Step if entry.step else Stop)(**about))
+    return tuple(found)
+
+
+def faults_and_requests(
+    entries: tuple[EventEntry, ...], source: str
+) -> tuple[tuple[Fault, ...], tuple[TimedRequest, ...]]:
+    """Return the faults and requests among events."""
+    faults = tuple(
+        converting(source, f"events[{number}]", partial(parse_fault, with_time(entry.fault, entry.time)))
+        for number, entry in enumerate(entries)
+        if entry.fault is not None
+    )
+    return faults, tuple(
+        TimedRequest(item.request, item.tick) for item in entries if item.request is not None
+    )
+
+
+def events_document(experiment: Experiment) -> list[dict[str, Any]]:
+    """Return the events of an experiment as its file has them, in SI; reading them gives equal events."""
+    keys = {place.path: key for key, place in changeable_keys(experiment).items() if place.factor == 1.0}
+    found = []
+    for event in experiment.events:
+        entry: dict[str, Any] = {"time_s": round(event.tick * TICK, 3)}
+        match event:
+            case Change():
+                changes = {keys[path]: value for path, value in event.changes.items()}
+                entry |= {"set": changes, "fade_ms": event.fade_ticks}
+            case Push(joint=joint, torque=torque, duration_ticks=ticks):
+                entry["push"] = {"joint": joint, "torque_Nm": torque, "duration_ms": ticks}
+            case _:
+                entry[type(event).__name__.lower()] = True
+        found.append({**entry, **({"by": event.by} if event.by else {})})
+    return found
+
+
+def changed_keys(before: Settings, after: Settings) -> dict[str, Any]:
+    """Return what makes of some settings others, as ``set`` of an event has it, in SI."""
+    found = {}
+    for key, place in changeable_keys(after.experiment).items():
+        if place.factor == 1.0:
+            old, new = _at(before, place.path), _at(after, place.path)
+            if new != old and new not in (None, MISSING):
+                found[key] = new
+    return found
+
+
+def _at(settings: Settings, path: str) -> Any:
+    """Value at a path; MISSING for a phase that a side does not have of its own."""
+    try:
+        return found_at(settings, path)
+    except KeyError:
+        return MISSING
