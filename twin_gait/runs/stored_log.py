@@ -1,6 +1,7 @@
 """Check of the log of a run folder, which somebody may have edited, cut or written with another program."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,10 +27,11 @@ def checked_log(log: pd.DataFrame, problem: Problem, path: Path) -> pd.DataFrame
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         raise RunDirectoryError(f"{path}: {missing[0]}{more}: no such column; {again}")
-    phases, table, found = problem.table.phase_names, LogTable(str(path), log), {}
+    phases, table = problem.table.phase_names, LogTable(str(path), log)
+    found: dict[str, Any] = {}
     for name in names:
         if name.endswith("_phase"):
-            codes = pd.Index(phases).get_indexer(log[name].astype(str))
+            codes = pd.Index(phases).get_indexer(pd.Index(log[name].astype(str)))
             wrong = np.flatnonzero(codes < 0)
             if len(wrong):
                 place = f"row {wrong[0] + 1}, got {str(log[name].iloc[wrong[0]])[:40]!r}"
