@@ -149,6 +149,7 @@ SETTABLE = {
     key: item.range
     for part in ("control", "plant", "sensors", "scenario")
     for key, item in numbers_of(getattr(LEG, part), f"{part}.").items()
+    if item.range is not None
 }
 
 
