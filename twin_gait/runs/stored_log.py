@@ -31,7 +31,7 @@ def checked_log(log: pd.DataFrame, problem: Problem, path: Path) -> pd.DataFrame
     found: dict[str, Any] = {}
     for name in names:
         if name.endswith("_phase"):
-            codes = pd.Index(phases).get_indexer(pd.Index(log[name].astype(str)))
+            codes = pd.Index(phases).get_indexer(pd.Index(log[name].astype(str).to_numpy()))
             wrong = np.flatnonzero(codes < 0)
             if len(wrong):
                 place = f"row {wrong[0] + 1}, got {str(log[name].iloc[wrong[0]])[:40]!r}"
