@@ -122,12 +122,20 @@ def write_pictures(figures: Mapping[str, Figure], folder: Path) -> dict[str, byt
 
 
 def write_figures_page(
-    path: Path, figures: Mapping[str, Figure], title: str, subtitle: str, rows: Sequence[Sequence[str]]
+    path: Path,
+    figures: Mapping[str, Figure],
+    title: str,
+    subtitle: str,
+    rows: Sequence[Sequence[str]],
+    tables: Mapping[str, Sequence[Sequence[str]]],
 ) -> None:
-    """Write figures into a folder beside a page that shows them under a table; its first row is the head."""
+    """Write figures into a folder beside a page that shows them under a table, and more tables below them.
+
+    The first row of a table is its head.
+    """
     pictures = write_pictures(figures, path.with_name(FIGURES_FOLDER))
     named = {readable(name): picture for name, picture in pictures.items()}
-    content = {"title": title, "subtitle": subtitle, "heads": rows[0], "rows": rows[1:], "pictures": named}
+    content = {"title": title, "subtitle": subtitle, "rows": rows, "pictures": named, "tables": tables}
     write_atomically(path, render("figures.html", content))
 
 

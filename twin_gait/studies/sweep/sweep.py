@@ -24,7 +24,7 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
-from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
+from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, sweep_figures, values_of
 from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
@@ -218,4 +218,5 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     figures = sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)
+    tables = {"main effects": main_effect_rows(table, parameters, measures)}
+    write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows, tables)
