@@ -160,8 +160,8 @@ def faults(arguments: argparse.Namespace) -> int:
     terminal.clear_line()
     if problem := healthy.baseline_problem:
         text = f"{base.name}, {base.duration:g} s without a fault: {problem}; faults in it show nothing"
-        document = {"experiment": base.name, "baseline_problem": problem, "faults": []}
-        terminal.answer(arguments, [text], document)
+        refused = {"experiment": base.name, "baseline_problem": problem, "faults": []}
+        terminal.answer(arguments, [text], refused)
         return FAILED
     with terminal.watched("faults", "fault") as watch:
         table = studies.simulate_faults(base, drawn, workers=workers, **watch)

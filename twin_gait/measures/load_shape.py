@@ -62,7 +62,7 @@ def load_shape(cycle: np.ndarray) -> LoadShape:
     trough = first + int(np.argmin(stance[first : last + 1]))
     if trough in (first, last):
         return _undefined("no minimum in the middle third of stance")
-    return LoadShape(*(float(stance[place]) for place in (loading, trough, push_off)))
+    return LoadShape(float(stance[loading]), float(stance[trough]), float(stance[push_off]))
 
 
 def prominent_peaks(curve: np.ndarray, prominence: float) -> np.ndarray:

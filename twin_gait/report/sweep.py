@@ -74,14 +74,16 @@ def main_effect_rows(
     table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str]
 ) -> list[tuple[str, ...]]:
     """Write the main effects as rows of text for a page; the first is the head."""
-    rows = [("measure", "parameter", "level", "episodes", "n", "mean", "SD")]
+    rows: list[tuple[str, ...]] = [("measure", "parameter", "level", "episodes", "n", "mean", "SD")]
     for measure in measures:
         values = values_of(table, measure)
         for axis in laid_out(table, parameters) if np.isfinite(values).any() else ():
-            for name, level in zip(names_of(axis), main_effect(axis, values).itertuples(), strict=True):
-                spread = "" if measure == WALKED else _digits(level.sd)
-                counts = str(level.episodes), str(level.n)
-                rows.append((_what(measure), str(axis.name), name, *counts, _digits(level.mean), spread))
+            found = main_effect(axis, values)
+            means, spreads = found["mean"].to_list(), found["sd"].to_list()
+            counts = found[["episodes", "n"]].astype(str).to_numpy().tolist()
+            for name, (total, n), mean, sd in zip(names_of(axis), counts, means, spreads, strict=True):
+                spread = "" if measure == WALKED else _digits(sd)
+                rows.append((_what(measure), str(axis.name), name, total, n, _digits(mean), spread))
     return rows
 
 
