@@ -16,7 +16,16 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.report.sweep import axis_of, cell_means, names_of, values_of
+from twin_gait.report.sweep import (
+    axis_of,
+    cell_means,
+    draw_heat_maps,
+    draw_main_effects,
+    laid_out,
+    main_effect_rows,
+    names_of,
+    values_of,
+)
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import run_jobs
@@ -381,3 +390,30 @@ def test_bins_hold_every_episode_and_the_last_value():
 
 def test_numbers_beside_an_axis_are_written_out():
     assert names_of(axis_of(pd.DataFrame({"a": [20000.0, 300000.0]}), "a")) == ["20000", "300000"]
+
+
+def test_a_main_effect_counts_the_runs_that_it_is_the_mean_of():
+    """Four episodes at each level; one of the first level walked, three of the second."""
+    table = pd.DataFrame({"a": [1.0] * 4 + [2.0] * 4})
+    table["outcome"] = ["walked", "fell", "held", "hung", "walked", "walked", "walked", "fell"]
+    table["m_W"] = [5.0, 9.0, 9.0, 9.0, 1.0, 2.0, 3.0, 9.0]
+    rows = main_effect_rows(table, ["a"], ["walked", "m_W"])
+    assert rows[0] == ("measure", "parameter", "level", "episodes", "n", "mean", "SD")
+    assert rows[1:] == [
+        ("share that walked", "a", "1", "4", "4", "0.25", ""),
+        ("share that walked", "a", "2", "4", "4", "0.75", ""),
+        ("m_W", "a", "1", "4", "1", "5", "–"),
+        ("m_W", "a", "2", "4", "3", "2", "1"),
+    ]
+    figure = draw_main_effects(laid_out(table, ["a"]), values_of(table, "m_W"), "m_W", "title")
+    labels = [label.get_text() for label in figure.axes[0].get_xticklabels()]
+    assert labels == ["1\nn = 1", "2\nn = 3"]
+
+
+def test_a_hatched_cell_has_episodes_of_which_none_walked():
+    table = pd.DataFrame({"a": [1.0, 1.0, 2.0], "b": [1.0, 2.0, 1.0], "m_W": 1.0})
+    table["outcome"] = ["walked", "fell", "walked"]  # no episode at (2, 2)
+    figure = draw_heat_maps(laid_out(table, ["a", "b"]), values_of(table, "m_W"), "m_W", "title")
+    (cell,) = figure.axes[0].patches
+    assert cell.get_xy() == (-0.5, 0.5) and cell.get_hatch() == "//"
+    assert figure.get_suptitle() == "title: m_W\nhatched: none walked, or none has a value, blank: no episode"

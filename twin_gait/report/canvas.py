@@ -153,15 +153,20 @@ def write_pictures(drawings: Mapping[str, Drawing], folder: Path) -> Pictures:
 
 
 def write_figures_page(
-    path: Path, drawings: Mapping[str, Drawing], title: str, subtitle: str, rows: Sequence[Sequence[str]]
+    path: Path,
+    drawings: Mapping[str, Drawing],
+    title: str,
+    subtitle: str,
+    rows: Sequence[Sequence[str]],
+    tables: Mapping[str, Sequence[Sequence[str]]],
 ) -> dict[str, str]:
-    """Write figures into a folder, and a page that shows them under a table; its first row is the head.
+    """Write figures into a folder, and a page that shows them under a table and above more tables.
 
-    Returns the reason of each figure that could not be drawn, by name.
+    The first row of a table is its head. Returns the reason of each figure that could not be drawn, by name.
     """
     pictures = write_pictures(drawings, path.with_name(FIGURES_FOLDER))
     named = {readable(name): picture for name, picture in pictures.written.items()}
-    content = {"title": title, "subtitle": subtitle, "heads": rows[0], "rows": rows[1:], "pictures": named}
+    content = {"title": title, "subtitle": subtitle, "rows": rows, "pictures": named, "tables": tables}
     write_atomically(path, render("figures.html", content))
     return pictures.failed
 

@@ -14,6 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from twin_gait.palette import BLUE
 from twin_gait.report.canvas import Drawing, style_panel
@@ -51,6 +52,45 @@ def names_of(axis: pd.Series) -> list[str]:
     return [digits(item) if isinstance(item, float) else str(item) for item in axis.cat.categories]
 
 
+def laid_out(table: pd.DataFrame, parameters: Sequence[str]) -> list[pd.Series]:
+    """Return the axes of the first ``MOST_PARAMETERS`` parameters that vary."""
+    axes = (axis_of(table, name) for name in parameters)
+    return [axis for axis in axes if axis is not None][:MOST_PARAMETERS]
+
+
+def main_effect(axis: pd.Series, values: np.ndarray) -> pd.DataFrame:
+    """Sum a measure up at each level of a parameter.
+
+    ``values``: one per episode, NaN where the wearer did not walk, shape ``(n,)``. Returns a row a level:
+    ``episodes`` in all, ``n`` of them with the measure, ``mean`` and sample standard deviation ``sd`` over
+    these, NaN where there are too few.
+    """
+    groups = pd.Series(values, axis.index).groupby(axis, observed=False)
+    found = pd.DataFrame({"episodes": groups.size(), "n": groups.count(), "mean": groups.mean()})
+    return found.assign(sd=groups.std())
+
+
+def main_effect_rows(
+    table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str]
+) -> list[tuple[str, ...]]:
+    """Write the main effects as rows of text for a page; the first is the head."""
+    rows: list[tuple[str, ...]] = [("measure", "parameter", "level", "episodes", "n", "mean", "SD")]
+    for measure in measures:
+        values = values_of(table, measure)
+        for axis in laid_out(table, parameters) if np.isfinite(values).any() else ():
+            found = main_effect(axis, values)
+            means, spreads = found["mean"].to_list(), found["sd"].to_list()
+            counts = found[["episodes", "n"]].astype(str).to_numpy().tolist()
+            for name, (total, n), mean, sd in zip(names_of(axis), counts, means, spreads, strict=True):
+                spread = "" if measure == WALKED else _digits(sd)
+                rows.append((_what(measure), str(axis.name), name, total, n, _digits(mean), spread))
+    return rows
+
+
+def _digits(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "–"
+
+
 def sweep_figures(
     table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
 ) -> dict[str, Drawing]:
@@ -59,8 +99,7 @@ def sweep_figures(
     ``parameters``: columns of what was varied; ``measures``: ``walked`` and columns. Returns
     ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
-    laid_out = (axis_of(table, name) for name in parameters)
-    axes = [axis for axis in laid_out if axis is not None][:MOST_PARAMETERS]
+    axes = laid_out(table, parameters)
     figures: dict[str, Drawing] = {}
     for measure in measures:
         values = values_of(table, measure)
@@ -100,14 +139,23 @@ def cell_means(values: np.ndarray, first: pd.Series, second: pd.Series) -> np.nd
 
 
 def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: str, title: str) -> Figure:
-    """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others."""
+    """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others.
+
+    A measure has its standard deviation as error bars; n below a level counts the episodes in the mean.
+    """
     # One vertical scale, so that effects can be compared.
-    figure, panels = _panels(f"{title}: {_what(measure)}", len(axes), height=3.0, sharey=True)
+    spread = "share of n runs" if measure == WALKED else "mean ± SD of the n runs that walked"
+    heading = f"{title}: {_what(measure)}\n{spread}"
+    figure, panels = _panels(heading, len(axes), height=3.2, sharey=True)
     for panel, axis in zip(panels, axes, strict=True):
-        means = pd.Series(values, axis.index).groupby(axis, observed=False).mean()
-        panel.plot(range(len(means)), means, "o-", color=BLUE, linewidth=1.8, markersize=5)
+        found = main_effect(axis, values)
+        bars = None if measure == WALKED else found["sd"].fillna(0.0)
+        places = range(len(found))
+        panel.errorbar(
+            places, found["mean"], bars, fmt="o-", color=BLUE, lw=1.8, ms=5, elinewidth=1, capsize=3
+        )
         style_panel(panel, "", _what(measure))
-        _name_levels(panel, axis)
+        _name_levels(panel, axis, found["n"].tolist())
         panel.tick_params(labelleft=True)
     if measure == WALKED:
         panels[0].set_ylim(-0.04, 1.04)
@@ -118,13 +166,20 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
     """Draw the mean of a measure over the first ``MOST_PAIRS`` pairs, averaged over the other parameters."""
     pairs = list(itertools.combinations(axes, 2))[:MOST_PAIRS]
     cells = [cell_means(values, second, first) for first, second in pairs]
-    blank = "\nhatched: no episode" if any(np.isnan(means).any() for means in cells) else ""
-    figure, panels = _panels(f"{title}: {_what(measure)}{blank}", len(pairs), height=3.9)
+    sizes = [pd.Series(1.0, x.index).groupby([y, x], observed=False).sum().unstack() for x, y in pairs]
+    empty = [np.isnan(means) & (size.to_numpy() > 0) for means, size in zip(cells, sizes, strict=True)]
+    legend = "hatched: none walked, or none has a value" if any(where.any() for where in empty) else ""
+    if any((size.to_numpy() == 0).any() for size in sizes):
+        legend = ", ".join(filter(None, (legend, "blank: no episode")))
+    heading = "\n".join(filter(None, (f"{title}: {_what(measure)}", legend)))
+    figure, panels = _panels(heading, len(pairs), height=3.9)
     every = np.concatenate([means.ravel() for means in cells])
     lowest, highest = (0.0, 1.0) if measure == WALKED else (np.nanmin(every), np.nanmax(every))
-    for panel, (first, second), means in zip(panels, pairs, cells, strict=True):
+    for panel, (first, second), means, where in zip(panels, pairs, cells, empty, strict=True):
         image = panel.imshow(means, origin="lower", aspect="auto", cmap=_COLOURS, vmin=lowest, vmax=highest)
-        panel.patch.set(hatch="//", edgecolor="0.8")  # seen where a cell is empty: the lowest is nearly white
+        for row, column in np.argwhere(where):
+            corner = (column - 0.5, row - 0.5)
+            panel.add_patch(Rectangle(corner, 1, 1, fill=False, hatch="//", edgecolor="0.6", linewidth=0))
         _name_levels(panel, first)
         panel.set_yticks(range(len(names_of(second))), names_of(second))
         panel.set_ylabel(str(second.name))
@@ -132,9 +187,11 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
     return figure
 
 
-def _name_levels(panel: Axes, axis: pd.Series) -> None:
-    """Write a parameter and its levels below a panel."""
+def _name_levels(panel: Axes, axis: pd.Series, counts: Sequence[int] = ()) -> None:
+    """Write a parameter and its levels below a panel, with the number of episodes at each."""
     names = names_of(axis)
+    if counts:
+        names = [f"{name}\nn = {count}" for name, count in zip(names, counts, strict=True)]
     panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
     panel.set_xlabel(str(axis.name))
 

@@ -243,8 +243,8 @@ class MeasuredLeg:
 
     def double_support_share(self) -> float:
         """Compute the share of the counted strides in which both feet carry; NaN for one leg alone."""
-        own, others = self.record, self.run.leg_records()
-        other = next((item for item in others if item.side is not own.side), None)
+        own = self.record
+        other = next((item for item in self.run.leg_records() if item.side is not own.side), None)
         if other is None or own.loaded is None or other.loaded is None:
             return math.nan
         return strides.double_support_share(own.loaded, other.loaded, self.strides)

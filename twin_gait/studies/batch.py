@@ -22,8 +22,9 @@ from twin_gait.configuration.validation import assign, converting, parse_assignm
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
+from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import Patient
-from twin_gait.runs.leg_summary import MeasuredLeg
+from twin_gait.runs.leg_summary import MeasuredLeg, limit_shares
 from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.simulator import compile_ahead, simulate_together
@@ -112,7 +113,7 @@ Named = Mapping[str, Mapping[str, dict[str, Any]]]
 READ_IN_BRIEF = (
     "_angle_rad", "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
     "_foot_normal_force_N", "_foot_clearance_m", "battery_power_W", "kinetic_energy_J", "potential_energy_J",
-    "_work_J", "belt_speed_m_per_s",
+    "_work_J", *WALK_COLUMNS,
 )  # fmt: skip
 
 _COLUMNS = load_yaml(Path(__file__).with_name("summary_columns.yaml").read_text(encoding="utf-8"))
@@ -194,18 +195,30 @@ def flat_summary(run: Run) -> Flat:
     """Sum a run up in one row: numbers of the run, of every leg, and of every joint of it.
 
     The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, with
-    side and joint in front: ``left_stride_time_mean_s``, ``left_knee_saturated_share``; None where one is
-    not defined. Nothing in it depends on the machine's speed. Of a log it needs ``READ_IN_BRIEF``.
+    side and joint in front: ``left_stride_time_mean_s``, ``left_knee_saturated_share``, ``left_load_peak``.
+    Parts of the error are called as ``left_hip_error_total_deg``, those of ``power`` as ``power_belt_W``, and
+    the trip has ``trip_cause``, ``trip_place`` and ``trip_time_s``. None where one is not defined. Nothing in
+    it depends on the machine's speed. Of a log it needs ``READ_IN_BRIEF``.
     """
+    trip, walk = run.trip, run.walk_measures()
+    power = run.walk_power(legs=walk) or {}
     whole = {
         **{"status": run.status, "outcome": run.verdict.outcome, "fell": run.status is RunStatus.FELL},
         **{"seed": run.experiment.seed, "duration_s": run.duration},
         **battery_in_numbers(run),
         **energy_in_numbers(run),
+        **limit_shares(run),
+        **{f"power_{name}": value for name, value in power.items()},
+        **({} if trip is None else {"trip_cause": str(trip.cause), "trip_place": trip.place}),
+        **({} if trip is None else {"trip_time_s": trip.time}),
     }
-    flat = {name: whole[name] for name in _RUN}
+    flat = {name: whole.get(name) for name in _RUN}
     for side in run.sides:
-        values = MeasuredLeg(run, run.leg_record(side)).in_brief()
+        leg = MeasuredLeg(run, run.leg_record(side))
+        errors = leg.errors().get("errors", {})
+        values = {**leg.in_brief(), **walk.get(side, {})}
+        for joint, parts in errors.items():
+            values |= {f"{joint}_error_{part}": value for part, value in parts.items()}
         flat |= {f"{side}_{name}": values.get(name) for name in _SIDE}
         for joint, effort in values["joints"].items():
             flat |= {f"{side}_{joint}_{name}": effort[name] for name in _JOINT}
@@ -250,4 +263,4 @@ def summary_table(rows: Sequence[Flat]) -> pd.DataFrame:
     """
     found = {name for row in rows for name in row}
     types = {name: kind for name, kind in _TYPES.items() if name in found}
-    return pd.DataFrame(rows, columns=list(types)).astype(types)
+    return pd.DataFrame(rows, columns=list(types)).astype(types).copy()  # many columns in few blocks

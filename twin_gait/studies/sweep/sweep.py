@@ -25,7 +25,7 @@ from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryErro
 from twin_gait.files import read_text, require_parquet, write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
-from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, sweep_figures, values_of
+from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, sweep_figures, values_of
 from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
@@ -226,4 +226,5 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> dict[str
     rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     figures = sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    return write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows)
+    tables = {"main effects": main_effect_rows(table, parameters, measures)}
+    return write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows, tables)
