@@ -2,21 +2,13 @@
 
 import os
 import subprocess
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
 
-import numpy as np
 import pytest
 
-from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import Unit, find_tool
-from twin_gait.firmware.linked import LinkedUnit
-from twin_gait.firmware.units import exoskeleton_step
-from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.record import copied, dtype_of, entries
 
 FIRMWARE_VARIABLE = "TWIN_GAIT_REQUIRE_FIRMWARE"
 TARGET_TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
@@ -63,52 +55,3 @@ def write_unit(
         f"void {name}_step({title} *unit, const {title}Inputs *in, {title}Outputs *out) {{ {step} }}\n"
     )
     return Unit(name, folder)
-
-
-class PythonUnit:
-    """The unit in Python, with the interface of one that runs elsewhere."""
-
-    def __init__(self, linked: LinkedUnit) -> None:
-        """Bind its step."""
-        self._linked, names = (
-            linked,
-            {**linked.structure, **kernel_functions(linked.kernel, {"sine_cosine": sine_cosine})},
-        )
-        self._step: Callable[..., None] = bind(exoskeleton_step, names)
-        self._dtype = dtype_of(linked.outputs)
-
-    def __enter__(self) -> Self:
-        """Set the unit to tick 0."""
-        self._record, self._inputs = copied(self._linked.record), copied(self._linked.inputs)
-        self._outputs = copied(self._linked.outputs)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Nothing is left behind."""
-
-    def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs, records of double numbers; a row of outputs for each."""
-        outputs = np.empty(len(inputs), self._dtype)
-        for tick, row in enumerate(inputs):
-            _fill(self._inputs, row)
-            self._step(self._record, self._inputs, self._outputs)
-            outputs[tick] = entries(self._outputs)  # copied: the lists in it are those of every tick
-        return outputs
-
-
-def _fill(record: Any, values: Any) -> None:
-    """Give a record the values of NumPy's."""
-    for name in values.dtype.names:
-        value, entry = values[name], getattr(record, name)
-        if not isinstance(entry, list):
-            if value.dtype.names is None:
-                setattr(record, name, value.item())
-            else:
-                _fill(entry, value)
-        elif value.dtype.names is None:
-            entry[:] = value.tolist()
-        else:
-            for item, part in zip(entry, value, strict=True):
-                _fill(item, part)

@@ -385,6 +385,8 @@ def test_the_commands_of_its_readme_run(folder, compiler):
     for line in commands:
         said = run(*line.partition("#")[0].split(), f"CC={compiler}", cwd=folder)
         if "test" in line:
+            assert "boards and gait controller apart: 0 ticks with other bits" in said
+            assert re.search(r"generated inputs: \d{4,} lines, 0 with other bits", said)
             double, single = (text for text in said.splitlines() if "ticks:" in text)
             assert double.startswith("3000 ticks: 0 with other bits,")
             assert " 0 with a phase more than a tick away" in single
@@ -401,7 +403,7 @@ def test_the_runner_finds_a_difference(folder, tmp_path):
     for target in ("host", "double"):
         run("make", target, cwd=folder)
     for name in ("float", "double"):
-        command = [folder / "build" / name, tmp_path / "vectors.csv"]
+        command = [folder / "build" / name, tmp_path / "vectors.csv", folder / "excitation.csv"]
         assert subprocess.run(command, capture_output=True, check=False).returncode == 1
     run("make", "clean", cwd=folder)
 

@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from firmware_tools import TARGET_TOOLS, PythonUnit, require_tools
+from firmware_tools import TARGET_TOOLS, require_tools
 
 from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.experiment import Experiment
 from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.cross import INSTALL
-from twin_gait.firmware.linked import linked_unit, record_vectors
+from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import Project, print_project
 from twin_gait.firmware.verification import Bench, cases_of, verify, walk_with
 from twin_gait.simulation import Run, simulate
-from twin_gait.simulation.problem import build_problem
 from twin_gait.worlds.faults import FaultKind
 
 DOUBLE, FLOAT, TARGET, LOOP = range(4)  # checks
@@ -89,7 +88,8 @@ def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(ben
     tripped = missing = 0
     double = bench.outputs(bench.host(double=True), double=True)
     for expected, given, vectors in zip(bench.expected, double, bench.vectors, strict=True):
-        with PythonUnit(linked_unit(build_problem(vectors.run.experiment))) as unit:
+        printed = print_project(replace(vectors.run.experiment, faults=()))
+        with printed.python_unit(printed.samples[-1]) as unit:
             assert verifying.differing(unit.exchange(vectors.inputs), vectors.outputs) == 0
         assert verifying.differing(expected, given) == 0
         tripped += vectors.run.trip is not None

@@ -120,6 +120,7 @@ class Vectors(NamedTuple):
     run: Run  # of the compiled engine
     inputs: np.ndarray  # of each tick, shape ``(n_ticks,)``, laid out as ExoskeletonInputs
     outputs: np.ndarray  # expected, likewise as ExoskeletonOutputs
+    measurements: np.ndarray  # What the boards report in each tick, shape ``(n_ticks, n_joints)``.
 
     def csv(self, joints: Sequence[str]) -> str:
         """A tick in a line as runner.c reads it: its inputs, then what is expected."""
@@ -152,7 +153,10 @@ def record_vectors(
     unit, ticks, record = linked_unit(engine.problem), experiment.n_ticks, engine.store
     inputs, outputs = (np.zeros(ticks, dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
     earlier = pairs_of(DRIVES, inputs, record)
+    measured = record["controller"]["joints"]["measurement"]
+    measurements = np.zeros((ticks, measured.shape[1]), measured.dtype)
     now = pairs_of(SENSORS, inputs, record) + pairs_of(ANSWERS, outputs, record)
+    now.append((measurements, measured))
 
     def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
         keep(earlier, tick)
@@ -161,7 +165,7 @@ def record_vectors(
         return end
 
     run = engine.run(progress, run_tick=run_tick)
-    return Vectors(run, inputs[: len(run.log)], outputs[: len(run.log)])
+    return Vectors(run, *(rows[: len(run.log)] for rows in (inputs, outputs, measurements)))
 
 
 def engine_without_bus(

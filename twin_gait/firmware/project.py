@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_u
 from twin_gait.firmware.cross import Unit
 from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
+from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
@@ -42,6 +43,7 @@ class Project:
     linked: LinkedUnit  # gait controller and boards as one unit
     messages: Mapping[str, Message]  # of the CAN network, by name; none where cantools is not installed
     program: Program  # all units in C
+    samples: Sequence[UnitSample]  # boards, gait controller and exoskeleton at tick 0
 
     @property
     def joints(self) -> list[str]:
@@ -49,7 +51,10 @@ class Project:
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
     def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> dict[str, Any]:
-        """Write C, vectors of a short walk and the resolved document of the experiment; the manifest."""
+        """Write C, vectors of a short walk, excitations, and the resolved document; return the manifest."""
+        # Excitations are those of a project, so that their module imports this one.
+        from twin_gait.firmware.unit_vectors import excitation_csv, excitations_of, runner_records
+
         self.write_linked(folder)
         problem, experiment = self.problem, self.problem.experiment
         counts, legs = experiment.sensors.encoder_counts, self.linked.record.controller.legs
@@ -64,12 +69,14 @@ class Project:
             "phases": list(problem.table.phases),
             "legs": dict(zip(experiment.leg.legs, legs, strict=True)),
             "causes": TripCause,
+            **runner_records(self),
         }
         texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
         texts["experiment.yaml"] = dump_yaml(dict(document))
         manifest = self.manifest(document)
         texts[MANIFEST] = json.dumps(manifest, indent=2) + "\n"
         texts["vectors.csv"] = vectors.csv(self.joints)
+        texts["excitation.csv"] = excitation_csv(excitations_of(self))
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         return manifest
@@ -98,10 +105,19 @@ class Project:
             (folder / name).write_text(text, encoding="utf-8")
         return Unit(EXOSKELETON, folder)
 
-    def dtypes(self, *, double: bool) -> tuple[np.dtype[Any], np.dtype[Any]]:
-        """Layout in C of inputs and outputs of the linked unit."""
-        records, real = self.program.records, "f8" if double else "f4"
-        return records.dtype(units.ExoskeletonInputs, real), records.dtype(units.ExoskeletonOutputs, real)
+    def dtypes(
+        self, *, double: bool, sample: UnitSample | None = None
+    ) -> tuple[np.dtype[Any], np.dtype[Any]]:
+        """Return the layouts in C of inputs and outputs of a unit, by default of the linked one."""
+        sample, real = sample or self.samples[-1], "f8" if double else "f4"
+        return (
+            self.program.records.dtype(type(sample.inputs), real),
+            self.program.records.dtype(type(sample.outputs), real),
+        )
+
+    def python_unit(self, sample: UnitSample) -> PythonUnit:
+        """Return a unit in Python, bound as the simulation binds it."""
+        return PythonUnit(sample, self.linked.structure, self.linked.kernel)
 
 
 def print_project(experiment: Experiment) -> Project:
@@ -117,11 +133,17 @@ def print_project(experiment: Experiment) -> Project:
         compile_guards(experiment.modes, DEVICE_BITS)
     linked, messages = linked_unit(problem), _messages(experiment)
     files, shapes = list(_units(problem, linked)), _shapes(linked)
+    records = {JOINT_BOARD: shapes[2:4], GAIT_CONTROLLER: shapes[4:6], EXOSKELETON: shapes[:2]}
+    samples = [
+        UnitSample(unit.name, init, unit.entries[0], record, *records[unit.name])
+        for unit in files
+        for init, record in unit.samples.items()
+    ]
     if messages:
         files.append(TranslationUnit(CAN_CODEC, [can_pack, can_unpack], can_messages(messages)))
         shapes.append(CanFrame())
     program = print_units(files, {**linked.structure, "sine_cosine": sine_cosine}, linked.kernel, shapes)
-    return Project(problem, linked, messages, program)
+    return Project(problem, linked, messages, program, samples)
 
 
 def refuse_what_c_has_not(experiment: Experiment) -> None:

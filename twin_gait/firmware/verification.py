@@ -19,7 +19,9 @@ from twin_gait.firmware import linked
 from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
 from twin_gait.firmware.linked import Progress
-from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, Project, print_project
+from twin_gait.firmware.project import EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project, print_project
+from twin_gait.firmware.python_unit import UnitSample
+from twin_gait.firmware.unit_vectors import UnitVectors, excitations_of, walks_of
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
@@ -70,15 +72,47 @@ class Bench:
     vectors: Sequence[linked.Vectors]  # of some runs
     unit: Unit  # its C, beside which builds are written
 
-    def host(self, *, double: bool) -> HostUnit:
-        """The unit on this machine."""
-        path = self.unit.folder / ("double" if double else "single")
-        return HostUnit(build_host(self.unit, path, flags=["-DREAL_DOUBLE"] if double else []))
+    @cached_property
+    def every(self) -> Sequence[UnitVectors]:
+        """Inputs and expected outputs of all units: their part in the runs, then what excites them."""
+        walks = (walks_of(self.project, sample, self.vectors) for sample in self.project.samples)
+        pairs = zip(walks, excitations_of(self.project), strict=True)
+        return [
+            UnitVectors(walk.sample, [*walk.inputs, *more.inputs], [*walk.expected, *more.expected])
+            for walk, more in pairs
+        ]
+
+    def unit_of(self, sample: UnitSample) -> Unit:
+        """Return the C of a unit."""
+        return Unit(sample.name, self.unit.folder, sample.init)
+
+    def host(self, *, double: bool, sample: UnitSample | None = None) -> HostUnit:
+        """Build a unit for this machine, by default the linked one."""
+        unit = self.unit if sample is None else self.unit_of(sample)
+        path = self.unit.folder / f"{unit.init or unit.name}_{'double' if double else 'single'}"
+        return HostUnit(build_host(unit, path, flags=["-DREAL_DOUBLE"] if double else []))
+
+    def answers(self, unit: UnitProcess, vectors: UnitVectors, *, double: bool = False) -> list[np.ndarray]:
+        """Return the outputs of a build of a unit for its inputs."""
+        (given, taken), found = self.project.dtypes(double=double, sample=vectors.sample), []
+        for rows in vectors.inputs:
+            with unit:
+                found.append(unit.exchange(require_fields(rows, given)).view(taken)[:, 0])
+        return found
+
+    @cached_property
+    def every_single(self) -> list[list[np.ndarray]]:
+        """Outputs of all units on this machine in float."""
+        return [self.answers(self.host(double=False, sample=item.sample), item) for item in self.every]
 
     @cached_property
     def target(self) -> Emulator:
         """The unit on a Cortex-M4F."""
         return Emulator(build_image(self.unit, self.unit.folder / "image.elf"))
+
+    def target_of(self, sample: UnitSample) -> Emulator:
+        """Build a unit for a Cortex-M4F."""
+        return Emulator(build_image(self.unit_of(sample), self.unit.folder / f"{sample.init}.elf"))
 
     def outputs(self, unit: UnitProcess, *, double: bool = False) -> list[np.ndarray]:
         """What a build gives for all vectors."""
@@ -163,9 +197,25 @@ def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Fou
     return wrong == 0, {"numbers": count, "differing": wrong, "runs": len(first)}
 
 
+def _same_units(
+    bench: Bench, first: Sequence[Sequence[np.ndarray]], second: Sequence[Sequence[np.ndarray]]
+) -> Found:
+    """Compare outputs of all units, with the numbers of each that differ."""
+    found = [_same_bits(ours, theirs)[1] for ours, theirs in zip(first, second, strict=True)]
+    names = [item.sample.init for item in bench.every]
+    wrong = {name: item["differing"] for name, item in zip(names, found, strict=True)}
+    total = {key: sum(item[key] for item in found) for key in ("numbers", "differing")}
+    runs = {"runs": len(bench.vectors)}
+    runs["excitations"] = sum(item["runs"] for item in found) - len(found) * runs["runs"]
+    return not any(wrong.values()), {**total, **runs, "differing_by_unit": wrong}
+
+
 def host_in_double(bench: Bench) -> Found:
-    """The C in double numbers gives the bits of the simulation."""
-    return _same_bits(bench.expected, bench.outputs(bench.host(double=True), double=True))
+    """Compare all units in double numbers with the simulation, bit for bit."""
+    given = [
+        bench.answers(bench.host(double=True, sample=item.sample), item, double=True) for item in bench.every
+    ]
+    return _same_units(bench, [item.expected for item in bench.every], given)
 
 
 def host_in_float(bench: Bench) -> Found:
@@ -182,7 +232,13 @@ def host_in_float(bench: Bench) -> Found:
 
 def target_in_float(bench: Bench) -> Found:
     """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
-    passed, found = _same_bits(bench.single, bench.outputs(bench.target))
+    bench.outputs(bench.target)
+    given = []
+    for item in bench.every:
+        linked_unit = item.sample.name == EXOSKELETON
+        target = bench.target if linked_unit else bench.target_of(item.sample)
+        given.append(bench.answers(target, item))
+    passed, found = _same_units(bench, bench.every_single, given)
     counts, weights = bench.target.instructions, {}
     for name in (JOINT_BOARD, GAIT_CONTROLLER):
         flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.unit.folder))

@@ -1,5 +1,6 @@
 /* The unit that runs, and what the main loop asks of the machine below it: a Cortex-M4F or a host.
-   UNIT, UNIT_RECORD and UNIT_HEADER come from the command line: exoskeleton, Exoskeleton, "exoskeleton.h". */
+   UNIT, UNIT_RECORD, UNIT_INIT and UNIT_HEADER come from the command line: exoskeleton, Exoskeleton,
+   exoskeleton_init, "exoskeleton.h". */
 #ifndef LOOP_H
 #define LOOP_H
 
@@ -10,7 +11,7 @@
 
 #define PASTE(a, b) a##b
 #define JOIN(a, b) PASTE(a, b)
-#define unit_init JOIN(UNIT, _init)
+#define unit_init UNIT_INIT
 #define unit_step JOIN(UNIT, _step)
 
 typedef UNIT_RECORD Unit;

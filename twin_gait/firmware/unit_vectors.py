@@ -1,0 +1,164 @@
+"""Inputs and expected outputs of every unit of a project: of walks in the simulation, and of excitations."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.lib.recfunctions import require_fields, structured_to_unstructured
+
+from twin_gait.core.safety import NO_TRIP
+from twin_gait.firmware.excitation import board_episodes, controller_episodes, exoskeleton_episodes
+from twin_gait.firmware.layout import identifier
+from twin_gait.firmware.linked import Vectors
+from twin_gait.firmware.project import EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project
+from twin_gait.firmware.python_unit import PythonUnit, UnitSample
+
+
+HASH_FACTOR = 1_099_511_628_211  # Odd, as it has to be; the runner has the same.
+_CONVERSIONS = {"f": "(real)", "i": "(int32_t)", "b": "0.0 != "}
+MOST_ROWS = 2500  # Longest episode in a file, in rows of equal inputs; --verify runs the others as well.
+
+
+@dataclass(frozen=True, eq=False)
+class UnitVectors:
+    """Runs of a unit from its tick 0 on; rows are laid out as in C with double numbers."""
+
+    sample: UnitSample
+    inputs: Sequence[np.ndarray]  # Inputs of each run, shape ``(n_ticks,)``.
+    expected: Sequence[np.ndarray]  # Outputs of the simulation, likewise.
+
+
+def walks_of(project: Project, sample: UnitSample, walks: Sequence[Vectors]) -> UnitVectors:
+    """Return the part that a unit has in runs of the simulation without a bus.
+
+    A board receives the demand of the tick in which it measures, as in the simulation. Its rows end where it
+    finds a cause to trip: from then on a board without a bus is held by the gait controller, and one apart
+    holds itself.
+    """
+    given, taken = project.dtypes(double=True, sample=sample)
+    inputs, expected = list[np.ndarray](), list[np.ndarray]()
+    for walk in walks:
+        read, answered = walk.inputs, walk.outputs
+        rows, answers = np.zeros(len(read), given), np.zeros(len(read), taken)
+        if sample.name == EXOSKELETON:
+            rows, answers = require_fields(read, given), require_fields(answered, taken)
+        elif sample.name == GAIT_CONTROLLER:
+            rows["heard"] = True
+            _copy(rows, surroundings=read["surroundings"], measurements=walk.measurements)
+            _copy(answers, decision=answered["decision"], demands=answered["demands"])
+        else:
+            place = project.joints.index(sample.init.removeprefix(f"{JOINT_BOARD}_"))
+            own, measured, rows["heard"] = read["boards"][:, place], walk.measurements[:, place], True
+            for name in ("angle", "voltage", "current", "current_deviation"):
+                rows[name] = own[name]
+            _copy(rows, demand=answered["demands"][:, place])
+            _copy(answers, command=answered["commands"][:, place], measurement=measured)
+            tripped = np.flatnonzero(measured["cause"] != NO_TRIP)
+            end = tripped[0] if len(tripped) else len(rows)
+            rows, answers = rows[:end], answers[:end]
+        inputs.append(rows)
+        expected.append(answers)
+    return UnitVectors(sample, inputs, expected)
+
+
+def _copy(rows: np.ndarray, **fields: np.ndarray) -> None:
+    """Copy records into fields of rows, by the names of the fields that the rows have."""
+    for name, values in fields.items():
+        rows[name] = require_fields(values, rows.dtype[name].base)
+
+
+def excitations_of(project: Project) -> list[UnitVectors]:
+    """Return generated inputs of every unit, and what the functions of the simulation give for them."""
+    modes = project.problem.experiment.modes
+    requests = 0 if modes is None else len(modes.requests)
+    found = list[UnitVectors]()
+    controller = list[np.ndarray]()
+    for sample in project.samples:
+        dtype = project.dtypes(double=True, sample=sample)[0]
+        if sample.name == JOINT_BOARD:
+            episodes = list(board_episodes(sample.record, dtype))
+        elif sample.name == GAIT_CONTROLLER:
+            episodes = controller = list(controller_episodes(sample.record, dtype, requests))
+        else:
+            unit = project.python_unit(sample)
+            episodes = list(exoskeleton_episodes(sample.record, dtype, controller, unit))
+        found.append(UnitVectors(sample, episodes, _answers(project, sample, episodes)))
+    return found
+
+
+def _answers(project: Project, sample: UnitSample, episodes: Sequence[np.ndarray]) -> list[np.ndarray]:
+    unit, taken = project.python_unit(sample), project.dtypes(double=True, sample=sample)[1]
+    return [require_fields(_answer(unit, rows), taken) for rows in episodes]
+
+
+def _answer(unit: PythonUnit, rows: np.ndarray) -> np.ndarray:
+    """Return the outputs of a unit for inputs from its tick 0 on."""
+    with unit:
+        return unit.exchange(rows)
+
+
+def members(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the members of a record in C, in the order of its numbers, and the conversion of each from double."""
+    for name in dtype.names or ():
+        kind, place = dtype[name], f"{prefix}{identifier(name)}"
+        entries = [f"{place}[{k}]" for k in range(kind.shape[0])] if kind.shape else [place]
+        for entry in entries:
+            if kind.base.names is None:
+                yield entry, _CONVERSIONS[kind.base.kind]
+            else:
+                yield from members(kind.base, f"{entry}.")
+
+
+def excitation_csv(excitations: Sequence[UnitVectors]) -> str:
+    """Return excitations as the runner reads them.
+
+    A line has the number of the unit, 1 if it begins at tick 0, the ticks with these inputs, the inputs, and
+    the hash of all outputs in these ticks.
+    """
+    lines = ["unit,restart,ticks,inputs and the hash of the outputs"]
+    for number, vectors in enumerate(excitations):
+        for rows, outputs in zip(vectors.inputs, vectors.expected, strict=True):
+            values = structured_to_unstructured(rows, float)
+            bits = values.view(np.uint64)
+            starts = np.flatnonzero(np.r_[True, np.any(bits[1:] != bits[:-1], axis=1)])
+            if len(starts) > MOST_ROWS:
+                continue
+            hashes = _hashes(outputs)
+            for first, end in zip(starts.tolist(), [*starts[1:].tolist(), len(rows)], strict=True):
+                found = _joined(hashes[first:end])
+                shown = ",".join(f"{value:.17g}" for value in values[first].tolist())
+                lines.append(f"{number},{int(first == 0)},{end - first},{shown},{found}")
+    return "\n".join(lines) + "\n"
+
+
+def _hashes(outputs: np.ndarray) -> list[int]:
+    """Return the hash of the outputs of each tick; all NaN count as one."""
+    values = structured_to_unstructured(outputs, float)
+    bits = np.where(np.isnan(values), np.float64(np.nan), values).view(np.uint64)
+    found = np.zeros(len(bits), np.uint64)
+    for column in bits.T:
+        found = found * np.uint64(HASH_FACTOR) + column
+    return [int(item) for item in found]
+
+
+def _joined(hashes: Sequence[int]) -> int:
+    """Return the hash of some ticks from the hashes of each."""
+    found = 0
+    for item in hashes:
+        found = (found * HASH_FACTOR + item) % 2**64
+    return found
+
+
+def runner_records(project: Project) -> dict[str, Any]:
+    """Return the members of the records that the runner of a project fills in and hashes."""
+    excited = dict[str, dict[str, Any]]()
+    counts = list[int]()
+    for sample in project.samples:
+        given, taken = project.dtypes(double=True, sample=sample)
+        inputs = list(members(given))
+        counts.append(len(inputs))
+        record = type(sample.record).__name__
+        outputs = list(members(taken))
+        excited[sample.name] = {"name": sample.name, "record": record, "inputs": inputs, "outputs": outputs}
+    return {"excited": excited.values(), "counts": counts, "most_numbers": max(counts)}
