@@ -19,7 +19,6 @@ from twin_gait.live.news import SILENCE, EventBook, WalkNews
 from twin_gait.live.page import BURST, LivePage
 from twin_gait.live.protocol import DoAction, RateLimit
 from twin_gait.live.session import LiveSession
-from twin_gait.live.settings import loop_numbers
 from twin_gait.simulation.problem import build_problem
 
 K, ZERO = "late_stance.hip.stiffness", "swing_flexion.knee.equilibrium"
@@ -75,15 +74,6 @@ def test_one_forecast_is_made_of_several_changes_and_warns_of_unusual_ones(sessi
     assert one.subject == K and one.forecast["warnings"] == ()
 
 
-def test_every_change_of_a_list_is_noted_in_the_journal_with_its_tick(bench):
-    notes = [{"user": "Ann", "subject": name} for name in (K, ZERO)]
-    numbers = loop_numbers(Panel(bench.experiment).preset)
-    script = [(0.1, {"serial": 1, "command": "settings", "numbers": numbers, "notes": notes})]
-    rig = Rig(build_problem(bench.experiment), script, longest=300)
-    rig.loop.walk()
-    assert [(item["subject"], item["tick"]) for item in rig.takes[0].changes] == [(K, 100), (ZERO, 100)]
-
-
 def test_warnings_name_a_spring_and_an_equilibrium_that_are_unusual():
     panel = Panel(load_experiment("treadmill", ["duration_s=1"]).experiment)
     begun = warnings_of(panel.preset)
@@ -111,7 +101,7 @@ def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypat
     now = [0.0]
     monkeypatch.setattr(news, "time", SimpleNamespace(monotonic=lambda: now[0]))
     book = EventBook()
-    walk = WalkNews(book, build_problem(bench.experiment), on_compile=lambda: None)
+    walk = WalkNews(book, build_problem(bench.experiment), on_compile=lambda: None, on_unkept=pytest.fail)
     monkeypatch.setattr(WalkNews, "alive", True)
 
     def look(until):

@@ -21,8 +21,8 @@ from injected_faults.runaways import (
 
 from twin_gait import JointName, Side, load_experiment, simulate
 from twin_gait.control import TripCause
-from twin_gait.live.stepping import SteppedRun
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies import run_episodes
 from twin_gait.worlds import FaultKind
 
