@@ -14,7 +14,6 @@ from twin_gait.firmware.linked import Vectors
 from twin_gait.firmware.project import EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 
-
 HASH_FACTOR = 1_099_511_628_211  # Odd, as it has to be; the runner has the same.
 _CONVERSIONS = {"f": "(real)", "i": "(int32_t)", "b": "0.0 != "}
 MOST_ROWS = 2500  # Longest episode in a file, in rows of equal inputs; --verify runs the others as well.
@@ -99,7 +98,7 @@ def _answer(unit: PythonUnit, rows: np.ndarray) -> np.ndarray:
 
 
 def members(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the members of a record in C, in the order of its numbers, and the conversion of each from double."""
+    """Yield the members of a record in C, in the order of its numbers, with the conversion from double."""
     for name in dtype.names or ():
         kind, place = dtype[name], f"{prefix}{identifier(name)}"
         entries = [f"{place}[{k}]" for k in range(kind.shape[0])] if kind.shape else [place]
