@@ -20,7 +20,7 @@ class Mutant(NamedTuple):
 
 
 def mutants(source: str) -> Iterator[Mutant]:
-    """Yield a mutant for each number in the tables of a file: a real 1 % larger, an integer larger by 1."""
+    """Yield a mutant for each number in the tables of a file: a real larger by 1 %, an integer by 1."""
     for table in _TABLE.finditer(source):
         for found in _NUMBER.finditer(source, table.start() + table.group().index("="), table.end()):
             real, whole = found.groups()

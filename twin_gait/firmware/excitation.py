@@ -139,8 +139,9 @@ def controller_episodes(unit: Any, dtype: np.dtype[Any], requests: int) -> Itera
         for number, joint in enumerate(state.joints):
             phase = state.legs[number // per_leg].phase
             rows["measurements"]["angle"][:, number] = joint.setpoints[phase].equilibrium
-        if "common" in around.dtype.names and "walk" in around["common"].dtype.names:
-            around["common"]["walk"] = around["common"]["step"] = 1.0
+        for name in ("walk", "step"):
+            if name in _names(_device(rows)):
+                _device(rows)[name] = 1.0
         return rows
 
     def signals(rows: Rows, leg: int, joint: int, name: str, value: np.ndarray) -> None:
@@ -214,15 +215,26 @@ class _Thresholds:
                 put(rows, leg, joint, "velocity", ticks[:, first + 1])
             load = np.abs(ticks[:, (leg + 1) * self.block - PER_LEG])
             rows["surroundings"]["loads"][:, leg] = load
-        device = rows["surroundings"]["common"] if "common" in rows["surroundings"].dtype.names else rows[[]]
+        device = _device(rows)
         for place, name in enumerate(("trunk_pitch", "walk", "step")):
-            if name in (device.dtype.names or ()):
+            if name in _names(device):
                 near = self.beside.get(2 * self.block + place, [0.0, 1.0])
                 device[name] = np.repeat(random.choice(near, len(lengths)), lengths)
-        if requests and "request" in rows["surroundings"].dtype.names:
+        if requests and "request" in _names(rows["surroundings"]):
             now = np.cumsum(lengths)[:-1]
             rows["surroundings"]["request"][now] = random.integers(0, requests + 1, len(now))
         return rows
+
+
+def _device(rows: Rows) -> np.ndarray:
+    """Return the signals of the whole device; records without a field if the unit reads none."""
+    around = rows["surroundings"]
+    return around["common"] if "common" in _names(around) else around[[]]
+
+
+def _names(rows: np.ndarray) -> tuple[str, ...]:
+    """Return the names of the fields of records."""
+    return rows.dtype.names or ()
 
 
 def exoskeleton_episodes(
@@ -282,19 +294,14 @@ def _followed(rows: Rows, boards: list[_Board], current: np.ndarray, heated: int
 
 def _reached(given: Rows, boards: list[_Board], dtype: np.dtype[Any]) -> Rows:
     """Return inputs of the exoskeleton that reach the angles of those of the gait controller by ramps."""
-    lowest, highest, most = (
-        np.array([value(board.bounds, board.period) for board in boards])
-        for value in (
-            lambda bounds, _: bounds.lower + 0.2,
-            lambda bounds, _: bounds.upper - 0.2,
-            lambda bounds, period: 0.6 * bounds.highest_speed * period,
-        )
-    )
+    lowest = np.array([board.bounds.lower + 0.2 for board in boards])
+    highest = np.array([board.bounds.upper - 0.2 for board in boards])
+    most = np.array([0.6 * board.bounds.highest_speed * board.period for board in boards])
     angles = np.clip(given["measurements"]["angle"], lowest, highest)
     changes = np.any(np.diff(angles, axis=0) != 0.0, axis=1)
-    starts = np.flatnonzero(np.r_[True, changes])
+    starts = np.flatnonzero(np.r_[True, changes]).tolist()
     path, places, present = list[np.ndarray](), list[int](), angles[0]
-    for first, end in zip(starts, np.r_[starts[1:], len(angles)], strict=True):
+    for first, end in zip(starts, [*starts[1:], len(angles)], strict=True):
         goal = angles[first]
         ticks = max(1, int(np.ceil(np.max(np.abs(goal - present) / most))))
         path += [present + (goal - present) * (k / ticks) for k in range(1, ticks)] + [goal] * (end - first)

@@ -96,6 +96,8 @@ class _Folding(ast.NodeTransformer):
                 if type(found) not in SCALARS:
                     return None
                 constants[item.id] = found
+        # The expression is part of a function of this package or of a generated kernel, and every name in it
+        # is a number: no text of a user is evaluated (tests/firmware/test_hostile_names.py).
         return eval(compile(ast.Expression(node), "constants", "eval"), {}, constants)
 
     def visit_If(self, node: ast.If) -> Any:

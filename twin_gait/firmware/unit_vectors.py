@@ -98,7 +98,7 @@ def _answer(unit: PythonUnit, rows: np.ndarray) -> np.ndarray:
 
 
 def members(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the members of a record in C in the order of its numbers, each with its conversion."""
+    """Yield the members of a record in C, in the order of its numbers, with the conversion from double."""
     for name in dtype.names or ():
         kind, place = dtype[name], f"{prefix}{identifier(name)}"
         entries = [f"{place}[{k}]" for k in range(kind.shape[0])] if kind.shape else [place]

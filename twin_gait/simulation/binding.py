@@ -85,5 +85,7 @@ def _names_in(code: CodeType) -> tuple[str, ...]:
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
     """Functions of a generated kernel by name, to be bound; ``called``: what they call."""
     scope = {"__name__": f"{OURS}generated_kernel", **called}
+    # The texts are written from numbers and from literals of this package: rigid bodies by index, columns as
+    # simulation/log.py declares them. No text of a user is run (tests/firmware/test_hostile_names.py).
     exec(compile(text, "generated kernel", "exec"), scope)
     return {name: item for name, item in scope.items() if is_ours(item) and name not in called}
