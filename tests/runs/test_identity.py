@@ -7,6 +7,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import yaml
 
@@ -23,6 +24,7 @@ from twin_gait.runs.record import StoredRun, load_run, save_run
 from twin_gait.runs.run_page import about
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.problem import build_problem
+from twin_gait.studies.batch import overridden, simulate_batch
 
 STROKE = ("patient=stroke_left", "patient.mass_kg=62", "patient.height_m=1.63")
 KEYS = ("patient", "table", "device", "controller")
@@ -113,6 +115,17 @@ def test_names_come_back_from_a_run_folder(typed: bool, tmp_path: Path) -> None:
 def test_a_name_changes_no_number_of_a_run(plain: StoredRun) -> None:
     named = replace(plain.run.experiment, patient=replace(plain.run.experiment.patient, name="Anna"))
     assert simulate(named).log.equals(plain.run.log)
+
+
+def test_a_sweep_has_the_same_columns_and_numbers_with_a_named_wearer() -> None:
+    named = experiment("patient=stroke_left")
+    nameless = replace(named, patient=replace(named.patient, name=None))
+    overrides = [{"patient.mass_kg": mass} for mass in (55, 70)]
+    tables = [simulate_batch(walk, overrides, workers=1) for walk in (named, nameless)]
+    pd.testing.assert_frame_equal(*tables)
+    changed, as_shipped = (overridden(named, item) for item in overrides)
+    assert describe(changed)[0].startswith("stroke_left with changes (")
+    assert describe(as_shipped) == describe(named)
 
 
 def test_the_live_page_describes_its_walk() -> None:
