@@ -142,13 +142,13 @@ def test_what_is_recorded(own: Own, tmp_path: Path) -> None:
     assert kept["attributes"]["angle"] == 0.35 and kept["other_modules"] == [own.base.stem]
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     expected = {"name": "Springs", "module": own.name, "class": "Springs", "source_sha256": digest}
-    assert summary["controller"] == expected
+    assert summary["controller"].items() >= expected.items()
     assert "  source: |" in (folder / "experiment.yaml").read_text(encoding="utf-8")  # readable
 
 
 def test_a_controller_that_ships_is_known_by_its_mode(tmp_path: Path) -> None:
     folder = save_run(simulate(bench("control.mode=gravity")), tmp_path / "walk", pictures=False)
-    assert json.loads((folder / "summary.json").read_text())["controller"] == {"name": "gravity"}
+    assert json.loads((folder / "summary.json").read_text())["controller"]["name"] == "gravity"
     assert "controller" not in yaml.safe_load((folder / "experiment.yaml").read_text())
 
 

@@ -504,7 +504,7 @@ HOSTILE = "</script><script>window.harm = 1</script><img src=x onerror='window.h
 
 def test_hostile_title_stays_text(worn_twin: LegModel, tmp_path: Path) -> None:
     harmless = read_page(write_walk(tmp_path / "a.html", worn_twin, duration=0.1))
-    written = write_walk(tmp_path / "b.html", worn_twin, duration=0.1, title=HOSTILE, subtitle=HOSTILE)
+    written = write_walk(tmp_path / "b.html", worn_twin, duration=0.1, title=HOSTILE, subtitle=[HOSTILE])
     page = read_page(written)
     assert page.tags == harmless.tags
     assert page.title == HOSTILE.replace("\udcff", "\ufffd")

@@ -136,14 +136,6 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
     print(f"{table}{see}", file=sys.stderr)
 
 
-def person_of(settings: Sequence[str]) -> str | None:
-    """Name of the person that settings put into the device, or None if they name nobody."""
-    from twin_gait.configuration.validation import parse_assignments
-
-    named = [value for path, value in parse_assignments(settings) if path == ["patient"]]
-    return Path(named[-1]).stem if named and isinstance(named[-1], str) else None
-
-
 def workers_of(arguments: argparse.Namespace) -> int:
     """How many processes the user wants."""
     if arguments.workers is None:

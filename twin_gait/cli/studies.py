@@ -92,11 +92,11 @@ def compare(arguments: argparse.Namespace) -> int:
 
     names = [name.strip() for name in (arguments.controllers or "").split(",") if name.strip()]
     controllers = list(comparing.find_controllers(names or list(comparing.CONTROLLERS)))
-    person = options.person_of(arguments.settings)
+    experiment = options.experiment_of(arguments, f"duration_s={COMPARED:g}").experiment
+    person = experiment.patient and experiment.patient.name
     who = person or "the wearer of the experiment"
     out: Path = arguments.out or COMPARISONS / (person or "wearer")
     check_target(out, writing.COMPARISON, force=arguments.force)
-    experiment = options.experiment_of(arguments, f"duration_s={COMPARED:g}").experiment
     if not names:
         controllers = [item for item in controllers if item.suits(experiment)]
     with terminal.watched("compare", "run") as watch:
@@ -116,7 +116,7 @@ def tune(arguments: argparse.Namespace) -> int:
     report.
     """
     from twin_gait.report.tune import summary
-    from twin_gait.report.walk_words import describe
+    from twin_gait.report.walk_words import wearer_in_words
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.tune import Settings
 
@@ -137,8 +137,7 @@ def tune(arguments: argparse.Namespace) -> int:
     terminal.clear_line()
     if tuning is None:
         return terminal.stopped("nothing was written")
-    person, size = options.person_of(arguments.settings), describe(experiment)
-    wearer = size if person is None else f"{person} ({size})"
+    wearer = ", ".join(wearer_in_words(experiment))
     found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], {**found, "directory": out})
     return DONE

@@ -26,7 +26,7 @@ from twin_gait.parameters.quantities import declarations
 from twin_gait.worlds import world_of
 from twin_gait.worlds.registry import load_plugin, words
 
-_HEADER = ("schema_version", "name", "description")  # of the file of a person
+_HEADER = ("schema_version", "description")  # of the file of a person
 # Keys under which a file may name what takes the place of the whole, with the folder of what ships.
 _NAMED = {"patient": "people", "table": "tables", "modes": "modes"}
 DEFAULT_PRESET = "treadmill"  # of commands that are given none
@@ -160,9 +160,21 @@ def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[s
     if key == "modes":
         gait_table_file.mode_table_from_mapping(data, str(found), found.stem)
         return {"name": found.stem, **data}
+    person_file(found)
+    return merge(_person(data, found), changes)
+
+
+def person_file(path: Path) -> Patient:
+    """Read the file of a person. Raises ParameterFileError if it has a mistake."""
+    section = validate(section_of(Patient), _person(read_yaml(path), path), str(path))
+    patient: Patient = converting(str(path), "", section.convert)
+    return patient
+
+
+def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Return the section of a person's file, whose name is that of the file if it gives none."""
     person = {item: data[item] for item in data if item not in _HEADER}
-    converting(str(found), "", validate(section_of(Patient), person, str(found)).convert)
-    return merge(person, changes)
+    return {**person, "name": data.get("name") or path.stem}
 
 
 def presets() -> dict[str, str]:

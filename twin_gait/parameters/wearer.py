@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
@@ -62,6 +62,15 @@ class JointCondition(quantities.Parameters):
         return self.passive == 0.0 and self.stretch_reflex_gain == 0.0 and self.effort * self.strength == 0.0
 
 
+PLAIN_NAME = "a name of 1 to 80 printable characters, without / and \\, that does not begin with a dot"
+
+
+def _is_plain(name: Any) -> bool:
+    """Return whether a name can be printed on one line and be the name of a folder."""
+    plain = isinstance(name, str) and 0 < len(name) <= 80 and name.isprintable()
+    return plain and not name.startswith(".") and not set(name) & set("/\\")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Patient(quantities.Parameters):
     """The wearer.
@@ -76,6 +85,7 @@ class Patient(quantities.Parameters):
         conditions: Of hips and knees; what is not named does nothing.
         effort_delay: From phase and posture to the torque of the effort, in [s].
         effort_noise: Standard deviation of the effort's torque from tick to tick, as a share of it.
+        name: Name of the person, kept when values are changed; None for a wearer without a name.
     """
 
     mass: Annotated[quantities.Mass, MASSES] = 70.0
@@ -87,10 +97,12 @@ class Patient(quantities.Parameters):
     )
     effort_delay: Annotated[quantities.Time, quantities.Range(0.0, 1.0, words="0 to 1 s")] = 0.1
     effort_noise: Annotated[quantities.Ratio, NOISES] = 0.0
+    name: str | None = None
 
     def __post_init__(self) -> None:
-        """Check ranges and joints."""
+        """Check ranges, joints and the name."""
         super().__post_init__()
+        require(self.name is None or _is_plain(self.name), "name", PLAIN_NAME, self.name)
         for side, joint in self.conditions:
             require(joint in WEARER_JOINTS, f"condition of the {side} {joint}", "a hip or a knee", joint)
 

@@ -32,7 +32,7 @@ from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, REFERENCE
 from twin_gait.report.failures import reason_of
 from twin_gait.report.pages import render
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.walk_words import describe
+from twin_gait.report.walk_words import wearer_in_words
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -242,7 +242,7 @@ class Sheet:
         self.records, self.names = run.leg_records(), run.table.phase_names
         self.lines: list[Artist] = []
         events = [f"{event.text}, {event.time:.2f} s" for event in run.events[:MOST_EVENTS]]
-        who, how = describe(run.experiment), run.verdict.outcome or run.status
+        who, how = ", ".join(wearer_in_words(run.experiment)), run.verdict.outcome or run.status
         about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
         text = "\n".join(filter(None, (title, about, " · ".join(events))))
         self.figure = Figure(figsize=size, layout="constrained")

@@ -5,20 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from twin_gait.configuration.identity import parts_of, wearer_of
 from twin_gait.experiment import Experiment
 from twin_gait.measures.load_shape import TWO_PEAKS
 from twin_gait.measures.strides import stride_count
 
 
-def describe(experiment: Experiment) -> str:
-    """One line on the wearer, the speed of a belt between its ramps, and the weight that is supported."""
-    patient, walking = experiment.patient, experiment.scenario.walking
-    parts = ["no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"]
+def wearer_in_words(experiment: Experiment) -> list[str]:
+    """Describe the wearer, and the walk: belt speed between its ramps, and supported weight."""
+    patient, walking, who = experiment.patient, experiment.scenario.walking, ["no wearer"]
+    if patient is not None:
+        name, size = wearer_of(patient).label, f"{patient.mass:g} kg, {patient.height:.2f} m"
+        who = [f"{name}, {size}" if name else size]
+    walk = []
     if walking is not None and walking.belt.cruise:
-        parts.append(f"{3.6 * walking.belt.cruise:.2f} km/h")
+        walk.append(f"{3.6 * walking.belt.cruise:.2f} km/h")
     if walking is not None and walking.support_share:
-        parts.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
-    return ", ".join(parts)
+        walk.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
+    return who + [", ".join(walk)] * bool(walk)
+
+
+def describe(experiment: Experiment) -> list[str]:
+    """Describe in short texts everything by which two runs are told apart: wearer, walk and device."""
+    parts = parts_of(experiment)
+    named = [f"{key} {parts[key].label}" for key in ("table", "device", "controller")]
+    return [*wearer_in_words(experiment), *named]
 
 
 DASH = "–"

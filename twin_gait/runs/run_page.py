@@ -15,9 +15,11 @@ from twin_gait.viewer.scene import Setting
 from twin_gait.vocabulary import Surroundings
 
 
-def about(stored: StoredRun) -> About:
-    """What the page of a run says of it, its measures and who carries it from its summary."""
+def about(stored: StoredRun, other: StoredRun | None = None) -> About:
+    """Return the texts of the page of a run, measures from its summary; ``other``: second run of a pair."""
     run, summary, name = stored
+    subtitle = describe(run.experiment)
+    beside = subtitle if other is None else describe(other.run.experiment)
     try:
         notes = [*filter(None, (carried_by_belt(summary),)), *missing_peaks(summary)]
         walk = table_of_walk(summary)
@@ -26,7 +28,8 @@ def about(stored: StoredRun) -> About:
         raise RunDirectoryError(f"{name or run.experiment.name}: {problem}") from error
     return About(
         title=f"twin_gait · {name or run.experiment.name}",
-        subtitle=describe(run.experiment),
+        subtitle=subtitle,
+        differing=[text for text in subtitle if text not in beside],
         notes=notes,
         events=run.events,
         outcome=run.verdict.outcome or run.status,
@@ -45,12 +48,12 @@ def page_of(runs: Sequence[StoredRun], *, moments: Sequence[float] = ()) -> str:
         recorded_run(
             one.run.log,
             one.run.experiment.build_world().model,
-            about=about(one),
+            about=about(one, other),
             frames_per_second=rate,
             moments=wanted.tolist(),
             **setting_of(one.run.experiment),
         )
-        for one in runs
+        for one, other in zip(runs, (runs[1], runs[0]) if len(runs) == 2 else (None,), strict=True)
     ]
     return recorded_page(entries)
 

@@ -3,7 +3,7 @@
 import math
 import platform
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from importlib import metadata
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 import twin_gait
+from twin_gait.configuration.identity import parts_of, wearer_of
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
 from twin_gait.gait.table import TICK
@@ -20,6 +21,7 @@ from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
+from twin_gait.report.walk_words import describe
 from twin_gait.runs.leg_summary import MeasuredLeg, limit_shares, reference_error
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -56,7 +58,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "log_schema_version": LOG_SCHEMA_VERSION,
         "name": run.experiment.name,
         "engine": str(run.experiment.engine),
-        "controller": controller_in_words(run.experiment),
+        **identity_in_words(run.experiment),
         "versions": versions(),
         "duration_s": run.duration,
         "wall_s": run.wall_s,
@@ -83,10 +85,20 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     return found
 
 
-def controller_in_words(experiment: Experiment) -> dict[str, str]:
-    """Return the name of the controller; of a user's own also module, class and hash of the source."""
-    own = experiment.controller
-    return {"name": str(experiment.control.mode)} if own is None else own.summary
+def identity_in_words(experiment: Experiment) -> dict[str, Any]:
+    """Return the description of an experiment, and wearer, table, device and controller with their hashes.
+
+    A controller of the user's own also has its module, class and hash of the source.
+    """
+    patient, own = experiment.patient, experiment.controller
+    wearer = None
+    if patient is not None:
+        wearer = {**asdict(wearer_of(patient)), "mass_kg": patient.mass, "height_m": patient.height}
+        wearer["name"] = patient.name
+    parts = {key: asdict(part) for key, part in parts_of(experiment).items()}
+    if own is not None:
+        parts["controller"] |= own.summary
+    return {"description": " · ".join(describe(experiment)), "patient": wearer, **parts}
 
 
 def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:

@@ -155,7 +155,7 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     scene = build_urdf_scene(recorder, model, urdf, up_axis=up_axis)
     counted = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
     page = page_data(
-        About(title=urdf.name, subtitle=counted), mode="model", view=scene.view,
+        About(title=urdf.name, subtitle=[counted]), mode="model", view=scene.view,
         joints=list(joint_entries(scene.figure, mimic_joints(urdf))),
         scene=packed(recorder.packed()),
     )  # fmt: skip

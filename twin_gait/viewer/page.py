@@ -49,7 +49,8 @@ class About(TypedDict, total=False):
 
     Attributes:
         title: Its heading.
-        subtitle: The line below.
+        subtitle: Parts of the line below.
+        differing: Parts of it that the other run of a pair does not have.
         notes: What else the card is to say.
         events: What befell the run.
         outcome: How it ended, in a word.
@@ -58,7 +59,8 @@ class About(TypedDict, total=False):
     """
 
     title: Required[str]
-    subtitle: str
+    subtitle: Sequence[str]
+    differing: Sequence[str]
     notes: Sequence[str]
     events: Iterable[RunEvent]
     outcome: str
@@ -85,7 +87,8 @@ def page_data(
         **about,
         "mode": mode,
         "title": _unicode(about["title"]),
-        "subtitle": about.get("subtitle", ""),
+        "subtitle": list(map(_unicode, about.get("subtitle", ()))),
+        "differing": list(map(_unicode, about.get("differing", ()))),
         "notes": list(map(_unicode, about.get("notes", ()))),
         "view": asdict(view),
         "phases": _phase_entries(phases),

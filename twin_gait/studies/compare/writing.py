@@ -11,7 +11,7 @@ from twin_gait.files import write_atomically, write_json
 from twin_gait.report.canvas import draw_mean_cycles, write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import render
-from twin_gait.report.walk_words import describe, lines_of
+from twin_gait.report.walk_words import lines_of, wearer_in_words
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
 from twin_gait.studies.compare.comparing import Comparison, Interval
@@ -67,10 +67,11 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
         write_json(staging / SUMMARY_FILE, summary)
 
 
-def subtitle_of(comparison: Comparison, who: str) -> str:
+def subtitle_of(comparison: Comparison) -> str:
     """The wearer, the walk, and how long and on how many days, in one line."""
     experiment = comparison.experiment
-    return f"{who}, {describe(experiment)}, {experiment.duration:g} s, days: {comparison.seeds}"
+    described = ", ".join(wearer_in_words(experiment))
+    return f"{described}, {experiment.duration:g} s, days: {comparison.seeds}"
 
 
 Rows = list[tuple[Shown, list[str]]]
@@ -99,7 +100,7 @@ def page_of(comparison: Comparison, who: str, picture: bytes | None) -> str:
     """The report as HTML."""
     content = {
         "title": "Controllers compared",
-        "subtitle": subtitle_of(comparison, who),
+        "subtitle": subtitle_of(comparison),
         "controllers": comparison.controllers,
         "groups": rows_of(comparison),
         "figure": picture,
@@ -119,7 +120,7 @@ def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
     """Means and intervals."""
     return {
         "patient": who,
-        "subtitle": subtitle_of(comparison, who),
+        "subtitle": subtitle_of(comparison),
         "seeds": comparison.seeds,
         "versions": versions(),
         "controllers": {

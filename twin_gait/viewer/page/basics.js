@@ -10,7 +10,7 @@
 // Data of the page (element page-data, JSON):
 //   {mode: "recorded", runs: [RUN, ...]}, {mode: "live"} or {mode: "model", runs: [RUN]}
 // RUN, and what describes a live scene:
-//   {title, subtitle, notes: [text], view: {target, direction, width, height, field_of_view},
+//   {title, subtitle: [text], differing: [text], notes: [text], view: {target, direction, width, height, field_of_view},
 //    phases: [{name, label, short, colour, ink}], modes: [label], legs: [{side, label, colour, dark, shows: [key]}],
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote,

@@ -17,12 +17,22 @@ class Readout {
     this.table = make("table", "read");
     this.alarm = make("ul", "alarm");
     this.alarm.setAttribute("role", "status");
-    this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.mode, this.alarm, this.table,
+    this.card.replaceChildren(title, this.subtitle(), this.clock, this.mode, this.alarm, this.table,
       make("p", "notes", page.notes.join(" ")));
     if (page.walk?.length) this.card.append(Readout.measures("The walk in numbers", page.walk));
     this.cells = page.legs.map(() => ({}));
     this.rows = Readout.rows(page);
     if (page.legs.length) this.fill();
+  }
+
+  // Parts of the subtitle; those that differ from the other run are emphasised.
+  subtitle() {
+    const line = make("p", "subtitle");
+    for (const text of this.page.subtitle) {
+      if (line.childNodes.length) line.append(" · ");
+      line.append(this.page.differing.includes(text) ? make("strong", "", text) : text);
+    }
+    return line;
   }
 
   // A table of texts that opens on demand.

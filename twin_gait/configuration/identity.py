@@ -1,0 +1,122 @@
+"""Names of the parts of an experiment by which two runs are told apart: wearer, table, device, controller.
+
+The label of a part that differs from the shipped one of its name, or has no shipped one, also has the
+beginning of the hash of its values, so that two versions of the part have different labels.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from twin_gait.configuration.documents import content_hash, table_document
+from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment, person_file
+from twin_gait.configuration.gait_table_file import load_gait_table
+from twin_gait.configuration.readers import own_controller_document
+from twin_gait.configuration.sections import written
+from twin_gait.configuration.validation import packaged, read_yaml
+from twin_gait.experiment import Experiment
+from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.parameters import Patient
+
+_DIGITS = 6  # digits of the hash in a label
+_LONGEST = 40  # characters of a name in a label
+_NOT_SETTINGS = ("mode", "limits")  # keys of the controller that belong to its name and to the device
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of an experiment."""
+
+    name: str  # name; empty for a wearer without one who is mass alone
+    changed: bool | None  # whether it differs from the shipped part of its name; None if there is none
+    sha256: str  # hash of its values
+
+    @property
+    def label(self) -> str:
+        """Name on one line, and the beginning of the hash unless the part ships."""
+        name = "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in self.name)
+        name = name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
+        changes = " with changes" if self.changed else ""
+        return name if self.changed is False else f"{name}{changes} ({self.sha256[:_DIGITS]})"
+
+
+def parts_of(experiment: Experiment) -> dict[str, Part]:
+    """Return table, device and controller by their keys in ``summary.json``."""
+    return {
+        "table": _table(experiment),
+        "device": _device(experiment),
+        "controller": _controller(experiment),
+    }
+
+
+def wearer_of(patient: Patient) -> Part:
+    """Return the part of a wearer; one without a name who is mass alone counts as shipped."""
+    digest = _hash(written(patient))
+    if patient.name is None:
+        is_mass_alone = replace(Patient(), mass=patient.mass, height=patient.height) == patient
+        return Part("", False, digest) if is_mass_alone else Part("own wearer", None, digest)
+    ships = patient.name in packaged("people")
+    return Part(patient.name, _shipped_person(patient.name) != patient if ships else None, digest)
+
+
+def _table(experiment: Experiment) -> Part:
+    name, digest = experiment.table.name, _hash(table_document(experiment.table))
+    shipped = _shipped_table(name) if name in packaged("tables") else None
+    return Part(name, None if shipped is None else digest != shipped, digest)
+
+
+def _device(experiment: Experiment) -> Part:
+    """Return the name of the URDF, with the preset whose drives, friction and battery the device has."""
+    name, digest = Path(experiment.leg.urdf).stem, _device_hash(experiment)
+    presets = [preset for preset in _presets() if Path(_preset(preset).leg.urdf).stem == name]
+    found = next((preset for preset in presets if _device_hash(_preset(preset)) == digest), None)
+    if found is not None and found != presets[0]:
+        name = f"{name} as in {found}"
+    return Part(name, found is None if presets else None, digest)
+
+
+def _controller(experiment: Experiment) -> Part:
+    """Return the name of the controller, and whether its settings are those of a preset."""
+    own, settings = experiment.controller, _control_hash(experiment)
+    if own is not None:
+        return Part(own.name, None, _hash([own_controller_document(own), settings]))
+    shipped = any(_control_hash(_preset(preset)) == settings for preset in _presets())
+    name = str(experiment.control.mode)
+    return Part(name, not shipped, _hash([name, settings]))
+
+
+def _hash(values: Any) -> str:
+    return content_hash({"values": values})
+
+
+def _device_hash(experiment: Experiment) -> str:
+    leg = {**written(experiment.leg), "urdf": urdf_hash(find_urdf(experiment.leg.urdf))}
+    return _hash([leg, written(experiment.plant), written(experiment.control.limits)])
+
+
+def _control_hash(experiment: Experiment) -> str:
+    """Return the hash of the controller's settings; torque and current limits belong to the device."""
+    return _hash({key: item for key, item in written(experiment.control).items() if key not in _NOT_SETTINGS})
+
+
+@cache
+def _presets() -> list[str]:
+    """Return the presets that ship: the default one, others that extend no preset, and the rest."""
+    files = packaged("presets")
+    return sorted(files, key=lambda name: (name != DEFAULT_PRESET, "preset" in read_yaml(files[name]), name))
+
+
+@cache
+def _preset(name: str) -> Experiment:
+    return load_experiment(name).experiment
+
+
+@cache
+def _shipped_person(name: str) -> Patient:
+    return person_file(packaged("people")[name])
+
+
+@cache
+def _shipped_table(name: str) -> str:
+    return _hash(table_document(load_gait_table(packaged("tables")[name])))
