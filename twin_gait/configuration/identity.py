@@ -67,13 +67,18 @@ def _table(experiment: Experiment) -> Part:
 
 
 def _device(experiment: Experiment) -> Part:
-    """Return the name of the URDF, with the preset whose drives, friction and battery the device has."""
+    """Return the name of the URDF, with the preset whose drives, friction and battery the device has.
+
+    Presets are loaded until one has the device: a single one for the default device.
+    """
     name, digest = Path(experiment.leg.urdf).stem, _device_hash(experiment)
-    presets = [preset for preset in _presets() if Path(_preset(preset).leg.urdf).stem == name]
-    found = next((preset for preset in presets if _device_hash(_preset(preset)) == digest), None)
-    if found is not None and found != presets[0]:
-        name = f"{name} as in {found}"
-    return Part(name, found is None if presets else None, digest)
+    same_urdf = (preset for preset in _presets() if Path(_preset(preset).leg.urdf).stem == name)
+    ships = False
+    for number, preset in enumerate(same_urdf):
+        if _device_hash(_preset(preset)) == digest:
+            return Part(name if number == 0 else f"{name} as in {preset}", False, digest)
+        ships = True
+    return Part(name, True if ships else None, digest)
 
 
 def _controller(experiment: Experiment) -> Part:
