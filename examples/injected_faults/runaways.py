@@ -20,7 +20,7 @@ from twin_gait.worlds import Fault, FaultKind
 RATES = (5.0, 2000.0)  # [N m] / [s]: a third of the bound in a stride, and the torque limit in 30 ms
 REST = 4.0  # [s] that a run lasts at least after the last runaway begins
 APART = 0.5  # [s] between a runaway and a second fault, at most and either way
-UNBOUNDED = 1e4  # [N m]: a bound that no runaway reaches before the end of a run
+UNBOUNDED = 1e3  # [N m]: the largest bound; a command trips as implausible at 300 N m, long before
 WITHOUT = {"control.safety.command_deviation_Nm": UNBOUNDED}
 
 

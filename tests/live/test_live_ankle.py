@@ -28,9 +28,13 @@ def test_every_phase_has_four_controls_of_the_ankle_in_its_ranges(panel: Panel) 
     assert len(table) == 4 * len(panel.preset.table.phases)
     assert len([item for item in controls if item.group == "monitor"]) == 2 * 5
     by_name = {item.name: item for item in table}
-    assert by_name["late_stance.ankle.stiffness"].largest == STIFFNESS_RANGES[JointName.ANKLE].most
-    angle = by_name["late_stance.ankle.equilibrium"]
-    assert (angle.least, angle.largest) == (pytest.approx(-30.0, abs=0.2), pytest.approx(30.0, abs=0.2))
+    limit = panel.preset.experiment.control.limits.torque
+    # The spring alone reaches the torque limit at a deflection of 4 deg.
+    assert by_name["late_stance.ankle.stiffness"].largest == pytest.approx(limit / 4.0)
+    # Beyond the stops at 30 deg, as far as the stiffest published spring takes to reach the limit.
+    angle, beyond = by_name["late_stance.ankle.equilibrium"], limit / STIFFNESS_RANGES[JointName.ANKLE].most
+    assert angle.least == pytest.approx(-30.0 - beyond, abs=1.0)
+    assert angle.largest == pytest.approx(30.0 + beyond, abs=1.0)
 
 
 def test_a_control_of_the_ankle_reaches_its_numbers_and_no_other(panel: Panel) -> None:

@@ -149,6 +149,8 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
         if item.mark(AsInFile)
     }
     assert by_hand == {
+        "Experiment.controller",
+        "Experiment.events",
         "Experiment.modes",
         "Experiment.table",
         "Patient.conditions",

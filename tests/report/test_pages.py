@@ -21,6 +21,7 @@ def test_what_is_filled_in_is_escaped_and_nothing_is_loaded(tmp_path: Path) -> N
         "<b>&",
         "'\"<i>",
         [("<th>",), ("<td>",)],
+        {},
     )
     page = (tmp_path / "page.html").read_text()
     assert "&lt;b&gt;&amp;" in page and "&lt;th&gt;" in page
@@ -31,7 +32,7 @@ def test_what_is_filled_in_is_escaped_and_nothing_is_loaded(tmp_path: Path) -> N
 
 
 def test_figures_are_turned_dark_with_the_page() -> None:
-    content = {"title": "", "subtitle": "", "heads": (), "rows": (), "pictures": {"one": b""}}
+    content = {"title": "", "subtitle": "", "rows": [()], "pictures": {"one": b""}, "tables": {}}
     page = render("figures.html", content)
     assert "@media screen and (prefers-color-scheme: dark) { img { filter: invert(1)" in page
 

@@ -117,7 +117,7 @@ def test_simulate_prints_one_line_and_exits_with_0(tmp_path: Path, monkeypatch, 
 def test_other_reports_do_without_a_picture(tmp_path: Path) -> None:
     drawings = {"one": lambda: 1 / 0, "two": canvas.Figure, "none": lambda: None}
     failed = canvas.write_figures_page(
-        tmp_path / "report.html", drawings, "title", "", [("head",), ("cell",)]
+        tmp_path / "report.html", drawings, "title", "", [("head",), ("cell",)], {}
     )  # type: ignore[arg-type]
     assert failed == {"one": "ZeroDivisionError: division by zero"}
     assert [path.name for path in (tmp_path / "figures").iterdir()] == ["two.png"]

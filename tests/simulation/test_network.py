@@ -326,7 +326,7 @@ def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
         "engine=pinocchio",
         "duration_s=0.6",
         "faults=['controller_runaway:right_knee@0.4s=20000Nm/s']",
-        "control.safety.command_deviation_Nm=1e4",  # so that the plausible command is passed first
+        "control.safety.command_deviation_Nm=1e3",  # so that the plausible command is passed first
     )
     highest = run.experiment.control.safety.highest_command
     torque = run.log["right_knee_motor_command_torque_Nm"].to_numpy()

@@ -197,7 +197,7 @@ def test_a_tighter_bound_trips_when_the_log_says_that_it_was_broken(cause, setti
     ],
 )
 def test_a_runaway_that_ended_in_a_fall_without_a_trip_is_held(faults):
-    unbounded = run_of("treadmill", "duration_s=6", "control.safety.command_deviation_Nm=1e4", faults=faults)
+    unbounded = run_of("treadmill", "duration_s=6", "control.safety.command_deviation_Nm=1e3", faults=faults)
     assert unbounded.verdict.outcome == "fell" and unbounded.trip is None
     run = run_of("treadmill", "duration_s=6", faults=faults)
     assert run.verdict.outcome == "held" and run.trip.cause is TripCause.SETPOINT

@@ -170,7 +170,7 @@ def test_weakness_scales_what_is_given():
     "idle",
     [
         "patient.both={hip: {effort: 1, strength: 0}, knee: {effort: 0}}",
-        "patient.both={knee: {stretch_reflex_gain_Nms_per_rad: 5, stretch_reflex_threshold_deg_per_s: 9000}}",
+        "patient.both={knee: {stretch_reflex_gain_Nms_per_rad: 5, stretch_reflex_threshold_deg_per_s: 2800}}",
         "patient.left={hip: {passive: 1, effort: 1}, knee: {passive: 1}}",  # the other leg is on the stand
     ],
 )

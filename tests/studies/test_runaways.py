@@ -83,7 +83,7 @@ WALKS = {
 @pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS.keys())
 def test_a_run_without_a_fault_stays_far_from_the_bound(walk):
     preset, changes = walk
-    settings = ["duration_s=8", *changes, "control.safety.command_deviation_Nm=1e4"]
+    settings = ["duration_s=8", *changes, "control.safety.command_deviation_Nm=1e3"]
     run = simulate(load_experiment(preset, settings).experiment)
     assert largest_deviation(run) < 0.5 * BOUND
 

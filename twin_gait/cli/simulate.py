@@ -12,15 +12,17 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
-from twin_gait.configuration import LoadedExperiment
 from twin_gait.files import private_files
 from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
+
+if TYPE_CHECKING:
+    from twin_gait.configuration import LoadedExperiment
 
 
 def add_parser(commands: Any) -> None:

@@ -46,7 +46,9 @@ class BenchSetup(quantities.Parameters):
     start_angle: Annotated[quantities.Angle | None, BENCH_STOPS] = HORIZONTAL
     load_angle: LoadAngle = LoadAngle.CORRECTED
     mass_as_printed: bool = False
-    current_delay: Annotated[quantities.Time, quantities.Range(-0.05, 0.05)] = 0.0
+    current_delay: Annotated[
+        quantities.Time, quantities.Range(-0.05, 0.05, reason="fifty samples at 1 kHz")
+    ] = 0.0
 
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
         """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.

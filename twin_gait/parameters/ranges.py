@@ -19,6 +19,9 @@ def require(condition: bool, name: str, expected: str, value: object) -> None:
         raise ParameterError(f"{name}: expected {expected}, got {value!r}")
 
 
+SMALLEST_SHARE = 1e-12  # of the largest value, which a number above 0 has at least
+
+
 @dataclass(frozen=True)
 class Range:
     """Range of a number."""
@@ -35,6 +38,9 @@ class Range:
         if value == math.inf:
             return self.endless
         inside = self.least < value <= self.most if self.above else self.least <= value <= self.most
+        if self.above and self.least == 0.0 and math.isfinite(self.most):
+            # So much less than the largest value is a mistake; divided by it, other numbers overflow.
+            inside = SMALLEST_SHARE * self.most <= value <= self.most
         return inside and math.isfinite(value)
 
     def completed(self, general: "Range") -> "Range":
