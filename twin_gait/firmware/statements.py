@@ -157,6 +157,9 @@ class Statements(Expressions):
         if node.orelse:
             self._emit("} else {")
             self._inner(node.orelse)
+        elif word != "if":
+            self._emit("} else {")
+            self._emit("    /* Nothing to do. */")
         self._emit("}")
 
     def _inner(self, statements: Sequence[ast.stmt], first: str = "") -> None:
