@@ -462,3 +462,13 @@ def test_a_guard_that_needs_more_than_32_bits_is_refused(treadmill):
     transitions = tuple(replace(item, guard=guard) for item in table.transitions)
     with pytest.raises(GaitTableError, match="31 conditions wait to be joined; at most 30"):
         compile_guards(replace(table, transitions=transitions), DEVICE_BITS)
+
+
+def test_results_of_the_generated_dynamics_have_names_and_comments(printed):
+    """No name is a running number alone: neither of a line, nor of one of several results."""
+    text = "".join((printed.folder / f"{name}.c").read_text() for name in (EXOSKELETON, GAIT_CONTROLLER))
+    assert not re.findall(r"\bt\d+\b|\.number_\d+|\bvalue_\d+\b", text)
+    body = text.partition("static void control_gravity(")[2].partition("\n}\n")[0]
+    assert "    /* Forward pass, acceleration: " in body and "    /* Backward pass, torque: " in body
+    assert re.search(r"const real sine_\w+ = \w+\.sine", body)
+    assert "/* Compute the gravity torques. */\nstatic void control_gravity(" in text
