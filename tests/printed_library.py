@@ -10,7 +10,6 @@ from twin_gait.firmware.cross import compile_library
 from twin_gait.firmware.kinds import BOOL, INT, INT_LIMIT, REAL, Kind, ListKind, Scalar
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.printer import Program
-from twin_gait.firmware.statements import result_name
 from twin_gait.simulation.problem import NEVER
 
 
@@ -54,7 +53,7 @@ class Library:
             if param in function.written and item is not made:
                 self._give_back(kind, made, item)
         if isinstance(function.returns, tuple):
-            return tuple(getattr(result, result_name(k)) for k in range(len(function.returns)))
+            return tuple(getattr(result, f"value_{k}") for k in range(len(function.returns)))
         return result
 
     def structure(self, record: Any) -> ctypes.Structure:
@@ -75,7 +74,7 @@ class Library:
         if isinstance(kind, tuple):
             if kind not in self._structures:
                 numbered = enumerate(kind)
-                fields = [(result_name(k), self._scalar(item)) for k, item in numbered]
+                fields = [(f"value_{k}", self._scalar(item)) for k, item in numbered]
                 self._structures[kind] = type("Result", (ctypes.Structure,), {"_fields_": fields})
             return self._structures[kind]
         return None

@@ -21,7 +21,7 @@ from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.core.safety import BUS_TRIP, COMMAND_TRIP, JUMP_TRIP, MISSING_TRIP, NO_TRIP
 from twin_gait.exceptions import GaitTableError
-from twin_gait.firmware import Unit, build_object, sizes, units
+from twin_gait.firmware import Unit, build_object, project, sizes, units
 from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import (
     EXOSKELETON,
@@ -47,6 +47,7 @@ SHIPPED = {
     "inertia and network": ("treadmill", "control.inertia_compensation=0.5", "network={kind: can}"),
 }
 FUZZ = Path(__file__).with_name("fuzz.c")
+MODES_TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 
 
 class Printed(NamedTuple):
@@ -125,6 +126,26 @@ def test_cppcheck_has_nothing_to_say(printed):
     checks = "--enable=warning,style,performance,portability"
     sources = [printed.folder / f"{name}.c" for name in UNITS]
     assert run("cppcheck", "--std=c99", "--error-exitcode=1", "-q", checks, *sources) == ""
+
+
+MISRA = Path(project.__file__).with_name("project_files") / "MISRA.md"
+
+
+@pytest.mark.parametrize(
+    ("preset", "changes"),
+    [
+        ("treadmill", ()),
+        ("treadmill_start_stop", (f"table={MODES_TABLE}", "modes=twin", "initial_mode=standing")),
+    ],
+)
+def test_stated_deviations_from_misra_are_those_that_cppcheck_reports(preset, changes, tmp_path):
+    require_tools("cppcheck")
+    print_project(load_experiment(preset, changes).experiment).write_linked(tmp_path)
+    said = run("cppcheck", "--addon=misra", "--std=c99", "-q", *(tmp_path / f"{name}.c" for name in UNITS))
+    rows = [line.strip("| ").split(" | ") for line in MISRA.read_text().splitlines()]
+    stated = {row[0]: row for row in rows if re.fullmatch(r"\d+\.\d+", row[0])}
+    assert set(stated) == set(re.findall(r"\[misra-c2012-([\d.]+)\]", said))
+    assert all(len(row) == 5 and row[1] in ("required", "advisory") for row in stated.values())
 
 
 LIMITS = {JOINT_BOARD: (4096, 512), GAIT_CONTROLLER: (12 * 1024, 2048)}  # bytes of flash and RAM
@@ -370,6 +391,7 @@ def test_the_folder_holds_all_and_says_what_it_is(folder):
     assert {f"{name}.{end}" for name in UNITS for end in "ch"} <= names
     manifest = json.loads((folder / "manifest.json").read_text())
     text = (folder / "README.md").read_text()
+    assert "MISRA.md" in text and "| 15.5 |" in (folder / "MISRA.md").read_text()
     assert manifest["source_sha256"][:16] in text and "{{" not in text and "{%" not in text
     document = yaml.safe_load((folder / "experiment.yaml").read_text())
     assert document["provenance"]["table_sha256"] == manifest["provenance"]["table_sha256"]
@@ -440,3 +462,13 @@ def test_a_guard_that_needs_more_than_32_bits_is_refused(treadmill):
     transitions = tuple(replace(item, guard=guard) for item in table.transitions)
     with pytest.raises(GaitTableError, match="31 conditions wait to be joined; at most 30"):
         compile_guards(replace(table, transitions=transitions), DEVICE_BITS)
+
+
+def test_results_of_the_generated_dynamics_have_names_and_comments(printed):
+    """No name is a running number alone: neither of a line, nor of one of several results."""
+    text = "".join((printed.folder / f"{name}.c").read_text() for name in (EXOSKELETON, GAIT_CONTROLLER))
+    assert not re.findall(r"\bt\d+\b|\.number_\d+|\bvalue_\d+\b", text)
+    body = text.partition("static void control_gravity(")[2].partition("\n}\n")[0]
+    assert "    /* Forward pass, acceleration: " in body and "    /* Backward pass, torque: " in body
+    assert re.search(r"const real sine_\w+ = \w+\.sine", body)
+    assert "/* Compute the gravity torques. */\nstatic void control_gravity(" in text

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -19,8 +21,8 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
-from twin_gait.kernels.generated import KernelBodies, body_values, write_kernel
-from twin_gait.kernels.tracing import Trace, sine_and_cosine
+from twin_gait.kernels.generated import KernelBodies, body_values, kernel_structure, write_kernel
+from twin_gait.kernels.tracing import Block, Trace, readable, sine_and_cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import keeping
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
@@ -93,6 +95,51 @@ def test_another_wearer_needs_no_other_kernel():
         bodies = export_bodies(model.model)
         texts.add(write_kernel(KernelBodies(bodies, contact_points(model.model, frames), bodies, "z")))
     assert len(texts) == 1
+
+
+def test_results_of_a_kernel_are_named_by_joint_and_quantity_in_commented_blocks():
+    model = load_experiment("treadmill").experiment.build_world().model
+    frames = [name for leg in model.legs.values() for name in leg.contact_frames]
+    bodies = export_bodies(model.model)
+    longest = bodies[-1]._replace(name="a joint, of a very long name: 0123456789")
+    for each in (bodies, [*bodies[:-1], longest]):
+        text = write_kernel(KernelBodies(each, contact_points(model.model, frames), bodies, "z"))
+        for function in ast.parse(text).body:
+            assert isinstance(function, ast.FunctionDef) and ast.get_docstring(function)
+            names = [item for item in ast.walk(function) if isinstance(item, ast.Name)]
+            stored = [item.id for item in names if isinstance(item.ctx, ast.Store)]
+            assert len(stored) == len(set(stored)), "a name is assigned twice"
+            assert stored
+            for name in stored:
+                assert len(name) <= 31 and name.isascii() and not re.fullmatch(r"[a-z]\d+(_\d+)?", name)
+    dynamics = text[text.index("def dynamics(") : text.index("def contact_forces(")]
+    for said in ("'Forward pass, velocity: left_knee.'", "'Contact: ", "'Row of the mass matrix: left_hip.'"):
+        assert said in dynamics
+    assert re.search(r"\bsine_left_knee = |\bsine_left_knee, ", dynamics)
+
+
+def test_names_of_joints_belong_to_the_structure_of_a_kernel():
+    bodies = export_bodies(load_experiment("treadmill").experiment.build_world().model.model)
+    renamed = [bodies[0]._replace(name="other"), *bodies[1:]]
+    first, second = (kernel_structure(KernelBodies(each, [], each, "z")) for each in (bodies, renamed))
+    assert first != second
+
+
+def test_names_that_end_in_a_number_are_not_confused():
+    trace = Trace()
+    x = trace.input("q[0]")
+    trace.block = Block("Leg.", "force", "leg")
+    results = [x * 2.0, x * 3.0]
+    trace.block = Block("Leg 1.", "force", "leg_1")
+    results.append(x * 4.0)
+    lines = readable(trace.live_lines(results), trace)
+    assert lines == [
+        "'Leg.'",
+        "force_leg_2 = q[0] * 2.0",
+        "force_leg_3 = q[0] * 3.0",
+        "'Leg 1.'",
+        "force_leg_1 = q[0] * 4.0",
+    ]
 
 
 def test_a_joint_of_three_degrees_of_freedom_is_refused():

@@ -86,7 +86,8 @@ def _grown(x: float) -> tuple[float, float]:
     first = (0.5 + _E3 * r) + (_E4 + _E5 * r) * square
     rest = ((_E6 + _E7 * r) + (_E8 + _E9 * r) * square) + (_E10 + _E11 * r) * fourth
     tail = first + rest * fourth
-    return high + (square * tail - low), power_of_two(shifted)
+    growth, scale = high + (square * tail - low), power_of_two(shifted)
+    return growth, scale
 
 
 def exponential(x: float) -> float:
@@ -161,7 +162,9 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     even = (_C4 + _C6 * square) + (_C8 + _C10 * square) * fourth + (_C12 + _C14 * square) * (fourth * fourth)
     half = 0.5 * square
     most = 1.0 - half
-    sine, cosine = r + (r * square) * odd, most + (((1.0 - most) - half) + fourth * even)
+    sine_of_r, cosine_of_r = r + (r * square) * odd, most + (((1.0 - most) - half) + fourth * even)
     swapped = (quadrant & 1) != 0
-    one, other = cosine if swapped else sine, sine if swapped else cosine
-    return -one if (quadrant & 2) != 0 else one, -other if ((quadrant + 1) & 2) != 0 else other
+    one, other = cosine_of_r if swapped else sine_of_r, sine_of_r if swapped else cosine_of_r
+    sine = -one if (quadrant & 2) != 0 else one
+    cosine = -other if ((quadrant + 1) & 2) != 0 else other
+    return sine, cosine

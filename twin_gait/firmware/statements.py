@@ -101,7 +101,10 @@ class Statements(Expressions):
                 self._emit(f"{self.whole(call).text};")
             case ast.Continue():
                 self._emit("continue;")
-            case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
+            case ast.Expr(value=ast.Constant(value=str(said))):
+                if node is not self.source.tree.body[0]:  # The docstring is printed above the function.
+                    self.lines += comment(said, self.depth * INDENT)
+            case ast.Pass():
                 pass
             case _:
                 raise self.source.refused(node, "a statement that is not printed")
@@ -116,8 +119,9 @@ class Statements(Expressions):
         assert isinstance(call, ast.Call)
         result = self._free("result")
         self._emit(f"const {self.function.calls[call].result} {result} = {found.text};")
-        for number, (target, kind) in enumerate(zip(targets, found.kind, strict=True)):
-            part = Value(kind, f"{result}.{result_name(number)}")
+        fields = result_names(self.function.calls[call])
+        for field, target, kind in zip(fields, targets, found.kind, strict=True):
+            part = Value(kind, f"{result}.{field}")
             self._assign(target, call, part, fresh)
 
     def _assign(self, target: ast.expr, node: ast.expr, value: Value, fresh: set[str]) -> None:
@@ -157,6 +161,9 @@ class Statements(Expressions):
         if node.orelse:
             self._emit("} else {")
             self._inner(node.orelse)
+        elif word != "if":
+            self._emit("} else {")
+            self._emit("    /* Nothing to do. */")
         self._emit("}")
 
     def _inner(self, statements: Sequence[ast.stmt], first: str = "") -> None:
@@ -241,20 +248,31 @@ class Statements(Expressions):
             self._emit(f"return {self.fit(node.value, value, function.returns).text};")
 
 
-def result_name(number: int) -> str:
-    """Name of one of several numbers that a function returns, from 0 on."""
-    return ("first", "second", "third", "fourth")[number] if number < 4 else f"number_{number + 1}"
+def result_names(function: Function) -> list[str]:
+    """Return the names of the numbers that a function returns: those in its return statements.
+
+    A number without a name, or with that of another one, is named by its position: ``value_1``.
+    """
+    assert isinstance(function.returns, tuple)
+    found = [f"value_{position}" for position in range(1, len(function.returns) + 1)]
+    for node in ast.walk(function.source.tree):
+        if isinstance(node, ast.Return) and isinstance(node.value, ast.Tuple):
+            for position, item in enumerate(node.value.elts):
+                if isinstance(item, ast.Name) and identifier(item.id) not in found:
+                    if found[position] == f"value_{position + 1}":
+                        found[position] = identifier(item.id)
+    return found
 
 
 def result_struct(function: Function) -> list[str]:
     """Structure of several numbers that a function returns; nothing of another function."""
     if not isinstance(function.returns, tuple):
         return []
-    fields = enumerate(function.returns)
+    fields = zip(function.returns, result_names(function), strict=True)
     return [
         *comment(f"What {function.name} returns, in its order."),
         "typedef struct {",
-        *(f"    {kind} {result_name(number)};" for number, kind in fields),
+        *(f"    {kind} {name};" for kind, name in fields),
         f"}} {function.result};",
         "",
     ]

@@ -9,6 +9,7 @@ of joints, and the time to compile it faster still: models of more than :data:`S
 refused.
 """
 
+import inspect
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -20,7 +21,7 @@ from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.rigid_body import Bodies, Points, Vector, vector
-from twin_gait.kernels.tracing import Scalar, Trace, compact, text, together
+from twin_gait.kernels.tracing import Block, Scalar, Trace, compact, readable, text, together
 from twin_gait.leg_model.bodies import BodyArrays
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
@@ -36,7 +37,7 @@ class Called(NamedTuple):
     function: Callable[..., tuple[float, ...]]  # Of one of them.
     shared: int  # Arguments that all have in common; they come first.
     arguments: int  # Of each.
-    results: int  # Of each.
+    results: tuple[str, ...]  # Quantities of each.
 
     @property
     def name(self) -> str:
@@ -44,7 +45,10 @@ class Called(NamedTuple):
         return self.function.__name__
 
 
-SIDE_BY_SIDE = Called(sine_cosine, 0, 1, 2), Called(ground_contact_force, 1, 3, 2)
+SIDE_BY_SIDE = (
+    Called(sine_cosine, 0, 1, ("sine", "cosine")),
+    Called(ground_contact_force, 1, 3, ("forward_force", "upward_force")),
+)
 
 
 def _at_run_time(body: BodyArrays, number: Callable[[float], Any]) -> BodyArrays:
@@ -60,6 +64,7 @@ def _at_run_time(body: BodyArrays, number: Callable[[float], Any]) -> BodyArrays
         mass=number(body.mass),
         first_moment=vector([*map(number, body.first_moment)]),
         armature=number(body.armature),
+        name=body.name,
     )
 
 
@@ -105,6 +110,11 @@ class _Function:
         """Symbols of an array with an entry for each coordinate."""
         return vector([self.trace.input(f"{name}[{index}]") for index in range(len(self.bodies))])
 
+    def note(self, comment: str, quantity: str, body: BodyArrays | None) -> None:
+        """Begin a step of an algorithm for a body, or for the world."""
+        place = body.name if body else ""
+        self.trace.block = Block(f"{comment}: {place}." if place else f"{comment}.", quantity, place)
+
     @property
     def gravity(self) -> Vector:
         """Its acceleration in the world."""
@@ -117,7 +127,9 @@ class _Function:
         cosine: Any = self.trace.input("ground.slope_cosine")
 
         def press(*state: Any) -> Any:
-            return self.trace.call("ground_contact_force", [self.trace.input("ground"), *state], 2)
+            return self.trace.call(
+                "ground_contact_force", [self.trace.input("ground"), *state], SIDE_BY_SIDE[1].results
+            )
 
         def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
             place, speed = (position[0], position[2]), (velocity[0], velocity[2])
@@ -131,7 +143,11 @@ class _Function:
         return law
 
     def text(
-        self, signature: str, stores: Sequence[tuple[str, Scalar]], returned: Sequence[Scalar] = ()
+        self,
+        signature: str,
+        docstring: str,
+        stores: Sequence[tuple[str, Scalar]],
+        returned: Sequence[Scalar] = (),
     ) -> str:
         """Source of the function, with what it stores and returns."""
         outputs = [value for _, value in stores] + list(returned)
@@ -142,7 +158,8 @@ class _Function:
         lines += [f"{place} = {text(value)}" for place, value in stores]
         if returned:
             lines.append(f"return {', '.join(text(value) for value in returned)}")
-        return "\n    ".join([f"def {signature}:", *(lines or ["pass"])]) + "\n"
+        lines = readable(lines, self.trace)
+        return "\n    ".join([f"def {signature}:", f'"""{docstring}"""', *lines]) + "\n"
 
 
 def _stores(name: str, values: Sequence[Scalar]) -> list[tuple[str, Scalar]]:
@@ -166,11 +183,11 @@ def write_dynamics(kernel: KernelBodies) -> str:
     made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, torque = (made.inputs(name) for name in ("q", "v", "torque"))
     acceleration, contacts = rigid_body.forward_dynamics(
-        made.bodies, q, v, torque, made.gravity, made.points, made.ground(kernel.sloped)
+        made.bodies, q, v, torque, made.gravity, made.points, made.ground(kernel.sloped), made.note
     )
     stores = _stores("a", acceleration) + _point_stores(contacts)
     signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
-    return made.text(signature, stores, [_power(contacts)])
+    return made.text(signature, "Compute the accelerations of the model.", stores, [_power(contacts)])
 
 
 def write_contact_forces(kernel: KernelBodies) -> str:
@@ -178,10 +195,10 @@ def write_contact_forces(kernel: KernelBodies) -> str:
     made = _Function(kernel.bodies, kernel.points)
     q, v, law = made.inputs("q"), made.inputs("v"), made.ground(kernel.sloped)
     contacts = rigid_body.inverse_dynamics(
-        made.bodies, q, v, made.zeros, rigid_body.ZERO, made.points, law
+        made.bodies, q, v, made.zeros, rigid_body.ZERO, made.points, law, made.note
     ).contacts
     signature = "contact_forces(q, v, bodies, ground, points)"
-    return made.text(signature, _point_stores(contacts), [_power(contacts)])
+    return made.text(signature, "Compute the contact forces.", _point_stores(contacts), [_power(contacts)])
 
 
 def write_observe(kernel: KernelBodies) -> str:
@@ -192,27 +209,37 @@ def write_observe(kernel: KernelBodies) -> str:
     def known_force(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
         return [made.trace.input(f"points[{number}].{name}") for name in POINT_FIELDS[:2]]
 
-    result = rigid_body.inverse_dynamics(made.bodies, q, v, a, made.gravity, made.points, known_force)
-    potential = rigid_body.potential_energy(made.bodies, q, made.gravity)
+    result = rigid_body.inverse_dynamics(
+        made.bodies, q, v, a, made.gravity, made.points, known_force, made.note
+    )
+    potential = rigid_body.potential_energy(made.bodies, q, made.gravity, made.note)
     wrenches = [result.wrenches[guide] for guide in kernel.guides]
     pitching, forward = sum(moment[1] for moment, _ in wrenches), sum(force[0] for _, force in wrenches)
     returned = [result.kinetic_energy, potential, forward, pitching]
-    return made.text("observe(q, v, a, bodies, gravity, points)", [], returned)
+    signature = "observe(q, v, a, bodies, gravity, points)"
+    return made.text(signature, "Compute the energies and the wrench of the guides.", [], returned)
 
 
 def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
     """Source of ``control_gravity``."""
     made = _Function(bodies, (), up_axis)
-    result = rigid_body.inverse_dynamics(made.bodies, made.inputs("q"), made.zeros, made.zeros, made.gravity)
-    return made.text("control_gravity(q, bodies, gravity, torque)", _stores("torque", result.torques))
+    result = rigid_body.inverse_dynamics(
+        made.bodies, made.inputs("q"), made.zeros, made.zeros, made.gravity, note=made.note
+    )
+    signature = "control_gravity(q, bodies, gravity, torque)"
+    return made.text(signature, "Compute the gravity torques.", _stores("torque", result.torques))
 
 
 def write_control_inertia(bodies: Bodies) -> str:
     """Source of ``control_inertia``."""
     made, places = _Function(bodies), range(len(bodies))
-    lower, a = rigid_body.mass_matrix(made.bodies, made.inputs("q")), made.inputs("a")
-    torques = [vector([lower[max(i, j)][min(i, j)] for j in places]) @ a for i in places]
-    return made.text("control_inertia(q, a, bodies, torque)", _stores("torque", torques))
+    lower, a = rigid_body.mass_matrix(made.bodies, made.inputs("q"), made.note), made.inputs("a")
+    torques: list[Scalar] = []
+    for i in places:
+        made.note("Torque", "torque", bodies[i])
+        torques.append(vector([lower[max(i, j)][min(i, j)] for j in places]) @ a)
+    signature = "control_inertia(q, a, bodies, torque)"
+    return made.text(signature, "Compute the inertia torques.", _stores("torque", torques))
 
 
 def write_kernel(kernel: KernelBodies) -> str:
@@ -235,10 +262,12 @@ def write_side_by_side(text: str) -> list[str]:
     found = []
     for item in SIDE_BY_SIDE:
         for calls in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
-            common = [f"c{k}" for k in range(item.shared)]
-            own = [[f"a{number}_{k}" for k in range(item.arguments)] for number in range(calls)]
-            results = [[f"r{number}_{k}" for k in range(item.results)] for number in range(calls)]
+            given = list(inspect.signature(item.function).parameters)
+            common, each = given[: item.shared], given[item.shared :]
+            own = [[f"{name}_{number + 1}" for name in each] for number in range(calls)]
+            results = [[f"{name}_{number + 1}" for name in item.results] for number in range(calls)]
             lines = [f"def {item.name}_{calls}({', '.join([*common, *chain(*own)])}):"]
+            lines.append(f'    """Call {item.name} {calls} times."""')
             for left, right in zip(results, own, strict=True):
                 lines.append(f"    {', '.join(left)} = {item.name}({', '.join(common + right)})")
             lines.append(f"    return {', '.join(chain(*results))}")
@@ -261,7 +290,7 @@ def kernel_structure(kernel: KernelBodies) -> str:
 
 
 def _structure(bodies: Bodies, points: Points = ()) -> str:
-    """All that the text of a kernel depends on: topology, axes, and which run-time inputs are zero."""
-    frames = [(body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
+    """All that the text of a kernel depends on: names, topology, axes, and which run-time inputs are zero."""
+    frames = [(body.name, body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
     zeros = [value == 0.0 for value in _values_of(bodies, points)]
     return repr((frames, [point.body for point in points], zeros))

@@ -21,6 +21,8 @@ Points: TypeAlias = Sequence[ContactPoint]
 # From number, position and velocity of a point in the world to its force along world x and z (first two
 # results) and anything else.
 Law: TypeAlias = Callable[[int, Vector, Vector], list[Scalar]] | None
+# Receives the comment, the quantity and the body (None: the world) of each step before it is computed.
+Note: TypeAlias = Callable[[str, str, BodyArrays | None], None]
 
 
 def vector(values: Sequence[Any] | np.ndarray) -> Vector:
@@ -29,6 +31,10 @@ def vector(values: Sequence[Any] | np.ndarray) -> Vector:
 
 
 ZERO = vector([0.0, 0.0, 0.0])
+
+
+def _no_note(comment: str, quantity: str, body: BodyArrays | None) -> None:
+    """Ignore a step."""
 
 
 class InverseDynamics(NamedTuple):
@@ -79,36 +85,56 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
-def _world_poses(bodies: Bodies, poses: Sequence[_Pose]) -> list[tuple[Matrix, Vector]]:
+def _poses(bodies: Bodies, q: Vector, note: Note) -> list[_Pose]:
+    """Pose of every body in its parent."""
+    poses = []
+    for body, angle in zip(bodies, q, strict=True):
+        note("Pose", "pose", body)
+        poses.append(_pose(body, angle))
+    return poses
+
+
+def _world_poses(bodies: Bodies, poses: Sequence[_Pose], note: Note) -> list[tuple[Matrix, Vector]]:
     """Orientation and origin of every body in the world."""
     found: list[tuple[Matrix, Vector]] = []
     for body, pose in zip(bodies, poses, strict=True):
+        note("Pose in the world", "world", body)
         rotation, origin = found[body.parent] if body.parent >= 0 else (vector(np.eye(3)), ZERO)
         found.append((rotation @ pose.rotation, origin + rotation @ pose.position))
     return found
 
 
 def inverse_dynamics(
-    bodies: Bodies, q: Vector, v: Vector, a: Vector, gravity: Vector, contacts: Points = (), law: Law = None
+    bodies: Bodies,
+    q: Vector,
+    v: Vector,
+    a: Vector,
+    gravity: Vector,
+    contacts: Points = (),
+    law: Law = None,
+    note: Note = _no_note,
 ) -> InverseDynamics:
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
-    ``gravity``: acceleration of gravity in the world frame.
+    ``gravity``: acceleration of gravity in the world frame. ``note``: receives each step.
     """
-    poses = list(map(_pose, bodies, q))
+    poses = _poses(bodies, q, note)
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
     acceleration: list[tuple[Vector, Vector]] = []
-    world = _world_poses(bodies, poses)
+    world = _world_poses(bodies, poses, note)
     results: list[list[Scalar]] = [[] for _ in contacts]
     twice_kinetic: Scalar = 0.0
     for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
         back = pose.rotation.T
         w0, l0 = velocity[body.parent] if body.parent >= 0 else (ZERO, ZERO)
+        note("Acceleration of the world that replaces gravity", "base_acceleration", None)
         aw0, al0 = acceleration[body.parent] if body.parent >= 0 else (ZERO, gravity * -1.0)
+        note("Forward pass, velocity", "velocity", body)
         joint_w, joint_l = pose.angular * v[index], pose.linear * v[index]
         w = back @ w0 + joint_w
         linear = back @ (l0 + cross(w0, pose.position)) + joint_l
+        note("Forward pass, acceleration", "acceleration", body)
         aw = back @ aw0 + cross(w, joint_w) + pose.angular * a[index]
         al = (
             back @ (al0 + cross(aw0, pose.position))
@@ -118,10 +144,12 @@ def inverse_dynamics(
         )
         velocity.append((w, linear))
         acceleration.append((aw, al))
+        note("Forward pass, momentum", "momentum", body)
         momentum_l = linear * body.mass + cross(w, body.first_moment)
         momentum_w = body.inertia @ w + cross(body.first_moment, linear)
         rotor = body.armature * v[index] * v[index]
         twice_kinetic = twice_kinetic + w @ momentum_w + linear @ momentum_l + rotor
+        note("Forward pass, force", "force", body)
         moment = (
             body.inertia @ aw
             + cross(body.first_moment, al)
@@ -133,6 +161,7 @@ def inverse_dynamics(
         for number, point in enumerate(contacts):
             if point.body != index or law is None:
                 continue
+            note("Contact", "contact", body)
             position = origin + rotation @ point.position
             speed = rotation @ (linear + cross(w, point.position))
             results[number] = law(number, position, speed)
@@ -143,6 +172,7 @@ def inverse_dynamics(
     bias: list[Scalar] = [0.0] * len(bodies)
     for index in range(len(bodies) - 1, -1, -1):
         pose, (moment, linear_force) = poses[index], force[index]
+        note("Backward pass, torque", "torque", bodies[index])
         bias[index] = pose.angular @ moment + pose.linear @ linear_force
         parent = bodies[index].parent
         if parent >= 0:
@@ -152,14 +182,15 @@ def inverse_dynamics(
     return InverseDynamics(bias, results, force, 0.5 * twice_kinetic)
 
 
-def mass_matrix(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
+def mass_matrix(bodies: Bodies, q: Vector, note: Note = _no_note) -> list[list[Scalar]]:
     """Joint-space inertia (lower triangle along the tree), armature included."""
-    poses = list(map(_pose, bodies, q))
+    poses = _poses(bodies, q, note)
     n = len(bodies)
     composite = [(body.mass, body.first_moment, body.inertia) for body in bodies]
     matrix: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
     for index in range(n - 1, -1, -1):
         pose, (mass, first, inertia) = poses[index], composite[index]
+        note("Row of the mass matrix", "inertia", bodies[index])
         moment = inertia @ pose.angular + cross(first, pose.linear)
         force = pose.linear * mass + cross(pose.angular, first)
         matrix[index][index] = pose.angular @ moment + pose.linear @ force + bodies[index].armature
@@ -173,6 +204,7 @@ def mass_matrix(bodies: Bodies, q: Vector) -> list[list[Scalar]]:
             matrix[index][ancestor] = up.angular @ moment + up.linear @ force
         if bodies[index].parent >= 0:
             parent = bodies[index].parent
+            note("Inertia of the body and of all bodies that it carries", "composite", bodies[parent])
             composite[parent] = _join(composite[parent], composite[index], pose)
     return matrix
 
@@ -198,7 +230,9 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
     return (parent_mass + mass, parent_first + turned_first + p * mass, parent_inertia + moved)
 
 
-def solve_along_tree(bodies: Bodies, matrix: list[list[Scalar]], right: list[Scalar]) -> list[Scalar]:
+def solve_along_tree(
+    bodies: Bodies, matrix: list[list[Scalar]], right: list[Scalar], note: Note = _no_note
+) -> list[Scalar]:
     """Solve M a = r with the branch-sparse L'DL factorisation (Featherstone, section 6.5)."""
     n = len(bodies)
     ancestors: list[list[int]] = []  # the nearest first
@@ -207,6 +241,7 @@ def solve_along_tree(bodies: Bodies, matrix: list[list[Scalar]], right: list[Sca
     matrix = [list(row) for row in matrix]
     x = list(right)
     for k in range(n - 1, -1, -1):
+        note("Factorisation of the mass matrix, row", "factor", bodies[k])
         inverse = 1.0 / matrix[k][k]
         for position, i in enumerate(ancestors[k]):
             factor = matrix[k][i] * inverse
@@ -215,28 +250,43 @@ def solve_along_tree(bodies: Bodies, matrix: list[list[Scalar]], right: list[Sca
             matrix[k][i] = factor
         matrix[k][k] = inverse
     for i in range(n - 1, -1, -1):
+        note("Backward substitution", "right", bodies[i])
         for j in ancestors[i]:
             x[j] = x[j] - matrix[i][j] * x[i]
-    x = [x[i] * matrix[i][i] for i in range(n)]
     for i in range(n):
+        note("Division by the diagonal", "scaled", bodies[i])
+        x[i] = x[i] * matrix[i][i]
+    for i in range(n):
+        note("Forward substitution", "solution", bodies[i])
         for j in ancestors[i]:
             x[i] = x[i] - matrix[i][j] * x[j]
     return x
 
 
 def forward_dynamics(
-    bodies: Bodies, q: Vector, v: Vector, tau: Vector, gravity: Vector, contacts: Points = (), law: Law = None
+    bodies: Bodies,
+    q: Vector,
+    v: Vector,
+    tau: Vector,
+    gravity: Vector,
+    contacts: Points = (),
+    law: Law = None,
+    note: Note = _no_note,
 ) -> tuple[list[Scalar], list[list[Scalar]]]:
     """Accelerations under joint torques and contact forces, and results of the contact law per point."""
-    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, law)
-    right = [torque - load for torque, load in zip(tau, bias.torques, strict=True)]
-    return solve_along_tree(bodies, mass_matrix(bodies, q), right), bias.contacts
+    bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, law, note)
+    right: list[Scalar] = []
+    for body, torque, load in zip(bodies, tau, bias.torques, strict=True):
+        note("Torque less bias", "net_torque", body)
+        right.append(torque - load)
+    return solve_along_tree(bodies, mass_matrix(bodies, q, note), right, note), bias.contacts
 
 
-def potential_energy(bodies: Bodies, q: Vector, gravity: Vector) -> Scalar:
+def potential_energy(bodies: Bodies, q: Vector, gravity: Vector, note: Note = _no_note) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     energy: Scalar = 0.0
-    poses = _world_poses(bodies, list(map(_pose, bodies, q)))
+    poses = _world_poses(bodies, _poses(bodies, q, note), note)
     for body, (rotation, origin) in zip(bodies, poses, strict=True):
+        note("Potential energy", "potential", body)
         energy = energy - gravity @ (rotation @ body.first_moment + origin * body.mass)
     return energy

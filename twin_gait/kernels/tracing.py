@@ -10,9 +10,23 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
 
 from twin_gait.core.elementary import sine_cosine
+
+
+class Block(NamedTuple):
+    """A step of an algorithm for one body: its lines have a comment, and its results have names."""
+
+    comment: str = ""
+    quantity: str = "term"
+    place: str = ""  # Name of the joint; empty for the world.
+
+    def result(self, quantity: str) -> str:
+        """Return the name of a result without its number, in characters that Python and C accept."""
+        name = f"{quantity}_{self.place or 'world'}"  # Never the name of an input, such as torque.
+        return re.sub(r"\W", "_", name, flags=re.ASCII)[:_LONGEST_NAME]
 
 
 class Trace:
@@ -20,11 +34,17 @@ class Trace:
 
     Attributes:
         lines: Assignments in order.
+        block: Present step of the algorithm.
+        blocks: Step in which a name was assigned first, by name.
+        labels: Readable name of each name without its number.
     """
 
     def __init__(self) -> None:
         """Begin an empty trace."""
         self.lines: list[str] = []
+        self.block = Block()
+        self.blocks: dict[str, Block] = {}
+        self.labels: dict[str, str] = {}
         self._known: dict[tuple[str, ...], list[Symbol]] = {}
         self._count = 0
 
@@ -39,16 +59,19 @@ class Trace:
         (result,) = self.emit((operator, *operands), f"{left} {operator} {right}")
         return result
 
-    def call(self, function: str, arguments: Sequence[Scalar], outputs: int) -> list[Symbol]:
-        """Append a call of a function with several results."""
+    def call(self, function: str, arguments: Sequence[Scalar], outputs: Sequence[str]) -> list[Symbol]:
+        """Append a call of a function with several results; ``outputs`` are their quantities."""
         given = [text(item) for item in arguments]
         return self.emit((function, *given), f"{function}({', '.join(given)})", outputs)
 
-    def emit(self, key: tuple[str, ...], expression: str, outputs: int = 1) -> list[Symbol]:
+    def emit(self, key: tuple[str, ...], expression: str, outputs: Sequence[str] = ()) -> list[Symbol]:
         """Append an assignment unless the same expression is known, and return its symbols."""
         if key not in self._known:
-            names = [f"t{self._count + index}" for index in range(outputs)]
-            self._count += outputs
+            quantities = outputs or (self.block.quantity,)
+            names = [f"t{self._count + index}" for index in range(len(quantities))]
+            self._count += len(names)
+            for name, quantity in zip(names, quantities, strict=True):
+                self.blocks[name], self.labels[name] = self.block, self.block.result(quantity)
             self.lines.append(f"{', '.join(names)} = {expression}")
             self._known[key] = [Symbol(self, name) for name in names]
         return self._known[key]
@@ -125,6 +148,8 @@ Scalar = Symbol | float
 
 FEWEST_TOGETHER = 4  # calls; of fewer, one after the other is as fast as side by side
 _LONGEST = 90  # characters of an expression
+# Characters of a name without its number: C distinguishes names by their first 31 characters.
+_LONGEST_NAME = 26
 _NAME = re.compile(r"\bt\d+\b")
 _ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?)")  # of an array, or its field
 
@@ -146,6 +171,40 @@ def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
         else:
             result.append(f"{left} = {short}")
     return _reading_once(result)
+
+
+def readable(lines: Sequence[str], trace: Trace) -> list[str]:
+    """Give the remaining results readable names, and each step of the algorithm a comment.
+
+    A comment is a statement of a text alone, so that it is part of the syntax tree. ``lines``: from
+    :func:`compact`, with the names of the trace.
+    """
+    names = list(dict.fromkeys(name for line in lines for name in _NAME.findall(line)))
+    new = _numbered(names, trace.labels)
+    result, comment = list[str](), ""
+    for line in lines:
+        # Entries of arrays that are read before a step belong to the next line.
+        target = _NAME.match(line)
+        if target and (said := trace.blocks[target[0]].comment) != comment:
+            result.append(repr(said))
+            comment = said
+        result.append(_NAME.sub(lambda found: new[found[0]], line))
+    return result
+
+
+def _numbered(names: Sequence[str], labels: Mapping[str, str]) -> dict[str, str]:
+    """Return a unique readable name for each name: its label, with a number where several have that label."""
+    shared = Counter(labels[name] for name in names)
+    used = {label for label, count in shared.items() if count == 1}
+    numbers: Counter[str] = Counter()
+    new: dict[str, str] = {}
+    for name in names:
+        new[name] = label = labels[name]
+        while shared[label] > 1 and new[name] in {label, *used}:
+            numbers[label] += 1
+            new[name] = f"{label}_{numbers[label]}"
+        used.add(new[name])
+    return new
 
 
 def _reading_once(lines: Sequence[str]) -> list[str]:
@@ -207,6 +266,6 @@ def text(value: Scalar) -> str:
 def sine_and_cosine(angle: Scalar) -> tuple[Scalar, Scalar]:
     """Sine and cosine of a number or symbol; those of a symbol are asked for once."""
     if isinstance(angle, Symbol):
-        sine, cosine = angle.trace.call("sine_cosine", [angle], 2)
+        sine, cosine = angle.trace.call("sine_cosine", [angle], ("sine", "cosine"))
         return sine, cosine
     return sine_cosine(angle)

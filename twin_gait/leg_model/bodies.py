@@ -24,6 +24,7 @@ class BodyArrays(NamedTuple):
     first_moment: Any  # mass times centre of mass in the joint frame in [kg m], shape ``(3,)``
     inertia: Any  # about the joint frame's origin in [kg m²], shape ``(3, 3)``
     armature: Any  # inertia of the rotor at the joint
+    name: str = ""  # Name of the joint, from which a kernel names its results.
 
 
 class ContactPoint(NamedTuple):
@@ -58,6 +59,7 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
                 first_moment=_plain(inertia.mass * lever),
                 inertia=[_plain(row) for row in np.asarray(inertia.inertia) + shift],
                 armature=float(model.armature[joint.idx_v]),
+                name=str(model.names[index]),
             )
         )
     return bodies

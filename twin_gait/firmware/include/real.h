@@ -113,7 +113,7 @@ static inline int32_t int_modulo(int32_t a, int32_t b)
 static inline real power_of_two(real shifted)
 {
     RealBits value = {shifted};
-    value.bits = (value.bits + REAL_BIAS) << REAL_MANTISSA;
+    value.bits = (value.bits + (real_bits)REAL_BIAS) << REAL_MANTISSA;
     return value.number;
 }
 
@@ -121,7 +121,8 @@ static inline real power_of_two(real shifted)
 static inline int32_t whole_number(real shifted)
 {
     const RealBits value = {shifted};
-    return (int32_t)(value.bits & 0x3FFFFFFF);
+    const real_bits lowest = value.bits & (real_bits)0x3FFFFFFF;
+    return (int32_t)lowest;
 }
 
 #endif
