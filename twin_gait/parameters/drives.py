@@ -167,8 +167,8 @@ class TrunkSensorParameters(quantities.Parameters):
 
 COUNTS = quantities.whole(1, 2**26, "the finest encoders")
 # A mean over more is no velocity of a gait; the samples are kept in the memory of the loop.
-LONGEST_WINDOW = 1000  # ticks
-SAMPLES = quantities.whole(1, LONGEST_WINDOW, "at most 1 s of samples")
+LONGEST_WINDOW = 2000  # ticks; the 0.5 s of delay that the thesis states takes 1010
+SAMPLES = quantities.whole(1, LONGEST_WINDOW, "at most 2 s of samples")
 
 
 @dataclass(frozen=True, kw_only=True)
