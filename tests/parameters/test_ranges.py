@@ -99,10 +99,10 @@ def test_nonsense_is_refused_with_its_range(setting: str) -> None:
     assert f"{float(value):g}" in message or value in message
 
 
-def test_a_window_and_its_decimation_span_a_second_at_most() -> None:
-    assert SensorParameters(window=100, decimation=10).window == 100
-    with pytest.raises(ParameterError, match="window: expected at most 1000 ticks with the decimation of 11"):
-        SensorParameters(window=100, decimation=11)
+def test_a_window_and_its_decimation_span_two_seconds_at_most() -> None:
+    assert SensorParameters(window=200, decimation=10).window == 200
+    with pytest.raises(ParameterError, match="window: expected at most 2000 ticks with the decimation of 11"):
+        SensorParameters(window=200, decimation=11)
 
 
 @pytest.mark.parametrize(
