@@ -44,10 +44,10 @@ CARRIED_BOUNDS = (0.0, 60.0, 70.0, 80.0, 110.0)  # [kg]
 
 # %%
 def spec_in(folder: str, *, quick: bool) -> Path:
-    """The specification of the sweep; the quick form takes the ends of each range and no time."""
+    """The specification of the sweep; the quick form takes the ends of each range and 5 s."""
     document = yaml.safe_load(SPEC.read_text(encoding="utf-8"))
     if quick:
-        document["settings"]["duration_s"] = 0.3
+        document["settings"]["duration_s"] = 5
         document["parameters"] |= {"patient.mass_kg": [55, 95], "scenario.belt_speed_m_per_s": [0.30, 0.42]}
         document["parameters"] |= {"patient.height_m": [1.75], "scenario.support.share": [0.4, 0.7]}
     path = Path(folder) / "spec.yaml"
@@ -56,11 +56,11 @@ def spec_in(folder: str, *, quick: bool) -> Path:
 
 
 def spec_beyond(folder: str, *, quick: bool) -> Path:
-    """Write the specification of the wider sample; the quick form takes a few walks and no time."""
+    """Write the specification of the wider sample; the quick form takes a few walks of 5 s."""
     document = yaml.safe_load(SPEC.read_text(encoding="utf-8"))
     document |= {"method": "latin_hypercube", "parameters": BEYOND, "samples": 8 if quick else BEYOND_SAMPLES}
     if quick:
-        document["settings"]["duration_s"] = 0.3
+        document["settings"]["duration_s"] = 5
     path = Path(folder) / "beyond.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
     return path
