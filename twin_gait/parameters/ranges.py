@@ -19,7 +19,7 @@ def require(condition: bool, name: str, expected: str, value: object) -> None:
         raise ParameterError(f"{name}: expected {expected}, got {value!r}")
 
 
-SMALLEST_SHARE = 1e-12  # of the largest value, which a number above 0 has at least
+SMALLEST_SHARE = 1e-30  # of the largest value, which a number above 0 has at least
 
 
 @dataclass(frozen=True)
