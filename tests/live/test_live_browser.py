@@ -1,6 +1,7 @@
 """The live page in headless Chromium: what is set in the panel is in the log, what is wrong is refused."""
 
 import contextlib
+import math
 import os
 import re
 import shutil
@@ -343,16 +344,30 @@ def test_friction_and_torque_control_have_neither_spring_nor_damper(bench_sessio
             assert row[f"right_{joint}_damping_Nms_per_rad"] == 0.0
 
 
-def test_every_change_stands_in_the_run_folder_with_its_tick(bench_session) -> None:
+# Keys in SI of the quantities of a control, and the SI value of one unit of the control.
+KEYS = {
+    "stiffness": ("stiffness_Nm_per_rad", math.degrees(1.0)),
+    "damping": ("damping_Nms_per_rad", 1.0),
+    "equilibrium": ("equilibrium_rad", math.radians(1.0)),
+    "gain": ("friction_compensation_gain", 1.0),
+}
+
+
+def test_every_change_is_an_event_of_the_run_folder(bench_session) -> None:
     table, monitor, log, _, changes = bench_session
-    named = {item["subject"]: item for item in changes}
-    assert set(table) | set(monitor) | {"mode"} <= set(named)
-    for name, value in {**table, **monitor}.items():
-        assert float(named[name]["value"]) == pytest.approx(value)
-        assert named[name]["user"] == "tester"
-        assert 0 <= int(named[name]["tick"]) < len(log)
-    ticks = [int(item["tick"]) for item in changes]
-    assert ticks == sorted(ticks)
+    given: dict[str, float] = {}
+    for item in changes:
+        given |= item.get("set", {})
+        assert item["by"] == "tester" and 0.0 <= item["time_s"] <= 1e-3 * len(log)
+    for name, value in table.items():
+        phase, joint, quantity = name.split(".")
+        key, scale = KEYS[quantity]
+        assert given[f"table.phases.{phase}.{joint}.{key}"] == pytest.approx(value * scale)
+    assert len([key for key in given if key.startswith("monitor.") and key != "monitor.control"]) == len(
+        monitor
+    )
+    times = [item["time_s"] for item in changes]
+    assert times == sorted(times)
 
 
 @pytest.mark.parametrize("width", [1180, 1024])
