@@ -55,7 +55,7 @@ class LiveFigure:
     """
 
     def __init__(self, problem: Problem) -> None:
-        """Draw. Raises ModelError if the URDF cannot be read, ViewerError if a mesh cannot."""
+        """Draw the legs of an experiment. Raises ModelError if the URDF cannot be read."""
         experiment, model, columns = problem.experiment, problem.world.model, log_layout(problem).names
         self.window = Window()
         self.mode: str | None = None
@@ -161,7 +161,7 @@ class LivePage(SceneServer):
     def __init__(self, session: LiveSession, *, port: int) -> None:
         """Draw the scene and listen.
 
-        Raises ModelError if the URDF cannot be read. Raises ViewerError if a mesh cannot be read or no port
+        Raises ModelError if the URDF cannot be read. Raises ViewerError if no port
         is free.
         """
         self._session = session

@@ -191,7 +191,7 @@ class Setting(TypedDict, total=False):
 def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
-    Raises ModelError if the URDF, ViewerError if a mesh of it cannot be read.
+    A mesh that cannot be read is left out with a warning. Raises ModelError if the URDF cannot be read.
     """
     scene = Scene(window, model.model, model.urdf_path, model.up_axis)
     for side, leg in model.legs.items():
@@ -233,7 +233,7 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     """Draw any URDF, with all coordinates at zero; one that shows nothing gets sticks from joint to joint.
 
     ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the URDF cannot
-    be read. Raises ViewerError if a mesh of the URDF cannot be read.
+    be read.
     """
     scene = Scene(window, model, urdf, up_axis)
     points = scene.figure.points()
