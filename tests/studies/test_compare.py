@@ -358,6 +358,8 @@ def test_folder_holds_a_page_that_needs_nothing_else(stroke, tmp_path):
     rows = table[table["controller"] == "position"]
     assert shown == pytest.approx(rows["interaction_rms_Nm"].mean(), rel=1e-12)
     assert document["controllers"]["transparent"]["numbers"]["interaction_rms_Nm"] is None
+    shown_rows = [list(row.values()) for row in document["table"]]
+    assert shown_rows == wide[1:]  # the table of the page
 
 
 def test_folder_of_something_else_is_not_replaced(stroke, tmp_path):

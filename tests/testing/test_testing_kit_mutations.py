@@ -1,11 +1,13 @@
 """Every single mutation of a machine, while the kit reads the table as it is.
 
-``python tests/testing/test_testing_kit_mutations.py`` writes the counts into
-``docs/reference/test_kit.md``; a test here fails when they are no longer true.
+``PYTHONPATH=tests python tests/testing/test_testing_kit_mutations.py`` writes the counts into
+``docs/reference/test_kit.md``, and their sums over the tables into a file that ``docs/insert.py`` quotes; a
+test here fails when they are no longer true.
 """
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from pathlib import Path
 
@@ -24,6 +26,7 @@ from twin_gait.testing.compiled import compiled_machines
 pytestmark = pytest.mark.slow  # it grades the kit, not a table
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "test_kit.md"
+SUMS = Path(__file__).parents[2] / "examples" / "results" / "test_kit" / "results.json"
 BEGIN, END = "<!-- mutations: begin -->\n", "<!-- mutations: end -->\n"
 TABLES = packaged_gait_tables()
 
@@ -125,11 +128,29 @@ def documented(text: str) -> str:
 
 
 def test_documented_counts_are_the_measured_ones() -> None:
-    how = "python tests/testing/test_testing_kit_mutations.py writes them"
+    how = "PYTHONPATH=tests python tests/testing/test_testing_kit_mutations.py writes them"
     assert documented(DOCUMENT.read_text(encoding="utf-8")) == mutation_table(map(result, TABLES)), how
 
 
+def sums() -> str:
+    """Return the counts of all shipped tables together, as JSON."""
+    results = [result(name) for name in TABLES]
+    counts = {
+        "made": sum(item.made.total() for item in results),
+        "caught": sum(item.caught.total() for item in results),
+        "equivalent": sum(len(item.equivalent) for item in results),
+        "missed": sum(len(item.missed) for item in results),
+    }
+    return json.dumps({"quick": False, "tables": len(results), **counts}, indent=1) + "\n"
+
+
+def test_quoted_sums_are_the_measured_ones() -> None:
+    assert SUMS.read_text(encoding="utf-8") == sums()
+
+
 if __name__ == "__main__":
+    SUMS.parent.mkdir(exist_ok=True)
+    write_atomically(SUMS, sums())
     page = DOCUMENT.read_text(encoding="utf-8")
     before, after = page.split(BEGIN)[0], page.split(END)[1]
     write_atomically(DOCUMENT, before + BEGIN + mutation_table(map(result, TABLES)) + END + after)

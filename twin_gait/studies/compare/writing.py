@@ -117,7 +117,9 @@ def figure_of(comparison: Comparison) -> Figure:
 
 
 def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
-    """Means and intervals."""
+    """Return means and intervals as numbers, and the table of the report as its texts."""
+    names = [item.name for item in comparison.controllers]
+    rows = [row for group in rows_of(comparison).values() for row in group]
     return {
         "patient": who,
         "subtitle": subtitle_of(comparison),
@@ -127,4 +129,5 @@ def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
             item.name: {"walked": comparison.walked(item.name), "numbers": comparison.numbers(item.name)}
             for item in comparison.controllers
         },
+        "table": [{"": shown.label, **dict(zip(names, cells, strict=True))} for shown, cells in rows],
     }
