@@ -94,7 +94,7 @@ print(*rows, sep="\n")
 # %% [markdown]
 # ## Several days
 # The command compares the same wearer on days that differ in belt speed, effort and sensors, with means and
-# 95 % confidence intervals. A controller with which nobody walks to the end has no row in the table of the page.
+# 95 % confidence intervals. Controllers with which nobody walks to the end are left out.
 
 # %%
 DAYS = ("--seeds", "2", "--duration", "15") if form.quick else ("--seeds", "5")
