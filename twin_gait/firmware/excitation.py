@@ -367,6 +367,15 @@ def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) ->
                         _device(rows)[name] = 0.0
                 with unit:
                     yield rows, unit.exchange(rows)
+    for side in (1.0 - BESIDE, 1.0 + BESIDE):
+        turning = boards[0].travelling(side * state.legs[0].frozen_speed, boards[0].middle)
+        rows = _standing(len(turning), state, dtype)
+        for place, other in enumerate(boards):
+            rows["boards"][:, place] = turning if place == 0 else other.held(len(rows) - 2)
+        rows["surroundings"]["loads"] = 0.4
+        rows["surroundings"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
+        with unit:
+            yield rows, unit.exchange(rows)
     yield from Guards(unit, state, dtype, boards).episodes(EXOSKELETON_TICKS, 0)
 
 
