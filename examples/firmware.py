@@ -11,6 +11,7 @@ docs/reference/firmware.md.
 
 # %%
 import subprocess
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -65,7 +66,7 @@ def constants_of(experiment: str, step: int) -> list[dict[str, Any]]:
     rows = []
     with TemporaryDirectory() as name:
         folder = Path(name)
-        command = ["twin-gait", "firmware", experiment, "--out", folder / "c"]
+        command = [sys.executable, "-m", "twin_gait", "firmware", experiment, "--out", folder / "c"]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         for unit in ("joint_board", "gait_controller", "exoskeleton", "can_codec"):
             found = Unit(folder / "c", unit, folder / unit)

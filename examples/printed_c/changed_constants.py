@@ -20,7 +20,9 @@ _FIELD = re.compile(r"\.(\w+) = [^=]*$")
 _CODES = "lowest", "highest"  # Real numbers that are codes of the CAN codec.
 _LAST = {"operation": 3, "blend_law": 2}  # The last choices: every larger number is taken as the same.
 INITIAL = 1000.0  # In place of an initial 0; the filters of the monitor forget a small number.
-POISON = "-12345"  # A number that no initial value is near to.
+POISON = "-12345"  # A whole number that no initial value is near to.
+# Real numbers of which each shows, in one comparison or another, that it has been read.
+POISONS = "NAN", "REAL(12345.0)", "REAL(-12345.0)"
 _SECONDS = 20.0  # Longest time of a test; a changed constant may let it run without end.
 
 NEVER_READ = "not read by the unit"
@@ -69,11 +71,12 @@ class Unit:
         lines = [line for table in tables for line in self._assigned(table)]
         setter = ["#include <stdlib.h>", "#include <string.h>", "static int changed_constant, poisoned;"]
         setter += ["#define OR(place, old, new, poison) \\"]
-        setter += ["    (changed_constant != (place) ? (old) : poisoned ? (poison) : (new))"]
+        setter += ["    (changed_constant != (place) ? (old) : poisoned < 0 ? (new) : (poison))"]
+        setter += [f"static const double poisons[] = {{{', '.join(POISONS)}}};"]
         setter += ["__attribute__((constructor)) static void assign_tables(void)", "{"]
         setter += [
             '    changed_constant = atoi(getenv("CHANGED"));',
-            '    poisoned = getenv("POISON") != NULL;',
+            '    poisoned = atoi(getenv("POISON"));',
         ]
         changed = build / f"{name}.c"
         changed.write_text("\n".join([before, rest, *setter, *lines, "}", ""]), encoding="utf-8")
@@ -111,7 +114,7 @@ class Unit:
             if old in ("true", "false"):
                 poison = change.new
             else:
-                poison = "NAN" if found.group(1) or old == "NAN" else POISON
+                poison = "poisons[poisoned]" if found.group(1) or old == "NAN" else POISON
             return f"OR({len(self.changes)}, {old}, {change.new}, {poison})"
 
         assigned = _NUMBER.sub(alternative, contents)
@@ -123,9 +126,12 @@ class Unit:
         else:
             yield f"    {name} = {assigned};"
 
-    def notices(self, place: int, *, poisoned: bool = False) -> bool:
-        """Return whether the test fails with constant number ``place``, from 1, changed; 0 changes none."""
-        environment = {**os.environ, "CHANGED": str(place), **({"POISON": "1"} if poisoned else {})}
+    def notices(self, place: int, poison: int = -1) -> bool:
+        """Return whether the test fails with constant number ``place``, from 1, changed; 0 changes none.
+
+        ``poison``: index in ``POISONS`` of the number that takes its place; -1 for the changed number.
+        """
+        environment = {**os.environ, "CHANGED": str(place), "POISON": str(poison)}
         command = [self._program, *self._files]
         try:
             done = subprocess.run(
@@ -140,7 +146,8 @@ class Unit:
         change = self.changes[place - 1]
         if change.field and not re.search(rf"(?:->|\.){change.field}\b", self.code):
             return NEVER_READ
-        if "_at_start" in change.table and not self.notices(place, poisoned=True):
+        poisons = range(len(POISONS)) if "_at_start" in change.table else ()
+        if poisons and not any(self.notices(place, poison) for poison in poisons):
             return OVERWRITTEN
         if change.field in ("time_out_ticks", "tick") and f".{change.field} = -{change.old}" in change.entry:
             return NONE
