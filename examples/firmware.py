@@ -1,17 +1,24 @@
 """What does the printed firmware weigh, how long is its longest tick, and is it the simulation's controller?
 
 Every shipped table is printed, built for this machine and for a Cortex-M4F, and compared over 20 s and over
-faults. Some minutes, with gcc, gcc-arm-none-eabi and qemu-system-arm; page: docs/reference/firmware.md.
+faults. Then every constant of each unit is changed alone, to count the changes that the test of the printed
+project notices. Some minutes, with gcc, gcc-arm-none-eabi and qemu-system-arm; page:
+docs/reference/firmware.md.
 """
 
 # %% [markdown]
 # `twin-gait firmware treadmill --verify` does this for one table.
 
 # %%
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 from gallery import form_of
+from printed_c.changed_constants import REASONS, Unit, classified
 
 from twin_gait import load_experiment
 from twin_gait.firmware import verify
@@ -48,15 +55,44 @@ def row_of(name: str, preset: str, *changes: str) -> dict[str, Any]:
     }
 
 
+# %% [markdown]
+# A change that is not noticed has no effect, for a reason that is checked for each constant, or is counted
+# as not noticed.
+
+
+# %%
+def constants_of(experiment: str, step: int) -> list[dict[str, Any]]:
+    """Count the changed constants of each unit that the test of a project notices, or the reasons why not."""
+    rows = []
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        command = [sys.executable, "-m", "twin_gait", "firmware", experiment, "--out", folder / "c"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        for unit in ("joint_board", "gait_controller", "exoskeleton", "can_codec"):
+            found = Unit(folder / "c", unit, folder / unit)
+            counts, unexplained = classified(found, step)
+            print(
+                unit,
+                dict(counts),
+                *(f"{item.table} {item.field} {item.old}" for item in unexplained),
+                sep="\n",
+            )
+            row = {"unit": f"`{unit}`", "constants": len(found.changes)}
+            rows.append(row | {reason: counts[reason] for reason in REASONS})
+    return rows
+
+
 # %%
 if __name__ == "__main__":
     form = form_of("firmware")
     chosen = {"bench_leg": ("bench_leg", "duration_s=3")} if form.quick else TABLES
     rows = [row_of(name, *words) for name, words in chosen.items()]
+    constants = constants_of("bench_leg", 50) if form.quick else constants_of("treadmill", 1)
     print(pd.DataFrame(rows).T.to_string(header=False))
     form.keep(
         {
             "rows": rows,
+            "constants": constants,
             "worst_instructions": max(row["worst tick"] for row in rows),
             "numbers": sum(row["numbers compared"] for row in rows),
             "other_bits": sum(row["other bits in double"] + row["on the target"] for row in rows),

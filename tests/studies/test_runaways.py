@@ -49,10 +49,11 @@ def test_runaways_are_drawn_over_their_ranges_and_every_second_one_has_another_f
     assert max(abs(faults[1].time - faults[0].time) for faults in drawn[1::2]) <= APART + 1e-9
 
 
-def test_no_seeded_runaway_ends_in_a_fall():
+@pytest.mark.parametrize("count", [16, pytest.param(96, marks=pytest.mark.slow)])
+def test_no_seeded_runaway_ends_in_a_fall(count):
     experiment = load_experiment("treadmill", ["duration_s=7"]).experiment
-    table = runaways(experiment, 96, 11)
-    assert (table["outcome"] == "held").all() and (table["cause"] != "").all()
+    table = runaways(experiment, count, 11)
+    assert len(table) == count and (table["outcome"] == "held").all() and (table["cause"] != "").all()
     alone = table[table["second"] == ""]
     assert (alone["cause"] == "command_against_setpoint").mean() > 0.8
 
@@ -88,11 +89,12 @@ def test_a_run_without_a_fault_stays_far_from_the_bound(walk):
     assert largest_deviation(run) < 0.5 * BOUND
 
 
-def test_random_walks_stay_far_from_the_bound():
+@pytest.mark.parametrize("count", [10, pytest.param(32, marks=pytest.mark.slow)])
+def test_random_walks_stay_far_from_the_bound(count):
     experiment = load_experiment("treadmill", ["duration_s=6"]).experiment
-    rows = run_episodes(partial(walker_of, experiment), walker_row, draw_walkers(32, 7))
+    rows = run_episodes(partial(walker_of, experiment), walker_row, draw_walkers(count, 7))
     walked = [row["deviation_Nm"] for row in rows if row["outcome"] == "walked"]
-    assert len(walked) >= 20 and max(walked) < 0.2 * BOUND
+    assert len(walked) >= 0.625 * count and max(walked) < 0.2 * BOUND
 
 
 @pytest.mark.parametrize(

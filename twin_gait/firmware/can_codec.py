@@ -50,6 +50,38 @@ def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> boo
     return True
 
 
+@dataclass(slots=True)
+class CanCodec:
+    """The codec as a unit that the test runs; :file:`include/can_codec_step.h` is the same in C."""
+
+    messages: list[CanMessage]  # In the order of the DBC file.
+
+
+@dataclass(slots=True)
+class CanCodecInputs:
+    """Numbers to be packed, and a frame to be unpacked."""
+
+    message: int  # Number of the message.
+    values: list[float]  # One number for each signal, in its unit.
+    frame: CanFrame = field(default_factory=CanFrame)
+
+
+@dataclass(slots=True)
+class CanCodecOutputs:
+    """The frame with the packed numbers, and the unpacked numbers."""
+
+    frame: CanFrame
+    known: bool  # Whether the frame of the inputs is one of the message.
+    values: list[float]  # Of that frame; the numbers before it if it is not one.
+
+
+def can_codec_step(unit: CanCodec, inputs: CanCodecInputs, outputs: CanCodecOutputs) -> None:
+    """Pack numbers into a frame, and unpack another frame."""
+    message = unit.messages[inputs.message]
+    can_pack(message, inputs.values, outputs.frame)
+    outputs.known = can_unpack(message, inputs.frame, outputs.values)
+
+
 def can_messages(messages: Mapping[str, Message]) -> dict[str, CanMessage]:
     """Messages of a DBC file as the firmware has them, by their names in C."""
     width = max(len(message.signals) for message in messages.values())

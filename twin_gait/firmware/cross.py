@@ -26,12 +26,17 @@ class Unit:
     name: str
     folder: Path  # of the two files
     init: str = ""  # Prefix of ``init``, if it is not the name: ``joint_board_left_hip``.
+    header: str = ""  # Header with record, ``init`` and ``step``, if it is not ``<name>.h``.
 
     @property
     def words(self) -> list[str]:
         """What the compiler must know of the unit: what it is called, and its source."""
         record = "".join(word.capitalize() for word in self.name.split("_"))
-        names = [f"-DUNIT={self.name}", f"-DUNIT_RECORD={record}", f'-DUNIT_HEADER="{self.name}.h"']
+        names = [
+            f"-DUNIT={self.name}",
+            f"-DUNIT_RECORD={record}",
+            f'-DUNIT_HEADER="{self.header or self.name + ".h"}"',
+        ]
         names.append(f"-DUNIT_INIT={self.init or self.name}_init")
         return [*names, f"-I{self.folder}", f"{self.folder / self.name}.c"]
 

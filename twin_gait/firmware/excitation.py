@@ -5,29 +5,43 @@ sides, and each signal of a guard is put just below and just above the threshold
 """
 
 import math
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, product
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from twin_gait.control.gait_controller import PER_JOINT, PER_LEG
 from twin_gait.control.joint_board import Limits
-from twin_gait.core.guards import GuardProgram
+from twin_gait.core.guards import OP_COMPARE, Comparison, guard_holds
 from twin_gait.core.safety import SPEED_TRIP, Bounds
+from twin_gait.firmware.can_codec import CanMessage
 from twin_gait.firmware.python_unit import PythonUnit
+from twin_gait.gait.signals import DEVICE_SIGNALS
 
-Rows = np.ndarray  # Inputs of a unit, shape ``(ticks,)``, from its tick 0 on.
+Rows: TypeAlias = np.ndarray  # Inputs of a unit, shape ``(ticks,)``, from its tick 0 on.
+Values: TypeAlias = np.ndarray  # Signals of all legs and of the device, shape ``(signals,)``, in SI units.
 BESIDE = 0.003  # Distance from a bound or a threshold, as a share of it.
-HEAT = 8.0  # Heat to which the winding tends while the heat model is excited; the monitor trips at 1.
-HOLDS = 900  # Combinations of signals beside their thresholds.
-LONGEST_RAMPS = 400  # Ticks of the gait controller's inputs that the exoskeleton follows by ramps.
+HEAT = 12.0  # Heat to which the winding tends while the heat model is excited; the monitor trips at 1.
+LONG = 1000.0  # Time in a phase in [s] that opens every guard on it.
+LONGEST_HOLD = 1300  # Ticks for which the signals of the guards stay the same.
+CONTROLLER_TICKS, EXOSKELETON_TICKS = 9000, 5000  # Ticks in which guards are excited.
 SEED = 48
 
 
-def board_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
-    """Yield inputs of a joint board that excite its bounds, its limits and its friction model."""
+def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterator[Rows]:
+    """Yield inputs of a joint board that excite its bounds, its limits and its friction model.
+
+    ``repeated``: whether a board before has the same constants, which are printed once.
+    """
     settings, bounds = unit.settings, unit.state.bounds
     rows = _Board(bounds, settings.rates.period, dtype)
+    deaf = rows.travelling(0.3 * bounds.highest_speed, rows.middle, 16)
+    deaf["heard"] = False
+    yield deaf
+    if repeated:
+        return
     yield from rows.monitored()
     yield from rows.heated()
     limits: Limits = settings.limits
@@ -35,6 +49,7 @@ def board_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
         yield rows.held(bounds.torque_ticks + 3, target=side * bounds.highest_torque)
         yield rows.held(3, target=-side * bounds.highest_command)
         yield rows.held(3, target=side * limits.torque)
+    yield from rows.against_setpoint()
     silent = rows.held(limits.controller_silence + limits.lowering_ticks + 9, speed=0.1)
     silent["demand"]["gravity"], silent["heard"][4:] = 5.0, False
     yield silent
@@ -107,6 +122,16 @@ class _Board:
                 3 + math.ceil(math.log(1.0 - 1.0 / final) / math.log(1.0 - bounds.cooling)), current=current
             )
 
+    def against_setpoint(self) -> Iterator[Rows]:
+        """Yield rows with a spring so stiff that the command lags behind its set point, beside the bound."""
+        bounds = self.bounds
+        speed = 0.6 * bounds.highest_speed
+        for side in (1.0 - BESIDE, 1.0 + BESIDE):
+            rows = self.travelling(speed, self.middle, 220)
+            rows["demand"]["stiffness"] = side * bounds.command_deviation / (speed * self.period)
+            rows["demand"]["equilibrium"] = rows["angle"]
+            yield rows
+
     def wandering(self, random: np.random.Generator, ticks: int = 1500) -> Rows:
         """Return rows with smooth motions of all speeds, and demands that change."""
         times, bounds = np.arange(ticks) * self.period, self.bounds
@@ -127,103 +152,183 @@ class _Board:
         return rows
 
 
-def controller_episodes(unit: Any, dtype: np.dtype[Any], requests: int) -> Iterator[Rows]:
-    """Yield inputs of the gait controller; ``requests``: number of requests of the operating modes."""
-    settings, state = unit.settings, unit.state
-    limits, supply, per_leg = settings.limits, state.supply, len(state.joints) // len(state.legs)
-
-    def standing(ticks: int) -> Rows:
-        rows = np.zeros(ticks, dtype)
-        around = rows["surroundings"]
-        around["bus_voltage"], around["loads"], rows["heard"] = supply.voltage, 0.4, True
-        for number, joint in enumerate(state.joints):
-            phase = state.legs[number // per_leg].phase
-            rows["measurements"]["angle"][:, number] = joint.setpoints[phase].equilibrium
-        for name in ("walk", "step"):
-            if name in _names(_device(rows)):
-                _device(rows)[name] = 1.0
-        return rows
-
-    def signals(rows: Rows, leg: int, joint: int, name: str, value: np.ndarray) -> None:
-        rows["measurements"][name][:, leg * per_leg + joint] = value
-
+def controller_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
+    """Yield inputs of the gait controller that excite its time-outs, and what it watches."""
+    limits, state = unit.settings.limits, unit.state
+    supply, per_leg = state.supply, len(state.joints) // len(state.legs)
     for side in (1.0 - BESIDE, 1.0 + BESIDE):
-        low = standing(supply.low_ticks + 4)
+        low = _standing(supply.low_ticks + 4, state, dtype)
         low["surroundings"]["bus_voltage"][2:] = supply.least_voltage * side
         yield low
         for number, leg in enumerate(state.legs):
-            frozen = standing(limits.frozen_load_ticks + 6)
+            frozen = _standing(limits.frozen_load_ticks + 6, state, dtype)
             frozen["surroundings"]["loads"][:, number] = 0.5
-            signals(frozen, number, 0, "motor_speed", np.full(len(frozen), leg.frozen_speed * side))
+            frozen["measurements"]["motor_speed"][:, number * per_leg] = leg.frozen_speed * side
             yield frozen
     for number in range(len(state.joints)):
-        silent = standing(limits.board_silence + 6)
+        silent = _standing(limits.board_silence + 6, state, dtype)
         silent["heard"][2:, number] = False
         yield silent
-    tripped = standing(limits.lowering_ticks + 50)
+    deaf = _standing(limits.board_silence + 6, state, dtype)
+    deaf["heard"] = False
+    yield deaf
+    tripped = _standing(limits.lowering_ticks + 50, state, dtype)
     tripped["measurements"]["cause"][40:, 0] = SPEED_TRIP
     tripped["measurements"]["angle"] = tripped["measurements"]["last_angle"] = 0.3
     yield tripped
-    yield standing(2 * limits.phase_ticks + 3)
-    values = _Thresholds(state.program, per_leg)
-    random = np.random.default_rng(SEED)
-    for _ in range(6):
-        yield values.held(standing, random, requests, signals)
+    late = _standing(limits.phase_ticks + 3, state, dtype)
+    late["measurements"]["angle"], late["surroundings"]["loads"] = _closing_angles(state, 1.0), math.nan
+    yield late
 
 
-class _Thresholds:
-    """Values of the signals of the guards, just below and just above their thresholds."""
+def _standing(ticks: int, state: Any, dtype: np.dtype[Any]) -> Rows:
+    """Return rows of the gait controller or the exoskeleton with joints at their first equilibrium angles."""
+    rows, per_leg = np.zeros(ticks, dtype), len(state.joints) // len(state.legs)
+    around = rows["surroundings"]
+    around["bus_voltage"], around["loads"] = state.supply.voltage, 0.4
+    if "boards" in _names(rows):
+        around["loads"][::2] *= 1.0 + 1e-6  # A constant load at a moving hip is a cause of a trip.
+    for name in {"walk", "step"} & set(_names(_device(rows))):
+        _device(rows)[name] = 1.0
+    if "heard" in _names(rows):
+        rows["heard"] = True
+        for number, joint in enumerate(state.joints):
+            phase = state.legs[number // per_leg].phase
+            rows["measurements"]["angle"][:, number] = joint.setpoints[phase].equilibrium
+    return rows
 
-    def __init__(self, program: GuardProgram, per_leg: int) -> None:
-        self.per_leg, self.block = per_leg, PER_JOINT * per_leg + PER_LEG
-        self.comparisons = program.comparisons[:]
-        self.beside: dict[int, list[float]] = {}
-        for item in self.comparisons:
-            place = item.signal_a if item.signal_a >= 2 * self.block else item.signal_a % self.block
-            if item.factor_b == 0.0:
-                middle, gap = item.threshold * item.factor_a, BESIDE * abs(item.threshold) + 1e-6
-                self.beside.setdefault(place, []).extend([middle - gap, middle + gap])
 
-    def held(
-        self, standing: Callable[[int], Rows], random: np.random.Generator, requests: int,
-        put: Callable[[Rows, int, int, str, np.ndarray], None],
-    ) -> Rows:  # fmt: skip
-        """Return rows with combinations of such values, each for some ticks; two last until a time-out."""
-        lengths = random.choice([3, 8, 20, 100], HOLDS // 6, p=[0.3, 0.4, 0.25, 0.05])
-        lengths[random.integers(0, len(lengths), 2)] = 1300
-        rows, legs = standing(int(lengths.sum())), standing(1)["surroundings"]["loads"].shape[1]
-        found = np.zeros((len(lengths), legs * self.block))
-        for column in range(found.shape[1]):
-            near = self.beside.get(column % self.block, [-0.1, 0.0, 0.1])
-            found[:, column] = random.choice(near, len(lengths))
-        for hold, leg in enumerate(
-            random.integers(0, legs, len(lengths))
-        ):  # Of two signals the first follows.
-            pairs = [item for item in self.comparisons if item.factor_b != 0.0]
-            for item in pairs[:: 1 if random.random() < 0.5 else -1]:
-                a, b = (
-                    (leg * self.block + place) % found.shape[1] for place in (item.signal_a, item.signal_b)
-                )
-                gap = BESIDE * abs(item.threshold) * random.choice([-1.0, 1.0])
-                found[hold, a] = (item.threshold + gap - item.factor_b * found[hold, b]) / item.factor_a
-        ticks = np.repeat(found, lengths, axis=0)
-        for leg in range(legs):
-            for joint in range(self.per_leg):
-                first = leg * self.block + PER_JOINT * joint
-                put(rows, leg, joint, "angle", ticks[:, first])
-                put(rows, leg, joint, "last_angle", ticks[:, first])
-                put(rows, leg, joint, "velocity", ticks[:, first + 1])
-            load = np.abs(ticks[:, (leg + 1) * self.block - PER_LEG])
-            rows["surroundings"]["loads"][:, leg] = load
-        device = _device(rows)
-        for place, name in enumerate(("trunk_pitch", "walk", "step")):
-            if name in _names(device):
-                near = self.beside.get(2 * self.block + place, [0.0, 1.0])
-                device[name] = np.repeat(random.choice(near, len(lengths)), lengths)
-        if requests and "request" in _names(rows["surroundings"]):
-            now = np.cumsum(lengths)[:-1]
-            rows["surroundings"]["request"][now] = random.integers(0, requests + 1, len(now))
+class Guards:
+    """Inputs that put every comparison of a gait table just below and just above its threshold.
+
+    The phases of the legs decide which transition is excited next, so that the unit runs along. Its joints
+    follow by ramps if it is the exoskeleton, whose monitor allows no jump.
+    """
+
+    def __init__(
+        self, unit: PythonUnit, state: Any, dtype: np.dtype[Any], boards: Sequence["_Board"]
+    ) -> None:
+        """Keep a unit, its gait controller at tick 0, the layout of its inputs, and boards if it has them."""
+        self.unit, self.state, self.dtype, self.boards = unit, state, dtype, boards
+        self.legs, self.per_leg = len(state.legs), len(state.joints) // len(state.legs)
+        self.block, self.random = PER_JOINT * self.per_leg + PER_LEG, np.random.default_rng(SEED)
+        self.uses: dict[tuple[int, int], float] = defaultdict(float)  # By transition and node.
+
+    def episodes(self, ticks: int, requests: int) -> Iterator[tuple[Rows, Rows]]:
+        """Yield inputs with outputs until there are ``ticks``; ``requests``: of the operating modes."""
+        while ticks > 0:
+            rows, outputs = list[Rows](), list[Rows]()
+            self.angles = np.array([board.middle for board in self.boards])
+            phases, tripped = [leg.phase for leg in self.state.legs], False
+            with self.unit:
+                while ticks > 0 and not tripped:
+                    rows.append(self._hold(phases))
+                    if requests and self.random.random() < 0.2:
+                        rows[-1]["surroundings"]["request"][0] = self.random.integers(0, requests + 1)
+                    outputs.append(self.unit.exchange(rows[-1]))
+                    decision = outputs[-1]["decision"][-1]
+                    phases, tripped = decision["phases"].tolist(), bool(decision["trip_cause"])
+                    ticks -= len(rows[-1])
+            yield np.concatenate(rows), np.concatenate(outputs)
+
+    def _hold(self, phases: Sequence[int]) -> Rows:
+        """Return rows that excite the least used comparison of a leg, below its threshold, then above."""
+        low = self.random.uniform(-0.2, 0.6, self.legs * self.block + len(DEVICE_SIGNALS))
+        low[self.legs * self.block + 1 :] = 1.0
+        program, choices = self.state.program, list[tuple[float, int, int, int]]()
+        for leg, phase in enumerate(phases):
+            for index, rule in enumerate(program.transitions[: program.n_transitions]):
+                if rule.source == phase:
+                    nodes = range(rule.first_node, rule.end_node)
+                    self._put(leg, nodes, -1.0, low)  # Closed, if it is not the chosen one.
+                    choices += [(self.uses[index, k] + self.random.random(), leg, index, k) for k in nodes]
+        if not choices:
+            return self._rows(low, 9)
+        _, leg, index, chosen = min(choices)
+        rule = program.transitions[index]
+        nodes = range(rule.first_node, rule.end_node)
+        self._put(leg, nodes, 1.0, low)
+        high, ticks = low.copy(), rule.debounce_ticks + 2
+        self._put(leg, [chosen], -BESIDE, low)
+        self._put(leg, [chosen], BESIDE, high)
+        for item in self._comparisons(nodes):
+            if (
+                item.factor_b == 0.0 and item.signal_a % self.block == self.block - 1
+            ):  # The time in the phase.
+                ticks += round(1000.0 * abs(item.threshold))
+        first = min(max(ticks, rule.time_out_ticks + 3), LONGEST_HOLD)
+        self.uses[index, chosen] += 1.0 + first / 200.0
+        last = self.random.choice([ticks, 150], p=[0.9, 0.1])  # Some last until parameters have faded.
+        return np.concatenate([self._rows(low, first), self._rows(high, int(last))])
+
+    def _comparisons(self, nodes: Iterable[int]) -> list[Comparison]:
+        program = self.state.program
+        compared = (program.nodes[k] for k in nodes if program.nodes[k].operation == OP_COMPARE)
+        return [program.comparisons[node.operand] for node in compared]
+
+    def _put(self, leg: int, nodes: Iterable[int], side: float, values: Values) -> None:
+        """Set first signals of comparisons above their thresholds, or below; clearly with a side of ±1."""
+        for item in self._comparisons(nodes):
+            gap = self.random.uniform(0.01, 0.2) if abs(side) == 1.0 else abs(item.threshold) + 1e-4
+            wanted, places = item.threshold + side * gap, list[int]()
+            for signal in (item.signal_a, item.signal_b):
+                device = signal - 2 * self.block  # Behind both legs; otherwise of this leg or the other one.
+                own = (leg * self.block + signal) % (self.legs * self.block)
+                places.append(self.legs * self.block + device if device >= 0 else own)
+            if item.factor_b != 0.0:
+                wanted -= item.factor_b * values[places[1]]
+            values[places[0]] = wanted / item.factor_a
+
+    def _rows(self, values: Values, ticks: int) -> Rows:
+        """Return rows with signals of all legs and of the device; behind a ramp for the exoskeleton."""
+        joints, behind = PER_JOINT * self.per_leg, self.legs * self.block
+        own = values[:behind].reshape(self.legs, self.block)
+        angles = own[:, 0:joints:PER_JOINT].ravel()
+        if self.boards:
+            lowest, highest = (
+                np.array([getattr(board.bounds, name) for board in self.boards])
+                for name in ("lower", "upper")
+            )
+            most = np.array([0.6 * board.bounds.highest_speed * board.period for board in self.boards])
+            start, self.angles = self.angles, np.clip(angles, lowest + 0.2, highest - 0.2)
+            count = max(1, math.ceil(np.max(np.abs(self.angles - start) / most)))
+            path = start + (self.angles - start) * np.minimum(np.arange(count + ticks) / count, 1.0)[:, None]
+            rows = _standing(len(path) - 1, self.state, self.dtype)
+            for place, board in enumerate(self.boards):
+                rows["boards"][:, place] = board.moving(path[:, place])[1:]
+        else:
+            rows = _standing(ticks, self.state, self.dtype)
+            measured = rows["measurements"]
+            measured["angle"] = measured["last_angle"] = angles
+            measured["velocity"] = own[:, 1:joints:PER_JOINT].ravel()
+        rows["surroundings"]["loads"] *= np.abs(own[:, joints]) / 0.4
+        for name, value in zip(("trunk_pitch", "walk", "step"), values[behind:], strict=True):
+            if name in _names(_device(rows)):
+                _device(rows)[name] = value
         return rows
+
+
+def codec_rows(messages: Sequence[CanMessage], dtype: np.dtype[Any]) -> Rows:
+    """Return numbers and frames for every message: bounds of each signal, their neighbours, and others."""
+    random, count, parts = np.random.default_rng(SEED), 64, list[Rows]()
+    for number, message in enumerate(messages):
+        rows = np.zeros(count, dtype)
+        rows["message"], frames = number, rows["frame"]
+        frames["identifier"], frames["length"] = message.identifier, message.length
+        for place, signal in enumerate(message.signals):
+            low, high = int(signal.lowest), int(signal.highest)
+            near = [0, signal.missing, *(code + step for code in (low, high) for step in (-1, 0, 1))]
+            codes = np.r_[near, random.integers(low, high, count - len(near), endpoint=True)]
+            random.shuffle(codes)
+            steps = codes + random.choice([-0.501, -0.499, 0.0, 0.499, 0.501], count)
+            steps[random.choice(count, 3, replace=False)] = math.nan, math.inf, -math.inf
+            rows["values"][:, place] = steps * signal.scale + signal.offset
+            frames["halves"][:, signal.half] |= (codes & signal.mask) << signal.start
+        frames["halves"][: count // 4] = random.integers(0, 2**31, (count // 4, 2))
+        frames["identifier"][-3] += 1
+        frames["length"][-2] -= 1
+        parts.append(rows)
+    return np.concatenate(parts)
 
 
 def _device(rows: Rows) -> np.ndarray:
@@ -237,80 +342,66 @@ def _names(rows: np.ndarray) -> tuple[str, ...]:
     return rows.dtype.names or ()
 
 
-def exoskeleton_episodes(
-    sample: Any, dtype: np.dtype[Any], controller: list[Rows], unit: PythonUnit
-) -> Iterator[Rows]:
-    """Yield inputs of all boards and the gait controller in one unit.
-
-    ``sample``: the unit at tick 0. ``controller``: inputs of the gait controller, whose angles the joints
-    reach by ramps. ``unit``: the unit in Python, whose equilibrium angles the joints follow while one is
-    heated.
-    """
-    legs, joints, boards = sample.controller.legs, sample.controller.joints, list[_Board]()
-    for number, (board, joint) in enumerate(zip(sample.boards, joints, strict=True)):
-        middle = joint.setpoints[legs[number * len(legs) // len(joints)].phase].equilibrium
+def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) -> Iterator[tuple[Rows, Rows]]:
+    """Yield inputs of all boards and the gait controller in one unit, with its outputs."""
+    state, boards, seen = sample.controller, list[_Board](), list[Bounds]()
+    for number, (board, joint) in enumerate(zip(sample.boards, state.joints, strict=True)):
+        middle = joint.setpoints[state.legs[number * len(state.legs) // len(state.joints)].phase].equilibrium
         boards.append(_Board(board.bounds, sample.settings.rates.period, dtype["boards"].base, middle))
-    around, seen = controller[0]["surroundings"][:2], list[Bounds]()
+    resting = [
+        _Board(board.bounds, board.period, board.dtype, angle)
+        for board, angle in zip(boards, _closing_angles(state, 0.0), strict=True)
+    ]
     for number, own in enumerate(boards):
         if own.bounds in seen:  # Equal bounds are printed as one table.
             continue
         seen.append(own.bounds)
-        for one in own.monitored():
-            rows = np.zeros(len(one), dtype)
-            for place, other in enumerate(boards):
-                rows["boards"][:, place] = one if place == number else other.held(len(one) - 2)
-            rows["surroundings"] = np.resize(around, len(rows))
-            yield rows
-        for one in own.heated():
-            rows = np.zeros(len(one), dtype)
-            rows["surroundings"] = np.resize(around, len(rows))
-            rows["surroundings"]["loads"][::2] *= 1.0 + 1e-6  # A constant load at a moving hip is a cause.
-            yield _followed(rows, boards, one["current"], number, unit)
-    for given in controller:
-        yield _reached(given[:LONGEST_RAMPS], boards, dtype)
+        for used, episodes in ((boards, own.monitored()), (resting, resting[number].heated())):
+            for one in episodes:
+                rows = _standing(len(one), state, dtype)
+                for place, other in enumerate(used):
+                    rows["boards"][:, place] = one if place == number else other.held(len(one) - 2)
+                if used is resting:
+                    rows["surroundings"]["loads"] = math.nan
+                    for name in _names(_device(rows)):
+                        _device(rows)[name] = 0.0
+                with unit:
+                    yield rows, unit.exchange(rows)
+    for side in (1.0 - BESIDE, 1.0 + BESIDE):
+        turning = boards[0].travelling(side * state.legs[0].frozen_speed, boards[0].middle)
+        rows = _standing(len(turning), state, dtype)
+        for place, other in enumerate(boards):
+            rows["boards"][:, place] = turning if place == 0 else other.held(len(rows) - 2)
+        rows["surroundings"]["loads"] = 0.4
+        rows["surroundings"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
+        with unit:
+            yield rows, unit.exchange(rows)
+    yield from Guards(unit, state, dtype, boards).episodes(EXOSKELETON_TICKS, 0)
 
 
-def _followed(rows: Rows, boards: list[_Board], current: np.ndarray, heated: int, unit: PythonUnit) -> Rows:
-    """Fill in rows in which every joint follows its equilibrium angle, and a current heats one of them."""
-    period, angles = boards[0].period, np.array([board.middle for board in boards])
-    most = np.array([0.15 * board.bounds.highest_speed * period for board in boards])
-    emf, resistance = (
-        np.array([getattr(board.bounds, name) for board in boards])
-        for name in ("emf_constant", "model_resistance")
-    )
-    lowest = np.array([board.bounds.lower + 0.1 for board in boards])
-    highest = np.array([board.bounds.upper - 0.1 for board in boards])
-    change = np.zeros(len(boards))
-    with unit:
-        for tick in range(len(rows)):
-            own = rows["boards"][tick]
-            own["angle"], own["current"][heated] = angles, current[tick]
-            own["voltage"] = emf * change / period + resistance * own["current"]
-            wanted = unit.exchange(rows[tick : tick + 1])["demands"]["equilibrium"][0]
-            change = np.clip(0.02 * (np.clip(wanted, lowest, highest) - angles), -most, most)
-            angles = angles + change
-    return rows
+def _closing_angles(state: Any, told: float) -> Values:
+    """Return angles near the first equilibrium angles at which no leg leaves its first phase.
 
-
-def _reached(given: Rows, boards: list[_Board], dtype: np.dtype[Any]) -> Rows:
-    """Return inputs of the exoskeleton that reach the angles of those of the gait controller by ramps."""
-    lowest = np.array([board.bounds.lower + 0.2 for board in boards])
-    highest = np.array([board.bounds.upper - 0.2 for board in boards])
-    most = np.array([0.6 * board.bounds.highest_speed * board.period for board in boards])
-    angles = np.clip(given["measurements"]["angle"], lowest, highest)
-    changes = np.any(np.diff(angles, axis=0) != 0.0, axis=1)
-    starts = np.flatnonzero(np.r_[True, changes]).tolist()
-    path, places, present = list[np.ndarray](), list[int](), angles[0]
-    for first, end in zip(starts, [*starts[1:], len(angles)], strict=True):
-        goal = angles[first]
-        ticks = max(1, int(np.ceil(np.max(np.abs(goal - present) / most))))
-        path += [present + (goal - present) * (k / ticks) for k in range(1, ticks)] + [goal] * (end - first)
-        places += [first, first + 1] * (ticks // 2) + [first] * ((ticks - 1) % 2)
-        places = places[: len(path) - (end - first)] + list(range(first, end))
-        present = goal
-    rows = np.zeros(len(path), dtype)
-    for place, board in enumerate(boards):
-        rows["boards"][:, place] = board.moving(np.array(path)[:, place])
-    rows["surroundings"] = given["surroundings"][np.minimum(places, len(given) - 1)]
-    rows["surroundings"]["loads"][::2] *= 1.0 + 1e-6  # A constant load at a moving hip is a cause to trip.
-    return rows
+    They are the equilibrium angles if there are none. No load is measured then. ``told``: 1 to walk, 0 to
+    stand.
+    """
+    program, legs = state.program, state.legs
+    joints = np.array(state.joints).reshape(len(legs), -1)
+    device = [math.nan] + [told] * (len(DEVICE_SIGNALS) - 1)
+    steps = product((0.0, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3), repeat=len(legs))
+    for offsets in [*sorted(steps, key=np.linalg.norm), (0.0,) * len(legs)]:
+        angles = [
+            [joint.setpoints[leg.phase].equilibrium + offset * (joint is row[0]) for joint in row]
+            for leg, row, offset in zip(legs, joints, offsets, strict=True)
+        ]
+        own = [[*chain(*((angle, 0.0) for angle in row)), math.nan, LONG] for row in angles]
+        if not any(
+            rule.source == leg.phase
+            and guard_holds(
+                program, rule.first_node, rule.end_node, [*own[k], *own[k - 1], *device], legs[k - 1].phase
+            )
+            for k, leg in enumerate(legs)
+            for rule in program.transitions[: program.n_transitions]
+        ):
+            break
+    return np.ravel(angles)

@@ -17,7 +17,17 @@ from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
 from twin_gait.experiment import Experiment
 from twin_gait.firmware import units
-from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
+from twin_gait.firmware.can_codec import (
+    CanCodec,
+    CanCodecInputs,
+    CanCodecOutputs,
+    CanFrame,
+    CanMessage,
+    can_codec_step,
+    can_messages,
+    can_pack,
+    can_unpack,
+)
 from twin_gait.firmware.cross import Unit
 from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
@@ -32,6 +42,8 @@ from twin_gait.templates import templates_in
 MANIFEST = "manifest.json"
 UNITS = "joint_board", "gait_controller", "exoskeleton", "can_codec"
 JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS
+CODEC_STEP = "can_codec_step.h"
+_INCLUDE = templates_in(Path(__file__).with_name("include"), keep_trailing_newline=True)
 _FILES = templates_in(Path(__file__).with_name("project_files"), keep_trailing_newline=True)
 
 
@@ -43,7 +55,7 @@ class Project:
     linked: LinkedUnit  # gait controller and boards as one unit
     messages: Mapping[str, Message]  # of the CAN network, by name; none where cantools is not installed
     program: Program  # all units in C
-    samples: Sequence[UnitSample]  # boards, gait controller and exoskeleton at tick 0
+    samples: Sequence[UnitSample]  # boards, gait controller, exoskeleton and codec at tick 0
 
     @property
     def joints(self) -> list[str]:
@@ -109,7 +121,14 @@ class Project:
         self, *, double: bool, sample: UnitSample | None = None
     ) -> tuple[np.dtype[Any], np.dtype[Any]]:
         """Return the layouts in C of inputs and outputs of a unit, by default of the linked one."""
-        sample, real = sample or self.samples[-1], "f8" if double else "f4"
+        real = "f8" if double else "f4"
+        sample = sample or next(item for item in self.samples if item.name == EXOSKELETON)
+        if sample.name == CAN_CODEC:  # Its records are those of the test, and no unit uses them.
+            values = ("values", real, len(sample.inputs.values))
+            frame = ("frame", self.program.records.dtype(CanFrame, real))
+            layouts = [("message", "i4"), values, frame], [frame, ("known", "?"), values]
+            given, taken = (np.dtype(layout, align=True) for layout in layouts)
+            return given, taken
         return (
             self.program.records.dtype(type(sample.inputs), real),
             self.program.records.dtype(type(sample.outputs), real),
@@ -140,9 +159,14 @@ def print_project(experiment: Experiment) -> Project:
         for init, record in unit.samples.items()
     ]
     if messages:
-        files.append(TranslationUnit(CAN_CODEC, [can_pack, can_unpack], can_messages(messages)))
+        codec = can_messages(messages)
+        files.append(TranslationUnit(CAN_CODEC, [can_pack, can_unpack], codec))
         shapes.append(CanFrame())
+        samples.append(_codec_sample(list(codec.values())))
     program = print_units(files, {**linked.structure, "sine_cosine": sine_cosine}, linked.kernel, shapes)
+    if messages:
+        step = _INCLUDE.get_template(CODEC_STEP).render(messages=codec, width=len(samples[-1].inputs.values))
+        program.files[CODEC_STEP] = step
     return Project(problem, linked, messages, program, samples)
 
 
@@ -195,6 +219,13 @@ def _shapes(linked: LinkedUnit) -> list[Any]:
         units.GaitControllerInputs(linked.inputs.surroundings, measurements, [False] * joints),
         units.GaitControllerOutputs(units.Decision([0] * legs, [0] * legs), demands),
     ]
+
+
+def _codec_sample(messages: list[CanMessage]) -> UnitSample:
+    """Return the codec as the unit that the test runs."""
+    nothing = [0.0] * len(messages[0].signals)
+    inputs, outputs = CanCodecInputs(0, nothing), CanCodecOutputs(CanFrame(), False, nothing)
+    return UnitSample(CAN_CODEC, CAN_CODEC, can_codec_step, CanCodec(messages), inputs, outputs)
 
 
 def _messages(experiment: Experiment) -> dict[str, Message]:

@@ -1,14 +1,17 @@
 """A unit of the firmware in Python: the functions from which it is printed, bound as in the simulation."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
 
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.record import copied, dtype_of, entries
+from twin_gait.simulation.record import copied, dtype_of
+
+_TYPES = {"f": float, "i": int, "b": bool}  # Python's types by the kinds of NumPy's.
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,25 +48,30 @@ class PythonUnit:
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
         """Run a tick for each row of inputs, records of double numbers; return a row of outputs for each."""
-        outputs = np.empty(len(inputs), self._dtype)
-        for tick, row in enumerate(inputs):
-            _fill(self._inputs, row)
+        given, taken = list(_places(self._inputs, inputs.dtype)), list(_places(self._outputs, self._dtype))
+        numbers, answers = structured_to_unstructured(inputs, float).tolist(), list[list[float]]()
+        for row in numbers:
+            for (record, name, kind), value in zip(given, row, strict=True):
+                if isinstance(record, list):
+                    record[name] = kind(value)
+                else:
+                    setattr(record, name, kind(value))
             self._step(self._record, self._inputs, self._outputs)
-            outputs[tick] = entries(self._outputs)  # A copy, because the lists are the same in every tick.
-        return outputs
+            answers.append(
+                [item[name] if isinstance(item, list) else getattr(item, name) for item, name, _ in taken]
+            )
+        flat = np.array(answers, float).reshape(len(inputs), len(taken))
+        return unstructured_to_structured(flat, self._dtype, casting="unsafe")
 
 
-def _fill(record: Any, values: Any) -> None:
-    """Copy the values of a NumPy record into a record."""
-    for name in values.dtype.names:
-        value, entry = values[name], getattr(record, name)
-        if not isinstance(entry, list):
-            if value.dtype.names is None:
-                setattr(record, name, value.item())
+def _places(record: Any, dtype: np.dtype[Any]) -> Iterator[tuple[Any, Any, type]]:
+    """Yield the numbers of a record in the order of a layout: record or list, name or index, and type."""
+    for field in dtype.names or ():
+        kind, value = dtype[field].base, getattr(record, field)
+        keys: Any = range(len(value)) if isinstance(value, list) else [field]
+        for key in keys:
+            owner, entry = (value, value[key]) if isinstance(value, list) else (record, value)
+            if kind.names is None:
+                yield owner, key, _TYPES[kind.kind]
             else:
-                _fill(entry, value)
-        elif value.dtype.names is None:
-            entry[:] = value.tolist()
-        else:
-            for item, part in zip(entry, value, strict=True):
-                _fill(item, part)
+                yield from _places(entry, kind)

@@ -8,10 +8,17 @@ import numpy as np
 from numpy.lib.recfunctions import require_fields, structured_to_unstructured
 
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.firmware.excitation import board_episodes, controller_episodes, exoskeleton_episodes
+from twin_gait.firmware.excitation import (
+    CONTROLLER_TICKS,
+    Guards,
+    board_episodes,
+    codec_rows,
+    controller_episodes,
+    exoskeleton_episodes,
+)
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.linked import Vectors
-from twin_gait.firmware.project import EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project
+from twin_gait.firmware.project import CAN_CODEC, EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 
 HASH_FACTOR = 1_099_511_628_211  # Odd, as it has to be; the runner has the same.
@@ -37,7 +44,7 @@ def walks_of(project: Project, sample: UnitSample, walks: Sequence[Vectors]) -> 
     """
     given, taken = project.dtypes(double=True, sample=sample)
     inputs, expected = list[np.ndarray](), list[np.ndarray]()
-    for walk in walks:
+    for walk in walks if sample.name != CAN_CODEC else ():  # No walk without a bus has a frame.
         read, answered = walk.inputs, walk.outputs
         rows, answers = np.zeros(len(read), given), np.zeros(len(read), taken)
         if sample.name == EXOSKELETON:
@@ -68,27 +75,42 @@ def _copy(rows: np.ndarray, **fields: np.ndarray) -> None:
 
 
 def excitations_of(project: Project) -> list[UnitVectors]:
-    """Return generated inputs of every unit, and what the functions of the simulation give for them."""
+    """Return generated inputs of every unit, and what the functions of the simulation give for them.
+
+    Those of the last firmware are kept, because they depend on nothing but its source.
+    """
+    if project.program.source_hash not in _last:
+        _last.clear()
+        _last[project.program.source_hash] = _excitations(project)
+    return _last[project.program.source_hash]
+
+
+_last: dict[str, list[UnitVectors]] = {}  # Excitations by the hash of the source.
+
+
+def _excitations(project: Project) -> list[UnitVectors]:
     modes = project.problem.experiment.modes
     requests = 0 if modes is None else len(modes.requests)
-    found = list[UnitVectors]()
-    controller = list[np.ndarray]()
+    found, boards = list[UnitVectors](), list[Any]()
     for sample in project.samples:
-        dtype = project.dtypes(double=True, sample=sample)[0]
+        unit, record = project.python_unit(sample), sample.record
+        given, taken = project.dtypes(double=True, sample=sample)
         if sample.name == JOINT_BOARD:
-            episodes = list(board_episodes(sample.record, dtype))
+            constants = record.settings, record.state.bounds, record.state.motor, record.state.friction_model
+            rows = list(board_episodes(record, given, repeated=constants in boards))
+            boards.append(constants)
+            episodes = [(item, _answer(unit, item)) for item in rows]
         elif sample.name == GAIT_CONTROLLER:
-            episodes = controller = list(controller_episodes(sample.record, dtype, requests))
+            episodes = [(item, _answer(unit, item)) for item in controller_episodes(record, given)]
+            episodes += Guards(unit, record.state, given, []).episodes(CONTROLLER_TICKS, requests)
+        elif sample.name == EXOSKELETON:
+            episodes = list(exoskeleton_episodes(record, given, unit))
         else:
-            unit = project.python_unit(sample)
-            episodes = list(exoskeleton_episodes(sample.record, dtype, controller, unit))
-        found.append(UnitVectors(sample, episodes, _answers(project, sample, episodes)))
+            rows = [codec_rows(record.messages, given)]
+            episodes = [(item, _answer(unit, item)) for item in rows]
+        inputs, outputs = zip(*episodes, strict=True)
+        found.append(UnitVectors(sample, inputs, [require_fields(item, taken) for item in outputs]))
     return found
-
-
-def _answers(project: Project, sample: UnitSample, episodes: Sequence[np.ndarray]) -> list[np.ndarray]:
-    unit, taken = project.python_unit(sample), project.dtypes(double=True, sample=sample)[1]
-    return [require_fields(_answer(unit, rows), taken) for rows in episodes]
 
 
 def _answer(unit: PythonUnit, rows: np.ndarray) -> np.ndarray:
@@ -160,4 +182,4 @@ def runner_records(project: Project) -> dict[str, Any]:
         record = type(sample.record).__name__
         outputs = list(members(taken))
         excited[sample.name] = {"name": sample.name, "record": record, "inputs": inputs, "outputs": outputs}
-    return {"excited": excited.values(), "counts": counts, "most_numbers": max(counts)}
+    return {"excited": list(excited.values()), "counts": counts, "most_numbers": max(counts)}

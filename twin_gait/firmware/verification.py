@@ -19,7 +19,15 @@ from twin_gait.firmware import linked
 from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
 from twin_gait.firmware.linked import Progress
-from twin_gait.firmware.project import EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project, print_project
+from twin_gait.firmware.project import (
+    CAN_CODEC,
+    CODEC_STEP,
+    EXOSKELETON,
+    GAIT_CONTROLLER,
+    JOINT_BOARD,
+    Project,
+    print_project,
+)
 from twin_gait.firmware.python_unit import UnitSample
 from twin_gait.firmware.unit_vectors import UnitVectors, excitations_of, walks_of
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
@@ -84,7 +92,8 @@ class Bench:
 
     def unit_of(self, sample: UnitSample) -> Unit:
         """Return the C of a unit."""
-        return Unit(sample.name, self.unit.folder, sample.init)
+        header = CODEC_STEP if sample.name == CAN_CODEC else ""
+        return Unit(sample.name, self.unit.folder, sample.init, header)
 
     def host(self, *, double: bool, sample: UnitSample | None = None) -> HostUnit:
         """Build a unit for this machine, by default the linked one."""
@@ -205,8 +214,8 @@ def _same_units(
     names = [item.sample.init for item in bench.every]
     wrong = {name: item["differing"] for name, item in zip(names, found, strict=True)}
     total = {key: sum(item[key] for item in found) for key in ("numbers", "differing")}
-    runs = {"runs": len(bench.vectors)}
-    runs["excitations"] = sum(item["runs"] for item in found) - len(found) * runs["runs"]
+    excitations = sum(len(item.inputs) for item in excitations_of(bench.project))
+    runs = {"runs": len(bench.vectors), "excitations": excitations}
     return not any(wrong.values()), {**total, **runs, "differing_by_unit": wrong}
 
 

@@ -7,6 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+{% if project.messages %}
+#include "can_codec_step.h"
+{% endif %}
 #include "exoskeleton.h"
 #include "gait_controller.h"
 #include "joint_board.h"
@@ -157,9 +160,9 @@ enum { MOST_NUMBERS = {{ most_numbers }} };
 /* Run the generated inputs of a file; the number of lines whose outputs differ. */
 static long excite(FILE *file)
 {
-    static JointBoard joint_board;
-    static GaitController gait_controller;
-    static Exoskeleton exoskeleton;
+{% for unit in excited %}
+    static {{ unit.record }} {{ unit.name }};
+{% endfor %}
     static const size_t counts[] = { {{ counts | join(", ") }} };
     double numbers[MOST_NUMBERS];
     size_t unit;
