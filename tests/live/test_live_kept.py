@@ -368,6 +368,48 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
         assert len(found["log"]) >= events
 
 
+RESTARTING = """
+    import sys
+    from pathlib import Path
+    from test_live_loop import say, wait_for
+    from twin_gait.configuration import load_experiment
+    from twin_gait.live.session import LiveSession
+
+    loaded = load_experiment("bench_leg", ["duration_s=60"])
+    session = LiveSession(loaded=loaded, folder=Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
+    session.start()
+    for _ in range(2):
+        wait_for(lambda: session.news.frame["tick"] > 300)
+        say(session, kind="do", action="restart")
+        wait_for(lambda: session.news.frame["tick"] < 300)
+    wait_for(lambda: session.news.frame["tick"] > 1500)
+    print(session.news.process.pid, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_run_folders_of_all_walks_of_a_killed_session_are_listed(tmp_path, capsys):
+    records, folder = tmp_path / "sessions", tmp_path / "run"
+    code = [sys.executable, "-c", textwrap.dedent(RESTARTING), folder, records]
+    tests = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": tests}
+    with subprocess.Popen(list(map(str, code)), **pipes) as parent:
+        os.kill(int(parent.stdout.readline()), signal.SIGKILL)
+        parent.kill()
+    wait_for(lambda: let_go(journal_of(folder)))
+    file = records / "1.jsonl"
+    file.write_text(file.read_text() + '{"log": {"ti')  # a line that the kill has cut short
+    (entry,) = list_sessions(records)
+    assert entry["folders"] == entry["unfinished"] == [str(folder)]
+    assert main(["sessions", "complete", str(folder)]) == 0
+    made = [str(folder), f"{folder}-2", f"{folder}-3"]
+    assert capsys.readouterr().out.splitlines() == made
+    (entry,) = list_sessions(records)
+    assert (entry["status"], entry["folders"], entry["unfinished"]) == ("killed", made, [])
+    assert line_of(entry).endswith("  " + ", ".join(made))
+    assert all(len(read_run(Path(path)).run.log) >= 300 for path in made)
+
+
 def test_a_walk_that_was_killed_is_completed_by_name(loaded, problem, tmp_path, capsys):
     _, journals = written(loaded, problem, tmp_path / "run")
     assert main(["sessions", "complete", str(tmp_path / "run")]) == 0

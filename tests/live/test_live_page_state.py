@@ -215,6 +215,24 @@ def test_a_forecast_is_made_again_after_a_hold_and_after_a_change_of_another_pag
     assert page.value(K) == pytest.approx(page.controls()[K]["value"])
 
 
+def test_a_silence_does_not_discard_a_forecast(page: Page) -> None:
+    """On a slow machine the next silence came before the next forecast, and nothing could be applied."""
+    page.tab("table")
+    page.page.click('.chip[data-phase="middle_stance"]')
+    page.type(K, 8.3)
+    page.forecast()
+    beats = """() => {
+        const hear = livePanel.link.socket.onmessage, classes = document.body.classList;
+        const silent = [2, 0].map((silence_s) => {
+            hear({data: JSON.stringify([{kind: "beat", silence_s}])});
+            return classes.contains("silent"); });
+        return [...silent, livePanel.changes.busy, livePanel.changes.edits.length]; }"""
+    # The first look of a page that stood still itself counts for nothing.
+    found = until(lambda: (now := page.page.evaluate(beats))[0] and now, "a silence")
+    assert found == [True, False, False, 0]
+    page.page.click("[data-forecast=discard]")
+
+
 # ---------------------------------------------------------------------- faults, keys, log
 
 

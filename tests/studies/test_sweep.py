@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,10 @@ from sweep_process import write_spec
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml
+from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+from twin_gait.files import shipped_file
+from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.report.sweep import (
     axis_of,
     cell_means,
@@ -110,6 +114,59 @@ def test_wearers_and_gait_tables_are_exchanged_whole_and_kept_in_the_specificati
         assert (found.patient.mass, found.patient.height) == (80.0, 1.8)
     again = sweep_from_mapping(json.loads(document), "spec.yaml", Path())
     assert again.document == sweep.document != load_sweep(spec).document
+
+
+def own_robots(folder: Path) -> None:
+    """Write three URDFs of one name, a copy of one that ships, a DBC, and a sweep that names all of them."""
+    text = shipped_file("twin.urdf").read_text(encoding="utf-8")
+    for number, name in enumerate(("leg.urdf", "a/leg.urdf", "b/leg.urdf")):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(f"{text}<!-- {number} -->\n", encoding="utf-8")
+    dbc = shipped_file("twin.dbc").read_text(encoding="utf-8")
+    (folder / "bus.dbc").write_text(f'{dbc}\nCM_ "of this laboratory";\n', encoding="utf-8")
+    shutil.copyfile(shipped_file("twin.urdf"), folder / "copy.urdf")
+    experiment = {"preset": "treadmill", "leg": {"urdf": "leg.urdf"}, "network": {"dbc": "bus.dbc"}}
+    (folder / "mine.yaml").write_text(dump_yaml(experiment), encoding="utf-8")
+    episodes = [
+        {"leg.urdf": "a/leg.urdf"}, {"leg": {"urdf": str(folder / "b" / "leg.urdf")}}, {"seed": 3},
+        {"leg.urdf": str(folder / "copy.urdf")}, {"leg.urdf": "twin.urdf"},
+    ]  # fmt: skip
+    entries = {"method": "list", "samples": None, "parameters": None, "episodes": episodes}
+    settings = {"duration_s": 0.05}
+    write_spec(folder / "spec.yaml", experiment="mine.yaml", settings=settings, measures=[], **entries)
+
+
+def test_a_sweep_that_was_moved_has_its_own_files_with_it(tmp_path, monkeypatch):
+    lab, out, moved = tmp_path / "lab", tmp_path / "out", tmp_path / "moved"
+    own_robots(lab)
+    sweep = load_sweep(lab / "spec.yaml")
+    before = [urdf_hash(find_urdf(sweep.maker()(item).leg.urdf)) for item in enumerate(sweep.overrides)]
+    assert len(set(before)) == 4
+    table = run_sweep(sweep, out, pictures=False).table
+    assert run_sweep(load_sweep(lab / "spec.yaml"), out, pictures=False).summary["last_call"]["episodes"] == 0
+    experiment = load_sweep(out / "spec.yaml").document["experiment"]
+    assert (experiment["leg"]["urdf"], experiment["network"]["dbc"]) == ("files/leg.urdf", "files/bus.dbc")
+    out.rename(moved)
+    shutil.rmtree(lab)
+    monkeypatch.chdir(tmp_path)
+    again = load_sweep(moved / "spec.yaml")
+    made = [again.maker()(item) for item in enumerate(again.overrides)]
+    assert [urdf_hash(find_urdf(item.leg.urdf)) for item in made] == before
+    own = [item.leg.urdf for item in made[:3]] + [item.network.dbc for item in made]
+    assert all(Path(path).is_relative_to(moved) for path in own)
+    assert again.document == read_yaml(moved / "spec.yaml")
+    (moved / "table.parquet").unlink()  # so that all episodes run again, with the copies
+    assert_same(run_sweep(again, moved, pictures=False).table, table)
+
+
+def test_a_sweep_does_not_go_on_with_another_file_of_the_same_name(tmp_path):
+    lab, out = tmp_path / "lab", tmp_path / "out"
+    own_robots(lab)
+    run_sweep(load_sweep(lab / "spec.yaml"), out, pictures=False)
+    with (lab / "bus.dbc").open("a") as file:
+        file.write("\n")
+    with pytest.raises(RunDirectoryError, match=r"begun with another bus\.dbc than .*; choose another --out"):
+        run_sweep(load_sweep(lab / "spec.yaml"), out, pictures=False)
 
 
 def test_every_seed_among_the_parameters_draws_its_own_noise(tmp_path):

@@ -529,6 +529,23 @@ def test_paper_gets_the_picture_the_numbers_and_the_whole_curves(opened, pages, 
     assert one("theme.dark") is True and one('document.body.classList.contains("printing")') is False
 
 
+@pytest.mark.parametrize("name", ["one", "two"])
+def test_on_paper_every_table_is_within_its_column(opened, pages, name: str) -> None:
+    one = opened(f"{pages[name].as_uri()}#t=0", size=(794, 1123))
+    one("player.print(true)")
+    for time in (0.1, 0.5, 0.9, 1.3):  # other phases, whose names are longer or shorter
+        one("(time) => player.seek(time)", time)
+        boxes = one("""[...document.querySelectorAll(".head")].map((head) =>
+            [head.querySelector(".read"), head, document.body].map((box) =>
+                box.getBoundingClientRect().right))""")
+        assert boxes and all(table <= column <= paper for table, column, paper in boxes), time
+        assert one("""[...document.querySelectorAll(".head, .read td")].every((box) =>
+            box.scrollWidth <= box.clientWidth)""")
+        pictures = one("""[...document.querySelectorAll(".picture")].map((box) =>
+            box.getBoundingClientRect().left)""")
+        assert name == "two" or pictures[0] > boxes[0][1]
+
+
 # ---------------------------------------------------------------------------------- two runs, picture
 
 

@@ -63,11 +63,11 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project
-    from twin_gait.runs.own_files import store_files
+    from twin_gait.runs.own_files import files_of, store_files
 
     experiment = loaded.experiment
     project = print_project(experiment)
-    files = store_files(experiment, folder)
+    files = store_files(files_of(experiment), folder)
     document = resolved_document(experiment, loaded.document, runs.versions(), files)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:

@@ -110,14 +110,14 @@ def _section_in(world: type[Any]) -> Any:
 
 def _find_files(found: dict[str, Any], source: str, folder: Path) -> None:
     """Look for the files that an experiment names, beside its own file first."""
-    leg = found["leg"] = replace(found["leg"], urdf=_beside(folder, found["leg"].urdf))
+    leg = found["leg"] = replace(found["leg"], urdf=beside(folder, found["leg"].urdf))
     converting(source, "leg", lambda: find_urdf(leg.urdf))
     if found.get("network") is not None:
-        network = found["network"] = replace(found["network"], dbc=_beside(folder, found["network"].dbc))
+        network = found["network"] = replace(found["network"], dbc=beside(folder, found["network"].dbc))
         find_dbc(network.dbc)
 
 
-def _beside(folder: Path, name: str) -> str:
+def beside(folder: Path, name: str) -> str:
     """Return the absolute path of a file in ``folder`` or the working folder; else the name as it is."""
     paths = (folder / name, Path(name).expanduser())
     return next((str(path.resolve()) for path in paths if path.is_file()), name)
@@ -237,7 +237,7 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
 
 
 # Keys of the files that an experiment names, by their sections.
-_FILE_KEYS = {"leg": "urdf", "network": "dbc"}
+FILE_KEYS = {"leg": "urdf", "network": "dbc"}
 
 
 def resolved_document(
@@ -256,11 +256,12 @@ def resolved_document(
     """
     document = experiment_document(experiment)
     table_hash = content_hash(document["table"])
-    if typed is not None and experiment_from_mapping(typed, "experiment", Path()) == experiment:
-        document = typed
-    for section, name in (files or {}).items():
-        given = document[section] if isinstance(document[section], dict) else {"kind": document[section]}
-        document = {**document, section: {**given, _FILE_KEYS[section]: name}}
+    if typed is not None:  # names that were given in it may be relative to a folder that is unknown here
+        both = (name for name in FILE_KEYS if typed.get(name) and isinstance(document.get(name), dict))
+        located = _with_files(typed, {name: document[name][FILE_KEYS[name]] for name in both})
+        if experiment_from_mapping(located, "experiment", Path()) == experiment:
+            document = located
+    document = _with_files(document, files or {})
     return {
         "integration": section_of(type(experiment.stepping)).document(experiment.stepping),
         **document,
@@ -270,6 +271,15 @@ def resolved_document(
             "versions": versions,
         },
     }
+
+
+def _with_files(document: dict[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    """Return a document with other names of its files, which are given by section."""
+    for section, name in names.items():
+        given = document.get(section) or {}
+        given = given if isinstance(given, dict) else {"kind": given}
+        document = {**document, section: {**given, FILE_KEYS[section]: name}}
+    return document
 
 
 def _brought() -> dict[str, Path]:

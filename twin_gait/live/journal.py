@@ -32,6 +32,7 @@ from twin_gait.files import plain, require_regular
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
+from twin_gait.live.session_records import SessionError, add_folders
 from twin_gait.runs.folders import hold, journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, write_run
 from twin_gait.simulation.log import log_layout
@@ -201,7 +202,7 @@ def _pieces(stream: Any) -> Iterator[Piece]:
 
 
 def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, Any]]:
-    """Make the run folders of walks out of their journal, which then goes.
+    """Make the run folders of walks out of their journal, which then goes, and list them in the record.
 
     ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
     and animation of the last walk, if that is short. Returns the summaries by folder. Raises
@@ -224,6 +225,9 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
                 done[folder] = plain(write_run(run, staging, document=document, pictures=drawn))
         journal.unlink()
+    if setup.get("records") is not None:
+        with contextlib.suppress(SessionError):  # the run folders count more than their list
+            add_folders(Path(setup["records"]), Path(setup["folder"]), done)
     return done
 
 

@@ -110,7 +110,9 @@ class LiveSession:
         if self.can is not None:
             self._link = CanLink(self.can, self)
             self.news.on_block = self._link.take
-        self.news.start({"document": document, "folder": str(self.folder), "force": self.force})
+        records = None if self.records is None else str(self.records.expanduser().absolute())
+        setup = {"document": document, "folder": str(self.folder), "force": self.force, "records": records}
+        self.news.start(setup)
         self._worker.submit(self._prepare).add_done_callback(Future.result)
         if self.records is not None:
             self.book.recorder = SessionRecorder(

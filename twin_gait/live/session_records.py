@@ -170,6 +170,27 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
         raise SessionError(f"{path}: is not the record of a session; move it away") from error
 
 
+def add_folders(folder: Path, first: Path, folders: Iterable[Path]) -> None:
+    """Record the run folders that were made of the journal of a session after its end.
+
+    The session is the newest one with the run folder ``first``. Nothing is written if the record has none,
+    or if the session is going on: it records its folders itself. Raises SessionError if the record cannot be
+    used.
+    """
+    found = (entry for entry in list_sessions(folder) if str(first) in entry["folders"])
+    session = next(found, None)
+    if session is None or session["status"] == GOING_ON:
+        return
+    path = _file(folder, session["id"])
+    try:
+        with path.open("r+b") as file:
+            file.seek(file.read().rfind(b"\n") + 1)  # over a line that a kill has cut short
+            file.truncate()
+            file.write(_line({"folders": list(map(str, folders))}).encode())
+    except OSError as error:
+        raise _unusable(path, error) from error
+
+
 def delete_session(folder: Path, session: int) -> None:
     """Take a session out of the record; its run folders stay.
 

@@ -4,7 +4,9 @@ Person, gait table and modes need no copy: ``experiment.yaml`` has their content
 """
 
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 from twin_gait.experiment import Experiment
 from twin_gait.files import shipped_file, write_atomically
@@ -14,29 +16,54 @@ from twin_gait.network.dbc import find_dbc
 FILES_FOLDER = "files"
 
 
-def store_files(experiment: Experiment, folder: Path) -> dict[str, str]:
-    """Copy the files that an experiment names, unless they ship with the package.
+class StoredFile(NamedTuple):
+    """A file that an experiment names, and its copy in a folder."""
 
-    Returns their names in ``experiment.yaml`` by section: the path in ``folder`` of a copy, or the name of a
-    file that ships. Raises RunDirectoryError if a copy cannot be written.
-    """
-    urdf = find_urdf(experiment.leg.urdf)
-    names = {"leg": _stored(urdf, folder)}
-    if names["leg"] != urdf.name:
-        _store_meshes(urdf, folder / FILES_FOLDER)
+    section: str  # of the experiment file that names it
+    path: Path  # absolute path of the original
+    name: str  # path of the copy in the folder, or the name of a file that ships and is not copied
+
+    @property
+    def copied(self) -> bool:
+        """Whether the folder has a copy."""
+        return self.name != self.path.name
+
+    def is_in(self, folder: Path) -> bool:
+        """Whether a folder has all that it needs of this file, with the content of the original."""
+        copy = folder / self.name
+        return not self.copied or (copy.is_file() and copy.read_bytes() == self.path.read_bytes())
+
+
+def stored_file(section: str, path: Path, folder: str = FILES_FOLDER) -> StoredFile:
+    """Return a file with the name of its copy, which lies in ``folder``, a relative path."""
+    shipped = shipped_file(path.name)
+    ships = shipped is not None and shipped.read_bytes() == path.read_bytes()
+    return StoredFile(section, path, path.name if ships else Path(folder, path.name).as_posix())
+
+
+def files_of(experiment: Experiment) -> list[StoredFile]:
+    """Return the files that an experiment names."""
+    files = [stored_file("leg", find_urdf(experiment.leg.urdf))]
     if experiment.network is not None:
-        names["network"] = _stored(find_dbc(experiment.network.dbc), folder)
+        files.append(stored_file("network", find_dbc(experiment.network.dbc)))
+    return files
+
+
+def store_files(files: Iterable[StoredFile], folder: Path) -> dict[str, str]:
+    """Copy files into a folder, a URDF with its meshes, unless they ship with the package.
+
+    Returns their names in ``experiment.yaml`` by section. Raises RunDirectoryError if a copy cannot be
+    written.
+    """
+    names = {}
+    for file in files:
+        names[file.section], copy = file.name, folder / file.name
+        if file.copied:
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(copy, file.path.read_bytes())
+            if file.section == "leg":
+                _store_meshes(file.path, copy.parent)
     return names
-
-
-def _stored(path: Path, folder: Path) -> str:
-    content, shipped = path.read_bytes(), shipped_file(path.name)
-    if shipped is not None and shipped.read_bytes() == content:
-        return path.name
-    copy = Path(FILES_FOLDER, path.name)
-    (folder / copy).parent.mkdir(exist_ok=True)
-    write_atomically(folder / copy, content)
-    return copy.as_posix()
 
 
 def _store_meshes(urdf: Path, folder: Path) -> None:

@@ -29,7 +29,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.report.failures import failed_pictures, reason_of
 from twin_gait.runs.drawing import begin_drawing
 from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
-from twin_gait.runs.own_files import store_files
+from twin_gait.runs.own_files import files_of, store_files
 from twin_gait.runs.stored_log import checked_log
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -72,7 +72,7 @@ def write_run(
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()
         finish_drawing = begin_drawing(run, directory / FIGURES_FOLDER, beside)
-    files = store_files(run.experiment, directory)
+    files = store_files(files_of(run.experiment), directory)
     resolved = resolved_document(run.experiment, document, versions(), files)
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     write_log(run.log, directory / LOG_FILE, run.status)

@@ -11,13 +11,13 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 import pandas as pd
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
-from twin_gait.configuration.experiments import named_document
+from twin_gait.configuration.experiments import FILE_KEYS, named_document
 from twin_gait.configuration.validation import assign, converting, parse_assignment, refuse_two_units
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
@@ -106,8 +106,9 @@ def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
 Override = Mapping[str, Any]
 Flat = dict[str, float | str | bool | None]
 WHOLE = ("patient", "table")  # keys whose values may be names of what is exchanged as a whole
-# What names stand for, by key and name_of: mappings of an experiment document.
-Named = Mapping[str, Mapping[str, dict[str, Any]]]
+# What names stand for, by key and name_of: mappings of an experiment document; paths under FILES.
+FILES = "files"
+Named = Mapping[str, Mapping[str, Any]]
 
 # Ends of the names of the columns of a log that :func:`flat_summary` reads, beside time and phases.
 READ_IN_BRIEF = (
@@ -165,6 +166,21 @@ def with_document(experiment: Experiment) -> LoadedExperiment:
     return LoadedExperiment(experiment, experiment_document(experiment))
 
 
+class NamedFile(NamedTuple):
+    """A file that an override names."""
+
+    section: str  # of the experiment document
+    given: str  # path or name
+
+
+def named_file(key: str, value: Any) -> NamedFile | None:
+    """Return the file that a value of an override names, or None if it names none."""
+    section, _, rest = key.partition(".")
+    name = FILE_KEYS.get(section, "")
+    given = value if rest == name else value.get(name) if not rest and isinstance(value, Mapping) else None
+    return NamedFile(section, given) if name and isinstance(given, str) else None
+
+
 def changed(
     base: LoadedExperiment, override: Override, source: str = "override", known: Named = MappingProxyType({})
 ) -> Experiment:
@@ -177,6 +193,9 @@ def changed(
             named = known.get(key, {}).get(name_of(plain)) or named_document(key, plain, Path(source))
             if named is not None:
                 document, plain = {**document, key: None}, named  # nothing of the former is left underneath
+        if (file := named_file(key, plain)) is not None:
+            path = known.get(FILES, {}).get(file.given, file.given)
+            plain = path if isinstance(plain, str) else {**plain, FILE_KEYS[file.section]: path}
         document = _assigned(document, key, plain, source)
     return experiment_from_mapping(document, source, Path(), base)
 

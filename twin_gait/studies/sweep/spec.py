@@ -15,13 +15,30 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
-from twin_gait.configuration.experiments import load_experiment, named_document, resolved_document
+from twin_gait.configuration.experiments import (
+    beside,
+    load_experiment,
+    named_document,
+    resolved_document,
+)
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Experiment
+from twin_gait.files import shipped_file
+from twin_gait.runs.own_files import FILES_FOLDER, StoredFile, files_of, stored_file
 from twin_gait.runs.summary import versions
 from twin_gait.simulation.problem import build_problem
-from twin_gait.studies.batch import SUMMARY_COLUMNS, WHOLE, Named, Override, changed, name_of, with_document
+from twin_gait.studies.batch import (
+    FILES,
+    SUMMARY_COLUMNS,
+    WHOLE,
+    Named,
+    Override,
+    changed,
+    name_of,
+    named_file,
+    with_document,
+)
 from twin_gait.studies.jobs import sources_hash
 
 MOST_EPISODES = 10_000_000
@@ -70,6 +87,7 @@ class SweepFile(Strict):
     seed: Count = Field(default=0, ge=0)
     measures: list[str] = Field(default_factory=list)
     named: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+    files: dict[str, str] = Field(default_factory=dict)
     provenance: dict[str, Any] | None = None
 
 
@@ -86,11 +104,14 @@ class Sweep:
     # The specification with the whole experiment in it and the hashes and versions of what made it; reading
     # it gives the same sweep.
     document: Mapping[str, Any]
+    files: Sequence[StoredFile]  # that experiment and overrides name; the document names their copies
 
     def maker(self) -> Callable[[Episode], Experiment]:
         """What makes the experiment of an episode, in any process; errors name episode and key."""
-        base = with_document(self.experiment)
-        return partial(_experiment_of, base, self.document["seed"], self.document["named"])
+        originals = {file.name: str(file.path) for file in self.files}
+        files = {given: originals.get(name, name) for given, name in self.document["files"].items()}
+        known = {**self.document["named"], FILES: files}
+        return partial(_experiment_of, with_document(self.experiment), self.document["seed"], known)
 
 
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
@@ -120,17 +141,45 @@ def sweep_from_mapping(
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
     loaded = _experiment(entry.experiment, assignments, source, folder)
     overrides = overrides_of(entry, source)
+    own = files_of(loaded.experiment)
+    more = _override_files(entry.files, overrides, folder, len(own))
     document = {
         "schema_version": entry.schema_version,
         "name": entry.name or name,
-        "experiment": _experiment_document(loaded),
+        "experiment": _experiment_document(loaded, own),
         **{key: data[key] for key in ("method", "parameters", "episodes", "samples") if key in data},
         "seed": entry.seed,
         "measures": entry.measures,
         "named": _named(entry.named, overrides, folder / Path(source).name),
+        "files": {given: file.name for given, file in more.items()},
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
-    return Sweep(source, loaded.experiment, overrides, document)
+    return Sweep(source, loaded.experiment, overrides, document, [*own, *more.values()])
+
+
+def _override_files(
+    known: Mapping[str, str], overrides: Sequence[Override], folder: Path, count: int
+) -> dict[str, StoredFile]:
+    """Find the files that overrides name, in ``folder`` first; return them by the names as they are given.
+
+    ``known``: their copies in ``folder``, if it is that of a sweep. Each copy has a subfolder of its own,
+    numbered from ``count`` on, because files and their meshes may have the same names.
+    """
+    found: dict[str, StoredFile] = {}
+    copies: dict[Path, StoredFile] = {}
+    for file in (named_file(*item) for override in overrides for item in override.items()):
+        if file is None or file.given in found:
+            continue
+        name = known.get(file.given, file.given)
+        path = Path(beside(folder, name))
+        path = path if path.is_file() else shipped_file(name) or path
+        if not path.is_file():  # the check of its episode reports it
+            continue
+        stored = copies.get(path) or stored_file(file.section, path, f"{FILES_FOLDER}/{count + len(copies)}")
+        if stored.copied:
+            copies[path] = stored
+        found[file.given] = stored
+    return found
 
 
 def _named(known: Named, overrides: Sequence[Override], path: Path) -> Named:
@@ -156,12 +205,13 @@ def _experiment(
     return LoadedExperiment(experiment_from_mapping(document, f"{source}: experiment", folder), document)
 
 
-def _experiment_document(loaded: LoadedExperiment) -> dict[str, Any]:
-    """The experiment with the hashes of URDF and table; the versions stand once, beside it.
+def _experiment_document(loaded: LoadedExperiment, files: Sequence[StoredFile]) -> dict[str, Any]:
+    """Return the experiment with the hashes of URDF and table and the names of its files as they are stored.
 
     An integrator that was left to the engine stays so: an episode may change the engine.
     """
-    document = resolved_document(loaded.experiment, loaded.document, {})
+    names = {file.section: file.name for file in files}
+    document = resolved_document(loaded.experiment, loaded.document, {}, names)
     if loaded.experiment.integration is None:
         del document["integration"]
     return document

@@ -27,6 +27,7 @@ from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, sweep_figures, values_of
 from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
+from twin_gait.runs.own_files import store_files
 from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.jobs import Stop, Watch, run_jobs
@@ -78,6 +79,7 @@ def _opened(directory: Path, sweep: Sweep) -> Iterator[None]:
     """
     if not (directory / SPEC_FILE).is_file():
         with staged_directory(directory, SWEEP, force=True) as staging:
+            store_files(sweep.files, staging)
             write_atomically(staging / SPEC_FILE, dump_yaml(dict(sweep.document)))
     held = hold(directory)
     if held is None:
@@ -97,6 +99,11 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
             f"{directory}: holds another sweep, or was begun by other sources or versions of twin_gait or its"
             " libraries, whose rows would not be comparable; choose another --out"
         )
+    for file in sweep.files if spec.is_file() else ():
+        if not file.is_in(directory):
+            raise RunDirectoryError(
+                f"{directory}: was begun with another {file.path.name} than {file.path}; choose another --out"
+            )
 
 
 def read_table(path: Path) -> pd.DataFrame:

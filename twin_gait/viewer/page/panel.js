@@ -279,9 +279,8 @@
       this.looked = now;
       stopping.look(now);
       if (stood > SILENCE) return; // the page itself stood still, and messages may wait
-      const silent = passed > SILENCE && !GONE.includes(head.status);
-      if (this.silent && !silent) changes.again();
-      this.silent = silent;
+      // A silence alone leaves a forecast as it is: else one that takes longer than the next silence is never made.
+      this.silent = passed > SILENCE && !GONE.includes(head.status);
       document.body.classList.toggle("silent", this.silent);
       get("no-data").hidden = !this.silent;
       if (this.silent) this.tell(`No data for ${Math.max(0.5, Math.floor(passed / 1000))} s`, now);
