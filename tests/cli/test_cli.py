@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import shutil
@@ -45,6 +46,14 @@ def test_simulate_writes_a_run_and_says_where(bench_run, capsys):
     summary = json.loads((bench_run / "summary.json").read_text())
     assert summary["status"] == "completed"
     assert summary["duration_s"] == 1.0
+
+
+def test_messages_of_the_package_are_printed_on_one_line_each(capsys):
+    for _ in range(2):  # of one process
+        assert run("presets") == 0
+    capsys.readouterr()
+    logging.getLogger("twin_gait").warning("compiling the engine")
+    assert capsys.readouterr().err == "twin-gait: compiling the engine\n"
 
 
 def test_simulate_draws_the_first_figures_and_prints_how_to_draw_more(tmp_path, capsys):
