@@ -2,6 +2,8 @@
 
 ``python benchmarks/commands.py --before TREE`` compares with the package in another folder, such as a git
 worktree of an earlier commit. Minima over the rounds; what a command starts counts for its processor time.
+``bare imports`` is a process that only imports the modules that ``simulate`` has imported at its end, and the
+ratios are ``simulate`` over it.
 """
 
 # %%
@@ -47,36 +49,64 @@ commands = {
 
 
 # %% [markdown]
-# A first round fills the cache, which keeps the code of both trees, and counts for nothing.
-
+# A first run in each tree records the modules that `simulate` imports, for `bare imports`. A first round
+# fills the cache, which keeps the code of both trees, and counts for nothing.
 
 # %%
+RECORD = """
+import sys
+from twin_gait.cli import main
+if __name__ == "__main__":  # the process that draws imports this program too
+    main("simulate treadmill --force --out run".split())
+    with open(sys.argv[1], "w") as file:
+        print(*(name for name in sys.modules if name not in ("__main__", "__mp_main__")), file=file)
+"""
+IMPORT = """
+import contextlib, importlib, sys
+for name in open(sys.argv[1]).read().split():
+    with contextlib.suppress(ImportError):  # a name that another module has put in the table
+        importlib.import_module(name)
+"""
+programs = {name: work / f"{name}.py" for name in ("record", "bare_imports")}
+programs["record"].write_text(RECORD)
+programs["bare_imports"].write_text(IMPORT)
+
+
 def seconds(tree: Path, words: list[str]) -> tuple[float, float]:
     """Time by the clock and processor time of a command and all that it started, in [s]."""
     began, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    home = {**os.environ, "PYTHONPATH": str(tree)}
-    done = subprocess.run(
-        [sys.executable, "-m", "twin_gait", *words], env=home, cwd=work, capture_output=True
-    )
+    home = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"}  # as commands set it
+    done = subprocess.run([sys.executable, *words], env=home, cwd=work, capture_output=True)
     wall, now = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
-        sys.exit(f"{tree}: twin-gait {' '.join(words)}: {done.stderr.decode()}")
+        sys.exit(f"{tree}: {' '.join(words)}: {done.stderr.decode()}")
     return wall, now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
 
 
-times = {(name, command): [] for name in commands for command in TREES}
+for tree, folder in TREES.items():
+    seconds(folder, [str(programs["record"]), f"modules_{tree}"])
+programs_of = {name: lambda tree, command=command: ["-m", "twin_gait", *command.split()]
+               for name, command in commands.items()}  # fmt: skip
+programs_of["bare imports"] = lambda tree: [str(programs["bare_imports"]), f"modules_{tree}"]
+times = {(name, tree): [] for name in programs_of for tree in TREES}
 for _ in range(rounds + 1):
-    for name, command in commands.items():
-        for tree, folder in TREES.items():
-            times[name, tree].append(seconds(folder, command.split()))
+    for name, tree in times:
+        times[name, tree].append(seconds(TREES[tree], programs_of[name](tree)))
+least = {key: np.min(each[1:], axis=0) for key, each in times.items()}
 
 # %%
 rows = []
-for name in commands:
+for name in programs_of:
     row = {"command": name}
     for tree in TREES:
-        wall, processor = np.min(times[name, tree][1:], axis=0)
+        wall, processor = least[name, tree]
         row |= {f"{tree} [s]": significant(wall), f"{tree}, processor [s]": significant(processor)}
     rows.append(row)
     print(row)
-form.keep({"machine": machine(), "rounds": rounds, "rows": rows})
+ratios = {
+    tree: dict(zip(("by the clock", "processor"), map(significant, found), strict=True))
+    for tree in TREES
+    for found in [least["simulate", tree] / least["bare imports", tree]]
+}
+print("simulate over its bare imports:", ratios)
+form.keep({"machine": machine(), "rounds": rounds, "rows": rows, "simulate over bare imports": ratios})

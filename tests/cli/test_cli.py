@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import shutil
@@ -47,13 +48,51 @@ def test_simulate_writes_a_run_and_says_where(bench_run, capsys):
     assert summary["duration_s"] == 1.0
 
 
-def test_simulate_with_pictures_writes_figures_and_animation(tmp_path):
-    out = tmp_path / "walk"
-    assert run("simulate", "--duration", "2.5", "--out", str(out)) == 0
-    figures = sorted(path.name for path in (out / "figures").iterdir())
-    assert len(figures) >= 5
-    assert all((out / "figures" / name).read_bytes().startswith(b"\x89PNG") for name in figures)
-    assert (out / "animation.html").stat().st_size < 2_000_000
+def test_messages_of_the_package_are_printed_on_one_line_each(capsys):
+    for _ in range(2):  # of one process
+        assert run("presets") == 0
+    capsys.readouterr()
+    logging.getLogger("twin_gait").warning("compiling the engine")
+    assert capsys.readouterr().err == "twin-gait: compiling the engine\n"
+
+
+def test_simulate_draws_the_first_figures_and_prints_how_to_draw_more(tmp_path, capsys):
+    out = tmp_path / "two words"
+    assert run("simulate", "--duration", "6", "--out", str(out)) == 0
+    figures = {path.name: path.read_bytes() for path in (out / "figures").iterdir()}
+    assert set(figures) == {"gait_cycle.png", "ground_forces.png", "torques.png"}
+    assert all(content.startswith(b"\x89PNG") for content in figures.values())
+    page = (out / "animation.html").read_text()
+    assert len(page) < 2_000_000 and ".png" not in page and "figures/" not in page
+    command = f"  more figures: twin-gait plot '{out}' --format png"
+    assert capsys.readouterr().out.splitlines()[-1] == command
+
+
+def test_simulate_without_strides_draws_joint_angles_instead(tmp_path, capsys):
+    out = tmp_path / "leg"
+    assert run("simulate", "bench_leg", "--duration", "0.3", "--out", str(out)) == 0
+    assert {path.name for path in (out / "figures").iterdir()} == {"joint_angles.png", "torques.png"}
+    capsys.readouterr()
+    assert run("simulate", "bench_leg", "--duration", "0.3", "--out", str(tmp_path / "bare"), *FAST) == 0
+    assert "more figures" not in capsys.readouterr().out
+
+
+# Modules that take long to import and are not needed for a warm run; figures are drawn by another process.
+UNUSED = {"numba", "scipy", "dask", "sklearn", "asyncio", "pyarrow.dataset", "matplotlib",
+          "twin_gait.live.session", "twin_gait.studies.batch",
+          "twin_gait.simulation.compiling", "twin_gait.firmware.linked"}  # fmt: skip
+
+
+def test_a_warm_simulate_imports_nothing_that_it_does_not_need(tmp_path):
+    words = ["simulate", "bench_leg", "--duration", "0.3", "--force", "--out", str(tmp_path / "leg")]
+    assert run(*words) == 0  # the compiled loop is kept from here on
+    text = (
+        "import os, sys; os.cpu_count = lambda: 2; from twin_gait.cli import main; "
+        f"main({words!r}); print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert "twin_gait.viewer.page" in loaded and not loaded & UNUSED
 
 
 def test_a_leg_in_the_air_is_told_as_such_with_strides_by_its_phases(tmp_path, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -131,6 +132,20 @@ def test_plot_draws_all_that_the_run_has(folder):
     }
 
 
+def test_plot_completes_the_screen_figures_of_a_run_folder(tmp_path, capsys):
+    run = simulate(load_experiment("treadmill", ["duration_s=6"]).experiment)
+    folder, without = run.save(tmp_path / "walk"), save_run(run, tmp_path / "bare", pictures=False)
+    first = {path.name: path.read_bytes() for path in (folder / "figures").iterdir()}
+    for one in (folder, without):
+        assert main(["plot", str(one), "--format", "png"]) == 0
+        printed = capsys.readouterr().out.split()
+        assert [Path(line).name for line in printed] == [f"{name}.png" for name in FIGURES]
+    complete = {path.name: path.read_bytes() for path in (folder / "figures").iterdir()}
+    assert set(complete) == {f"{name}.png" for name in FIGURES}
+    assert len(first) == 3 and {name: complete[name] for name in first} == first
+    assert {path.name: path.read_bytes() for path in (without / "figures").iterdir()} == complete
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -150,11 +165,15 @@ def test_a_mistake_is_one_line(folder, capsys, options, said):
 
 
 def test_plot_replaces_with_force_only(folder, capsys):
-    command = ["plot", str(folder), "--figure", "torques", "--format", "png"]
+    command = ["plot", str(folder), "--figure", "torques", "--format", "png", "--width", "85"]
     assert main(command) == 0
+    path = folder / "figures" / "torques-85mm.png"
+    drawn = path.read_bytes()
+    assert main(command) == 0  # the same content: nothing is replaced
+    path.write_bytes(b"mine")
     assert main(command) == 2
-    assert "--force" in capsys.readouterr().err
-    assert main([*command, "--force"]) == 0
+    assert "--force" in capsys.readouterr().err and path.read_bytes() == b"mine"
+    assert main([*command, "--force"]) == 0 and path.read_bytes() == drawn
 
 
 def test_plot_writes_nothing_where_one_of_its_files_exists(folder, tmp_path, capsys):

@@ -90,7 +90,7 @@ def legend_labels(figure: Figure) -> list[str]:
 
 
 def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
-    assert write_figures(walk, tmp_path) == {}
+    assert write_figures(walk, tmp_path, list(FIGURES)) == {}
     files = sorted(tmp_path.iterdir())
     assert [path.name for path in files] == sorted(f"{name}.png" for name in FIGURES)
     for path in files:
@@ -100,7 +100,7 @@ def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
 
 
 def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Path) -> None:
-    assert write_figures(bench_run, tmp_path) == {}
+    assert write_figures(bench_run, tmp_path, list(FIGURES)) == {}
     absent = ("gait_cycle", "ground_forces", "feet")
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == sorted(f"{name}.png" for name in FIGURES if name not in absent)
@@ -108,7 +108,7 @@ def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Pa
 
 
 def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
-    assert write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path) == {}
+    assert write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path, list(FIGURES)) == {}
     assert len(list(tmp_path.iterdir())) == len(FIGURES) - 2  # no strides
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Sequence
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
 from synthetic_run import synthetic_run
 
-from twin_gait.report.figures import FIGURES, write_figures
+from twin_gait.exceptions import ParameterError
+from twin_gait.report.figures import FIRST_FIGURES, write_figures
 from twin_gait.runs import drawing
 from twin_gait.runs.drawing import begin_drawing, drawing_beside
 from twin_gait.simulation.run import Run
@@ -24,7 +27,7 @@ def walk() -> Run:
 @pytest.fixture(scope="module")
 def pictures(walk: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("here")
-    assert write_figures(walk, folder) == {}
+    assert write_figures(walk, folder, FIRST_FIGURES) == {}
     return contents(list(folder.iterdir()))
 
 
@@ -37,9 +40,9 @@ def drawn_here(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
     """Runs that this process draws."""
     runs: list[Run] = []
 
-    def noted(run: Run, folder: Path) -> dict[str, str]:
+    def noted(run: Run, folder: Path, names: Sequence[str]) -> dict[str, str]:
         runs.append(run)
-        return write_figures(run, folder)
+        return write_figures(run, folder, names)
 
     monkeypatch.setattr("twin_gait.report.figures.write_figures", noted)
     return runs
@@ -53,7 +56,7 @@ def test_a_process_draws_what_this_one_would(
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
     with drawing_beside() as beside:
         begin_drawing(walk, tmp_path, beside)()
-    assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES)
+    assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIRST_FIGURES)
     assert (beside is not None) == expected and len(drawn_here) == (not expected)
 
 
@@ -74,11 +77,21 @@ def test_a_process_that_is_lost_is_done_without(
 @pytest.mark.slow
 def test_what_a_process_cannot_draw_is_named(walk: Run, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    torque = "left_knee_impedance_torque_Nm"
     with drawing_beside() as beside:
-        finish = begin_drawing(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path, beside)
+        finish = begin_drawing(replace(walk, log=walk.log.drop(columns=torque)), tmp_path, beside)
         failed = finish()
-    assert list(failed) == ["battery"] and "battery_power_W" in failed["battery"]
-    assert len(list(tmp_path.iterdir())) == len(FIGURES) - 1
+    assert list(failed) == ["torques"] and torque in failed["torques"]
+    assert len(list(tmp_path.iterdir())) == len(FIRST_FIGURES) - 1
+
+
+def test_the_process_is_killed_if_the_command_fails(monkeypatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    others = set(active_children())
+    with pytest.raises(ParameterError), drawing_beside():
+        (process,) = set(active_children()) - others
+        raise ParameterError("a slip in an argument")
+    assert process.exitcode == -signal.SIGKILL
 
 
 def test_no_process_is_started_where_none_is_wanted(monkeypatch) -> None:

@@ -29,7 +29,7 @@ def run() -> Run:
 @pytest.fixture(scope="module")
 def pictures(run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("pictures")
-    assert figures.write_figures(run, folder) == {}
+    assert figures.write_figures(run, folder, figures.first_figures(run)) == {}
     return contents(folder)
 
 
@@ -84,15 +84,15 @@ def test_a_picture_that_fails_is_warned_of_and_recorded(
     def fail(*_: object, **__: object) -> None:
         raise RuntimeError("no latex\nthere")
 
-    monkeypatch.setitem(figures.FIGURES, "battery", fail)
+    monkeypatch.setitem(figures.FIGURES, "torques", fail)
     monkeypatch.setattr("twin_gait.viewer.scene.load_visuals", fail)
     with pytest.warns(PictureWarning) as told:
         folder = save_run(run, tmp_path / "walk")
-    assert len(told) == 1 and "\n" not in str(told[0].message) and "battery" in str(told[0].message)
+    assert len(told) == 1 and "\n" not in str(told[0].message) and "torques" in str(told[0].message)
     summary = json.loads((folder / "summary.json").read_text())
     reason = "RuntimeError: no latex there"
-    assert summary["pictures_failed"] == {"battery": reason, "animation.html": reason}
-    assert set(contents(folder / "figures")) == set(pictures) - {"battery.png"}
+    assert summary["pictures_failed"] == {"torques": reason, "animation.html": reason}
+    assert set(contents(folder / "figures")) == set(pictures) - {"torques.png"}
     assert load_run(folder).log.equals(run.log)
 
 
@@ -107,9 +107,9 @@ def test_a_matplotlib_that_cannot_be_imported_costs_the_pictures_only(
 
 def test_simulate_prints_one_line_and_exits_with_0(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 1)  # no process of its own: it would not see the fault
-    monkeypatch.setitem(figures.FIGURES, "battery", lambda *_, **__: 1 / 0)
+    monkeypatch.setitem(figures.FIGURES, "torques", lambda *_, **__: 1 / 0)
     out = tmp_path / "walk"
-    with pytest.warns(PictureWarning, match="battery"):
+    with pytest.warns(PictureWarning, match="torques"):
         assert main(["simulate", "bench_leg", "--duration", "0.2", "--out", str(out)]) == 0
     assert (out / "summary.json").is_file()
 

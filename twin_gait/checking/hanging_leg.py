@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,16 @@ _VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0
 _ANGLE_STEP = 1e-4  # [rad]
 
 
+@lru_cache(maxsize=64)
+def plant_friction(law: FrictionLaw) -> core.PlantFriction:
+    """Return the parameters of a law as the plant takes them, computed once."""
+    return law.in_plant()
+
+
 @lru_cache(maxsize=4096)  # postures share their velocities
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
     """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
-    friction = law.in_plant()
+    friction = plant_friction(law)
     return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity), 0.0)
 
 
@@ -37,7 +43,7 @@ def friction_slope(law: FrictionLaw, velocity: float) -> float:
 
     That of the slower rise where the directions differ; at rest, of bristles that are held.
     """
-    friction = law.in_plant()
+    friction = plant_friction(law)
 
     def torque(speed: float) -> float:
         deflection = core.steady_deflection(friction, speed if velocity else 0.0)
@@ -58,9 +64,9 @@ class HangingLeg:
     side: Side  # which leg
     shown_side: Side | None  # side that findings name: None where both legs have the same numbers
 
-    @property
+    @cached_property
     def joints(self) -> tuple[JointName, ...]:
-        """Joints in the order of all arrays here."""
+        """Joints in the order of all arrays of this class."""
         return tuple(JointName(name) for name in self.problem.table.joints)
 
     @property
@@ -95,8 +101,7 @@ class HangingLeg:
         return plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
 
     def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
-        q = np.zeros(model.nv)
-        indices = [model.index(self.side, joint) for joint in self.joints]
+        q, indices = np.zeros(model.nv), _indices(model, self.side, self.joints)
         q[indices] = angles
         return q, indices
 
@@ -137,7 +142,7 @@ class HangingLeg:
     def bristles(self) -> np.ndarray:
         """What holds joints at rest that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
         laws = self.problem.experiment.plant.true_friction()
-        return np.diag([laws[joint].in_plant().bristle_stiffness for joint in self.joints])
+        return np.diag([plant_friction(laws[joint]).bristle_stiffness for joint in self.joints])
 
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
         """Loop of a phase at its equilibrium angles, friction linearised at a velocity in [rad] / [s]."""
@@ -157,6 +162,12 @@ class HangingLeg:
             window=experiment.sensors.window,
             delay=experiment.control.delay_ticks,
         )
+
+
+@lru_cache(maxsize=16)  # a leg is evaluated at thousands of postures
+def _indices(model: LegModel, side: Side, joints: tuple[JointName, ...]) -> list[int]:
+    """Return the positions of joints of a leg in ``q``."""
+    return [model.index(side, joint) for joint in joints]
 
 
 def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np.ndarray:

@@ -210,9 +210,10 @@ def postures(
     """
     backgrounds = _backgrounds(space, index)
 
+    guards = [space.guard_near(index, point) for point in backgrounds]
+
     def opens(own: dict[str, float]) -> bool:
-        points = (replace(point, signals={**point.signals, **own}) for point in backgrounds)
-        return any(space.is_open(index, point) for point in points)
+        return any(is_open(own) for is_open in guards)
 
     # Off the way the point that opens the guard has to do.
     found = list(filter(opens, _candidates(space, index, leg, rest, samples))) if backgrounds else []

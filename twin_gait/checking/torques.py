@@ -55,7 +55,8 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     ticks, shares = _blend(leg, new)
     angles, velocities = samples[:, 0], samples[:, 1]
-    gravity = np.array([leg.modelled_gravity(posture) for posture in angles])
+    different, number = np.unique(angles, axis=0, return_inverse=True)  # many differ in velocity alone
+    gravity = np.array([leg.modelled_gravity(posture) for posture in different])[number.ravel()]
     speeds = zip(leg.joints, velocities.T.tolist(), strict=True)
     friction = np.array([[friction_torque(laws[name], speed) for speed in row] for name, row in speeds]).T
     columns = [leg.column(which) for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]

@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
             document |= {**_write(loaded, staging), "directory": out}
         if arguments.verify:
             with terminal.progress_bar("verifying", "tick") as progress:
-                found = firmware.verify(loaded.experiment, progress, terminal.note_compilation)
+                found = firmware.verify(loaded.experiment, progress)
             document |= found
             if staging is not None:
                 write_json(staging / "verification.json", found)
@@ -71,5 +71,5 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
     document = resolved_document(experiment, loaded.document, runs.versions(), files)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
-        vectors = record_vectors(walk, progress, terminal.note_compilation)
+        vectors = record_vectors(walk, progress)
     return project.write(folder, vectors, document)

@@ -83,6 +83,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     terminal.prepare_streams()
     terminal.warn_on_one_line()
+    terminal.print_log()
     gc.set_threshold(COLLECT_AFTER)
     # Before NumPy is loaded: with two threads a fit takes half as long again, and twice the processor time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

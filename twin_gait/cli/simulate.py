@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import json
 import math
+import shlex
 import signal
 import sys
 import time
@@ -60,27 +61,28 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     Simulate a preset or an experiment file and write a run directory.
     """
-    from twin_gait.runs.record import RUN_DIRECTORY, StoredRun, write_run
-    from twin_gait.studies.accuracy import step_error
+    with drawing_beside(wanted=not arguments.no_pictures) as beside:
+        from twin_gait.runs.record import RUN_DIRECTORY, StoredRun, write_run
 
-    if arguments.faults:
-        arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
-    loaded = options.experiment_of(arguments)
-    note_inherited(loaded)
-    out = arguments.out or default_folder(loaded.experiment.name)
-    with (
-        staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
-        drawing_beside(wanted=not arguments.no_pictures) as beside,
-        terminal.watched("simulating", "tick") as watch,
-    ):
-        result, accuracy = simulation.simulate(loaded.experiment, **watch), None
-        if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
-            accuracy = step_error(result, **watch)
-        terminal.note_line("writing the run directory")
-        summary = write_run(
-            result, staging, document=loaded.document, pictures=not arguments.no_pictures, accuracy=accuracy,
-            beside=beside,
-        )  # fmt: skip
+        if arguments.faults:
+            arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
+        loaded = options.experiment_of(arguments)
+        note_inherited(loaded)
+        out = arguments.out or default_folder(loaded.experiment.name)
+        with (
+            staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
+            terminal.watched("simulating", "tick") as watch,
+        ):
+            result, accuracy = simulation.simulate(loaded.experiment, **watch), None
+            if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
+                from twin_gait.studies.accuracy import step_error
+
+                accuracy = step_error(result, **watch)
+            terminal.note_line("writing the run directory")
+            summary = write_run(
+                result, staging, document=loaded.document, pictures=not arguments.no_pictures,
+                accuracy=accuracy, beside=beside,
+            )  # fmt: skip
     terminal.clear_line()
     lines = report(summary, out)
     if arguments.accuracy and accuracy is None:
@@ -120,11 +122,13 @@ def default_folder(name: str) -> Path:
 
 
 def report(summary: Mapping[str, Any], *folders: Path) -> list[str]:
-    """Results in a few lines, and where they are."""
+    """Return the results of a run in a few lines, its folders, and the command that draws more figures."""
     from twin_gait.report import pages, walk_words
 
-    content = {"summary": summary, "words": walk_words, "degrees": math.degrees, "folders": folders}
-    return pages.lines("run.txt", {**summary, **content})
+    drawn = [shlex.quote(str(folder)) for folder in folders if (folder / pages.FIGURES_FOLDER).is_dir()]
+    content = {"summary": summary, "words": walk_words, "degrees": math.degrees}
+    more = {"folders": folders, "drawn": drawn}
+    return pages.lines("run.txt", {**summary, **content, **more})
 
 
 def walk_live(arguments: argparse.Namespace) -> int:

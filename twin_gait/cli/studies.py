@@ -132,7 +132,6 @@ def tune(arguments: argparse.Namespace) -> int:
     ):
         tuning = tune.tune(
             experiment, settings, workers=workers, tell=terminal.note_line, should_stop=should_stop,
-            on_compile=terminal.note_compilation,
         )  # fmt: skip
     terminal.clear_line()
     if tuning is None:
@@ -155,7 +154,7 @@ def faults(arguments: argparse.Namespace) -> int:
     workers, seed = options.workers_of(arguments), arguments.seed
     base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
     drawn = studies.draw_faults(base, arguments.count, seed)
-    healthy = simulation.simulate(replace(base, faults=()), on_compile=terminal.note_compilation)
+    healthy = simulation.simulate(replace(base, faults=()))
     terminal.clear_line()
     if problem := healthy.baseline_problem:
         text = f"{base.name}, {base.duration:g} s without a fault: {problem}; faults in it show nothing"

@@ -3,6 +3,7 @@
 import argparse
 import io
 import json
+import logging
 import os
 import shlex
 import signal
@@ -10,7 +11,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -140,9 +140,9 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def watched(title: str, unit: str) -> Iterator[dict[str, Any]]:
-    """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
+    """Yield a progress bar and a request to stop as the arguments of a function that takes long."""
     with stop_on_interrupt() as should_stop, progress_bar(title, unit) as progress:
-        yield {"progress": progress, "should_stop": should_stop, "on_compile": note_compilation}
+        yield {"progress": progress, "should_stop": should_stop}
 
 
 def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> int:
@@ -176,11 +176,27 @@ def warn_on_one_line() -> None:
     warnings.formatwarning = line
 
 
-@cache
+class _Notes(logging.Handler):
+    """Handler that prints what the package logs, such as compilations, on lines of standard error."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a message in place of the last note."""
+        clear_line()
+        print(f"twin-gait: {record.getMessage()}", file=sys.stderr, flush=True)
+
+
+def print_log() -> None:
+    """Print messages of the logger ``twin_gait``; a second call changes nothing."""
+    logger = logging.getLogger("twin_gait")
+    if not any(isinstance(handler, _Notes) for handler in logger.handlers):
+        logger.addHandler(_Notes())
+
+
 def note_compilation() -> None:
-    """Say why the first run on a machine takes its time; once, however many loops are compiled."""
+    """Print that the process of a live walk compiles the engine."""
     clear_line()
-    text = (
-        "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …"
+    print(
+        "twin-gait: compiling the engine for this walk; it is kept for later ones",
+        file=sys.stderr,
+        flush=True,
     )
-    print(text, file=sys.stderr, flush=True)

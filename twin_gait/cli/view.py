@@ -15,7 +15,8 @@ from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 
-RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
+PRINT_RESOLUTION = 600  # [dots per inch], required by journals for pictures with lines and letters
+COLUMN = 85.0  # [mm], width of a column of a paper
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
 # What each format is called in a run directory.
@@ -41,8 +42,9 @@ def add_parser(commands: Any) -> None:
     add("directory", type=Path, metavar="RUN", help="run directory")
     add("--figure", action="append", metavar="NAME", dest="figures", help="such as gait_cycle (all)")
     add("--format", choices=("pdf", "svg", "png"), default="pdf", help="format (pdf)")
-    add("--width", type=float, default=85.0, metavar="MM", help="85 for one column (85), 174 for two")
-    options.add_out(parser, "DIR", "folder for the files NAME-WIDTHmm.FORMAT (RUN/figures)")
+    text = "85 for one column of a paper, 174 for two (85; png: for a screen, as in a run directory)"
+    add("--width", type=float, metavar="MM", help=text)
+    options.add_out(parser, "DIR", "folder for the files NAME-WIDTHmm.FORMAT or NAME.png (RUN/figures)")
 
     parser = options.add_command(commands, "export", export)
     add = parser.add_argument
@@ -141,23 +143,35 @@ def _signpost(url: str) -> Path:
 
 
 def plot(arguments: argparse.Namespace) -> int:
-    """Draw figures of a run for a paper.
+    """Draw figures of a run for a paper or a screen.
 
-    Draw figures of a run directory for print: one or two columns wide, letters on the panels, no title
-    inside.
+    Draw figures of a run directory for print, one or two columns wide, with letters on the panels and no
+    title inside; with --format png and no --width for a screen, with their titles. A file that already has
+    the same content is left.
     """
-    from twin_gait.report.canvas import FIGURES_FOLDER, save
+    from twin_gait.report.canvas import RESOLUTION, picture_bytes
     from twin_gait.report.figures import plot_run, screen_figures
+    from twin_gait.report.pages import FIGURES_FOLDER
 
     shown, width, form = runs.load_run(arguments.directory), arguments.width, arguments.format
+    if width is None and form != "png":
+        width = COLUMN
+    ending, resolution = ("", RESOLUTION) if width is None else (f"-{width:g}mm", PRINT_RESOLUTION)
     folder = arguments.out or arguments.directory / FIGURES_FOLDER
     names = arguments.figures or list(screen_figures(shown))
-    drawn = {folder / f"{name}-{width:g}mm.{form}": plot_run(shown, name, width_mm=width) for name in names}
+    figures = {name: plot_run(shown, name, width_mm=width) for name in names}
+    drawn = {
+        folder / f"{name}{ending}.{form}": picture_bytes(figure, form, resolution)
+        for name, figure in figures.items()
+    }
     folder.mkdir(parents=True, exist_ok=True)
-    for path in drawn:  # before any of them is written
+    changed = {path for path, content in drawn.items() if not path.is_file() or path.read_bytes() != content}
+    for path in changed:  # before any of them is written
         options.check_file("--out", path, force=arguments.force)
-    for path, figure in drawn.items():
-        print(save(figure, path, resolution=RESOLUTION))
+    for path, content in drawn.items():
+        if path in changed:
+            write_atomically(path, content)
+        print(path)
     return DONE
 
 

@@ -20,8 +20,9 @@ from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.models import Samples
 from twin_gait.identification.processing import BenchSetup
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, SKY_BLUE, VERMILLION
-from twin_gait.report.canvas import FIGURES_FOLDER, readable, style_panel, write_pictures
+from twin_gait.report.canvas import readable, style_panel, write_pictures
 from twin_gait.report.failures import failed_pictures
+from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 

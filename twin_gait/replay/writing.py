@@ -20,6 +20,7 @@ from twin_gait.replay.machine import Replay
 from twin_gait.replay.samples import LEAST_HIP_RANGE
 from twin_gait.report import canvas
 from twin_gait.report.failures import failed_pictures
+from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
 from twin_gait.vocabulary import JointName
@@ -165,7 +166,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
         failed = dict[str, str]()
         if pictures:
             drawings = {"replay": partial(replay_figure, result)}
-            failed = canvas.write_pictures(drawings, staging / canvas.FIGURES_FOLDER).failed
+            failed = canvas.write_pictures(drawings, staging / FIGURES_FOLDER).failed
         write_json(staging / SUMMARY_FILE, {**summarise_replay(result), **failed_pictures(failed)})
 
 

@@ -30,13 +30,12 @@ from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES, normalise_strides
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, REFERENCE_COLOUR, phase_colour
 from twin_gait.report.failures import reason_of
-from twin_gait.report.pages import render
+from twin_gait.report.pages import FIGURES_FOLDER, render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.walk_words import wearer_in_words
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
-FIGURES_FOLDER = "figures"
 RESOLUTION = 130  # [dots per inch]
 BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
 SCREEN_WIDTH = 11.0  # [inches]
@@ -211,6 +210,11 @@ def shown_strides(record: LegRecord) -> np.ndarray:
     """
     settled = record.strides(skip=SKIPPED_STRIDES)
     return settled if len(settled) else record.strides(skip=0)[-1:]
+
+
+def has_cycles(run: Run) -> bool:
+    """Return whether every leg of a run has a stride that a cycle picture can show."""
+    return all(len(shown_strides(record)) > 0 for record in run.leg_records())
 
 
 def flexion(joint: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from string import ascii_lowercase
@@ -14,7 +14,13 @@ from matplotlib.figure import Figure
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report import run_figures
-from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, standard_settings, write_pictures
+from twin_gait.report.canvas import (
+    LEGEND_COLUMN,
+    SCREEN_WIDTH,
+    has_cycles,
+    standard_settings,
+    write_pictures,
+)
 from twin_gait.simulation.run import Run
 
 # By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
@@ -29,6 +35,9 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
     "phase_portrait": run_figures.draw_portrait,
 }
 
+# Figures that a run folder gets; all eight take longer to draw than the rest of the command takes.
+FIRST_FIGURES = ("gait_cycle", "ground_forces", "torques")
+FIRST_WITHOUT_STRIDES = ("joint_angles", "torques")
 NARROWEST, WIDEST = 60.0, 270.0  # [mm]
 INCH = 25.4  # [mm]
 _ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] of a row of panels, around them, and of a row of the legend
@@ -110,8 +119,15 @@ def _size(figure: Figure) -> None:
         axes.locator_params(nbins=5)
 
 
-def write_figures(run: Run, directory: Path) -> dict[str, str]:
-    """Draw a run into a folder; return the reason of each picture that could not be drawn, by name."""
-    every = FIGURES.items() if len(run.log) > 1 else ()
-    drawings = {name: partial(draw, run, width=SCREEN_WIDTH) for name, draw in every}
+def first_figures(run: Run) -> Sequence[str]:
+    """Return the names of the figures that a run folder gets; ``twin-gait plot`` draws the others.
+
+    A run without strides gets its joint angles over time in place of the gait cycle.
+    """
+    return FIRST_FIGURES if has_cycles(run) else FIRST_WITHOUT_STRIDES
+
+
+def write_figures(run: Run, directory: Path, names: Sequence[str]) -> dict[str, str]:
+    """Draw figures of a run into a folder; return the reason by the name of each that cannot be drawn."""
+    drawings = {name: partial(FIGURES[name], run, width=SCREEN_WIDTH) for name in names}
     return write_pictures(drawings, directory).failed

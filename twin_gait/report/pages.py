@@ -17,6 +17,7 @@ from twin_gait import __version__
 from twin_gait.templates import templates_in
 
 TEMPLATES = Path(__file__).with_name("templates")
+FIGURES_FOLDER = "figures"  # folder of the pictures inside of a folder of results
 
 
 @cache

@@ -39,9 +39,9 @@ _FORCE_PANELS = (
 
 def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     """Draw the mean cycle of every joint with its range and the reference; None without strides."""
-    records = run.leg_records()
-    if any(len(shown_strides(record)) == 0 for record in records):
+    if not canvas.has_cycles(run):
         return None
+    records = run.leg_records()
     entry = f"entry into {canvas.readable(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
     sheet = Sheet(run, f"Gait cycle from {beginning}", (width, 7.5))
@@ -76,7 +76,7 @@ def _draw_healthy(sheet: Sheet, axes: Axes, cycle: np.ndarray, source: str) -> N
 def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     """Draw the force of the ground over the mean cycle beside a healthy one; None without strides."""
     records, walkway = run.leg_records(), run.walkway
-    if walkway is None or any(len(shown_strides(record)) == 0 for record in records):
+    if walkway is None or not canvas.has_cycles(run):
         return None
     sheet = Sheet(run, "Force of the ground over the gait cycle", (width, 9.5))
     healthy = reference_ground_force(run.experiment)

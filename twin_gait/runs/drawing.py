@@ -1,7 +1,7 @@
 """Pictures of a run drawn by a process of its own, beside all else that a command does.
 
-It is started before there is a run, so that matplotlib is imported while the run is simulated. Not a thread,
-because drawing holds the interpreter's lock.
+It is started before anything else, so that both processes import their modules at the same time. Not a
+thread, because drawing holds the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from functools import partial
 from importlib import import_module
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,7 +28,10 @@ LARGEST_LOG = 2**28  # [bytes] that are handed over; the process holds it twice 
 
 @contextlib.contextmanager
 def drawing_beside(*, wanted: bool = True) -> Iterator[Executor | None]:
-    """A process that can draw; None where none is wanted, and on a machine with one processor."""
+    """Start a process that can draw; None where none is wanted, and on a machine with one processor.
+
+    It is killed if the command fails, so that nobody waits for its imports after a mistake in an argument.
+    """
     if not wanted or (os.cpu_count() or 1) == 1:
         yield None
         return
@@ -36,21 +39,27 @@ def drawing_beside(*, wanted: bool = True) -> Iterator[Executor | None]:
     with ProcessPoolExecutor(1, get_context("spawn"), initializer=gc.disable) as pool:
         # Ctrl-C reaches every process of a terminal, and only this one knows what to do about it.
         heeded = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        before = active_children()
         pool.submit(import_module, "twin_gait.report.figures")
         signal.signal(signal.SIGINT, heeded)
-        yield pool
+        try:
+            yield pool
+        except BaseException:
+            for process in set(active_children()).difference(before):
+                process.kill()
+            raise
 
 
 def draw(run: Run, folder: Path) -> dict[str, str]:
-    """Draw the pictures of a run into a folder.
+    """Draw the first figures of a run into a folder.
 
     Returns the reason of each picture that could not be drawn, by name; that of all of them under
     ``figures``.
     """
     try:
-        from twin_gait.report.figures import write_figures
+        from twin_gait.report.figures import first_figures, write_figures
 
-        return write_figures(run, folder)
+        return write_figures(run, folder, first_figures(run))
     except Exception as error:  # matplotlib cannot be imported, for example
         return {folder.name: reason_of(error)}
 

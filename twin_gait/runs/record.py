@@ -27,6 +27,7 @@ from twin_gait.files import (
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.report.failures import failed_pictures, reason_of
+from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.runs.drawing import begin_drawing
 from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
 from twin_gait.runs.own_files import files_of, store_files
@@ -41,7 +42,6 @@ EXPERIMENT_FILE = "experiment.yaml"
 LOG_FILE = "log.parquet"
 SWITCHES_FILE = "transitions.csv"
 SUMMARY_FILE = "summary.json"
-FIGURES_FOLDER = "figures"
 ANIMATION_FILE = "animation.html"
 RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
 
@@ -106,8 +106,8 @@ def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool
     """Write a run directory, as ``twin-gait simulate`` does.
 
     ``run``: the run. ``folder``: the directory to make; it appears when all in it is written. ``pictures``:
-    whether to draw figures and animation. ``force``: whether an existing run directory may be replaced.
-    Returns the directory. Raises RunDirectoryError if it exists, or cannot be written.
+    whether to draw the first figures and the animation. ``force``: whether an existing run directory may be
+    replaced. Returns the directory. Raises RunDirectoryError if it exists, or cannot be written.
     """
     target = Path(folder).expanduser()
     with staged_directory(target, RUN_DIRECTORY, force=force) as staging:

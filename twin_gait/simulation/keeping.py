@@ -10,10 +10,12 @@ import contextlib
 import ctypes
 import hashlib
 import hmac
+import logging
 import os
 import platform
 import secrets
 import tempfile
+import time
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
@@ -25,12 +27,14 @@ from llvmlite import binding
 
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
+from twin_gait.simulation.compile_notes import Compilation, Pattern, compile_text, pattern_of, read_records
 
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
 Loop = Callable[..., int]
 OnCompile: TypeAlias = Callable[[], None] | None  # what is called if a loop has to be compiled first
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
+KEY_DIGITS = 24
 # What a compiled loop is made of or made by, in this package; folders stand for all their modules.
 _LAWS = "../core", "../control", "../worlds/arm_policy", "../worlds/bench_control"
 SOURCES = *_LAWS, "../kernels", "../gait/signals", "../gait/table", "../network/messages", "."
@@ -115,15 +119,22 @@ def _home(variable: str, folder: str) -> Path:
 
 @lru_cache(maxsize=8)
 def source_key(what: str) -> str:
-    """Hash over what is compiled and every source, package and processor that it may depend on."""
-    digest = hashlib.sha256(what.encode() + _content())
+    """Return the key of a loop: a hash over its pattern and all that :func:`_sources` hashes."""
+    key = hashlib.sha256(what.encode() + _sources()).hexdigest()[:KEY_DIGITS]
+    _patterns[key] = pattern_of(what)
+    return key
+
+
+def _sources() -> bytes:
+    """Return a hash over every source, package and processor that compiled code may depend on."""
+    digest = hashlib.sha256(_content())
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
     # This processor, and what numba is told to compile for in place of it.
     told = [os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES")]
     here = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
     digest.update(repr((platform.python_version(), platform.machine(), *told, *here)).encode())
-    return digest.hexdigest()[:24]
+    return digest.digest()
 
 
 @lru_cache(maxsize=1)
@@ -203,6 +214,7 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Loop
     return call
 
 
+_patterns: dict[str, Pattern] = {}  # by key
 # What this process has loaded or compiled; all episodes of a batch mostly share one loop.
 _loops: dict[tuple[str, tuple[Any, ...]], Loop] = {}
 
@@ -216,7 +228,8 @@ def kept_loop(
     that they depend on are unknown.
 
     ``key``: from :func:`twin_gait.simulation.keeping.source_key`. ``make``: compiles it.
-    ``on_compile``: called if it has to be compiled, which takes 10 to 20 s. ``own``: functions of the user's.
+    ``on_compile``: called if it has to be compiled; without it the logger ``twin_gait`` warns of the wait.
+    ``own``: functions of the user's.
     """
     if (key, own) not in _loops:
         path = None if own else _path_of(key)
@@ -226,12 +239,35 @@ def kept_loop(
         else:
             if on_compile is not None:
                 on_compile()
+            else:
+                logging.getLogger("twin_gait").warning(_announcement(key, own=bool(own)))
+            started = time.perf_counter()
             compiled = make()
             if compiled.code is not None and path is not None:
                 # Two processes may do this at once: the file is put in place in one step, both are as good.
                 write_code(path, compiled.code)
+                _write_record(path, key, time.perf_counter() - started)
             _loops[key, own] = compiled.function
     return _loops[key, own]
+
+
+def _announcement(key: str, *, own: bool) -> str:
+    """Return the line that announces a compilation, by the records of kept loops."""
+    folder = cache_folder()
+    records = [] if folder is None else read_records(map(read_own, folder.glob("twin_gait_*.json")))
+    return compile_text(_pattern(key), _sources().hex(), records, own=own)
+
+
+def _write_record(path: Path, key: str, seconds: float) -> None:
+    """Write the record of a compilation next to the file of a loop, where that is possible."""
+    kind, flags = _pattern(key)
+    record = Compilation(kind, flags, _sources().hex(), round(seconds, 3))
+    with contextlib.suppress(RunDirectoryError):
+        write_atomically(path.with_suffix(".json"), record.to_json())
+
+
+def _pattern(key: str) -> Pattern:
+    return _patterns.get(key, Pattern("", {}))
 
 
 def is_kept(key: str) -> bool:

@@ -15,6 +15,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.measures import KILOMETRES_PER_HOUR
 from twin_gait.report.canvas import write_pictures
 from twin_gait.report.failures import failed_pictures
+from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.report.tune import drawings_of, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
@@ -25,7 +26,7 @@ from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
 from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, standing, table_of, walker
 from twin_gait.studies.workers import Workers
 
-TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
+TABLE_FILE, OUTCOME_FILE, REPORT_FILE = "table.yaml", "tune.json", "report.html"
 OUTCOME_VERSION = 1
 TUNING = FolderKind("a tuning", OUTCOME_FILE)
 _REFERENCE = "Koopman et al. (2014) at {:.3g} km/h, from foot contact to foot contact"

@@ -1,0 +1,112 @@
+"""Announcement of a compilation: reason, expected time from records, logger or callback."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+
+import pytest
+
+from twin_gait.simulation import keeping
+from twin_gait.simulation.compile_notes import Compilation, compile_text, pattern_of, read_records
+from twin_gait.simulation.keeping import CACHE_VARIABLE, CompiledLoop, kept_loop, source_key
+
+WALK = (
+    "run_at ('dtype', {'LEGS': 2, 'SHIFT': 0, 'SUPERVISED': False, 'WITH_FRICTION': (0, 1), 'FAULTY': False})"
+)
+BRACES = WALK.replace("'SHIFT': 0", "'SHIFT': 7").replace("'SUPERVISED': False", "'SUPERVISED': True")
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    monkeypatch.setattr(keeping, "_loops", {})
+    return tmp_path / "cache"
+
+
+def make() -> CompiledLoop:
+    return CompiledLoop(lambda *_: 0, b"name\ncode")
+
+
+def logged(caplog: pytest.LogCaptureFixture) -> list[str]:
+    found = [item.getMessage() for item in caplog.records if item.name == "twin_gait"]
+    caplog.clear()
+    return found
+
+
+def test_each_compilation_is_logged_once_with_its_reason_and_the_measured_time(
+    cache: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING, "twin_gait")
+    for _ in range(2):
+        kept_loop(source_key(WALK), make, None)
+    assert logged(caplog) == ["compiling the engine (first use on this machine)"]
+    (record,) = cache.glob("*.json")
+    document = json.loads(record.read_text())
+    assert 0.0 < document["seconds"] < 60.0 and document["flags"]["LEGS"] == "2"
+    record.write_text(json.dumps({**document, "seconds": 12.4}))
+    kept_loop(source_key(BRACES), make, None)
+    assert logged(caplog) == ["compiling the engine (new combination: braces, modes; about 12 s)"]
+    assert len(list(cache.glob("*.json"))) == len(list(cache.glob("*.loop"))) == 2
+
+
+def test_a_callback_takes_the_place_of_the_log(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
+    seen: list[int] = []
+    kept_loop(source_key(WALK), make, lambda: seen.append(1))
+    assert seen == [1] and logged(caplog) == []
+
+
+def test_a_compilation_that_fails_leaves_no_record(cache: Path) -> None:
+    def fail() -> CompiledLoop:
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        kept_loop(source_key(WALK), fail, None)
+    assert not list(cache.glob("*"))
+
+
+def test_functions_of_the_user_are_neither_kept_nor_recorded(
+    cache: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    kept_loop(source_key(WALK), make, None, own=(make,))
+    assert logged(caplog) == ["compiling the engine (a controller of your own is compiled in each process)"]
+    assert not list(cache.glob("*"))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (BRACES, "new combination: braces, modes; about 10 s"),
+        (WALK.replace("'SHIFT': 0", "'SHIFT': 7"), "new combination: braces; about 10 s"),
+        (BRACES.replace("'LEGS': 2", "'LEGS': 1"), "new combination: one leg, braces, modes; about 10 s"),
+        (WALK.replace("'FAULTY': False", "'NEW_FLAG': 1"), "new combination: new flag; about 10 s"),
+        (WALK.replace("'dtype'", "'other'"), "new combination: model or log columns; about 10 s"),
+        (WALK.replace("run_at", "in lanes"), "first use on this machine"),
+    ],
+)
+def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> None:
+    walk = pattern_of(WALK)
+    stairs = {**walk.flags, "LEGS": "3", "SLOPED": "True", "SHIFT": "9"}
+    records = [Compilation("run_at", stairs, "now", 30.0), Compilation("run_at", walk.flags, "now", 8.0)]
+    records.append(Compilation("run_at", walk.flags, "old", 10.0))
+    assert f"({expected})" in compile_text(pattern_of(text), "now", records, own=False)
+
+
+def test_an_absent_feature_and_other_sources_are_named() -> None:
+    braces = Compilation("run_at", pattern_of(BRACES).flags, "now", 8.0)
+    assert "no braces, no modes; about 8 s" in compile_text(pattern_of(WALK), "now", [braces], own=False)
+    changed = compile_text(pattern_of(WALK), "later", [braces], own=False)
+    assert changed == "compiling the engine (the program, a library or the processor has changed; about 8 s)"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [None, b"", b"[]", b"{}", b"\xff", b'{"kind": "a", "flags": {}, "sources": "", "seconds": "x"}',
+     b'{"kind": "a", "flags": {}, "sources": "", "seconds": NaN}',
+     b'{"kind": "a", "flags": [], "sources": "", "seconds": 1}'],
+)  # fmt: skip
+def test_a_file_that_is_no_record_counts_for_nothing(content: bytes | None) -> None:
+    whole = Compilation("a", {}, "", 1.0)
+    assert read_records([content, whole.to_json().encode()]) == [whole]

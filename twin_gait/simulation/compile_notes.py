@@ -1,0 +1,126 @@
+"""Texts on compilations: what is new in a loop, and the time that earlier compilations took.
+
+A record lies next to each kept loop, with the build flags that it was compiled for and its compile time.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
+from typing import NamedTuple
+
+MOST_WORDS = 5  # of a combination
+_FLAG = re.compile(r"'([A-Z][A-Z0-9_]*)': (-?\d+|True|False|\([\d, ]*\))")
+_OFF = {"False", "0", "-1", "()"}
+_KINDS = {
+    "run_at": "the engine",
+    "in lanes": "the engine for many runs at once",
+    "run_part": "the plant for a controller of your own",
+    "bench": "the joint bench",
+}
+# Build flags in words; a flag that is not listed is written as it is named.
+_WORDS = {
+    "SHIFT": "braces", "SUPERVISED": "modes", "NETWORKED": "network", "CENTRAL": "impedance over the network",
+    "CONTROLLED": "control mode other than impedance", "OTHER_LAWS": "LuGre or asymmetric friction",
+    "WITH_FRICTION": "other joints with friction",
+    "ANKLES": "ankles", "CRUTCHES": "crutches", "SEATED": "chair", "FAULTY": "faults",
+    "WEARER": "moments of the wearer", "DELAYED": "delayed commands", "SLOPED": "slope",
+    "INERTIAL": "inertial unit", "INERTIA_WANTED": "inertia compensation", "RK4": "Runge-Kutta integration",
+    "PELVIS": "moving pelvis", "FORWARD": "fore-aft motion", "PITCH": "free trunk",
+    "POINTS_PER_FOOT": "ground contact",
+}  # fmt: skip
+_COUNTS = {
+    ("LEGS", "1"): "one leg", ("LEGS", "2"): "two legs",
+    ("JOINTS_PER_LEG", "2"): "no powered ankle", ("JOINTS_PER_LEG", "3"): "powered ankle",
+}  # fmt: skip
+
+
+class Pattern(NamedTuple):
+    """Kind of a loop and the build flags that it is compiled for, as text."""
+
+    kind: str
+    flags: Mapping[str, str]
+
+
+class Compilation(NamedTuple):
+    """Record of a compilation whose result is kept."""
+
+    kind: str
+    flags: Mapping[str, str]
+    sources: str  # hash of all sources, packages and the processor
+    seconds: float  # compile time in [s]
+
+    def to_json(self) -> str:
+        """Return the record as JSON."""
+        return json.dumps(self._asdict())
+
+
+def pattern_of(text: str) -> Pattern:
+    """Return the kind and the build flags that are in the text under which a loop is kept."""
+    kind = re.match(r"[a-z_ ]*", text)
+    return Pattern(kind[0].strip() if kind else "", dict(_FLAG.findall(text)))
+
+
+def read_records(contents: Iterable[bytes | None]) -> list[Compilation]:
+    """Return the records among the contents of files; files that hold no record are left out."""
+    found = []
+    for content in contents:
+        try:
+            record = Compilation(**json.loads(content or b""))
+            seconds = float(record.seconds)
+            if 0.0 < seconds < float("inf") and isinstance(record.flags, dict):
+                found.append(record._replace(seconds=seconds))
+        except (ValueError, TypeError):
+            continue
+    return found
+
+
+def compile_text(pattern: Pattern, sources: str, records: Sequence[Compilation], *, own: bool) -> str:
+    """Return the line that announces a compilation.
+
+    Args:
+        pattern: The loop that is compiled.
+        sources: Hash of all sources, packages and the processor.
+        records: Compilations whose results are kept.
+        own: Whether the loop contains functions of the user's.
+
+    Returns:
+        What is compiled, why, and the expected time: the median of earlier compilations of this kind.
+    """
+    alike = [item for item in records if item.kind == pattern.kind]
+    current = [item for item in alike if item.sources == sources]
+    if own:
+        reason = "a controller of your own is compiled in each process"
+    elif current:
+        nearest = min(current, key=lambda item: len(_differing(pattern, item)))
+        words = _differing(pattern, nearest) or ["model or log columns"]
+        more = f" and {len(words) - MOST_WORDS} more" if len(words) > MOST_WORDS else ""
+        reason = f"new combination: {', '.join(words[:MOST_WORDS])}{more}"
+    elif alike:
+        reason = "the program, a library or the processor has changed"
+    else:
+        reason = "first use on this machine"
+    expected = f"; about {median(item.seconds for item in alike):.0f} s" if alike else ""
+    return f"compiling {_KINDS.get(pattern.kind, 'a loop')} ({reason}{expected})"
+
+
+def _differing(pattern: Pattern, other: Compilation) -> list[str]:
+    """Return the build flags of a pattern that differ from those of a compilation, in words."""
+    return [
+        _in_words(name, pattern.flags.get(name, "0"))
+        for name in dict.fromkeys((*pattern.flags, *other.flags))
+        if _value(pattern.flags, name) != _value(other.flags, name)
+    ]
+
+
+def _value(flags: Mapping[str, str], name: str) -> str:
+    """Return the value of a flag; a flag that is off equals one that does not exist."""
+    value = flags.get(name, "0")
+    return "0" if value in _OFF else value
+
+
+def _in_words(name: str, value: str) -> str:
+    if (name, value) in _COUNTS:
+        return _COUNTS[name, value]
+    word = _WORDS.get(name, name.lower().replace("_", " "))
+    return f"no {word}" if value in _OFF else word
