@@ -10,16 +10,7 @@ from twin_gait.control.gait_controller import (
     write_signals,
 )
 from twin_gait.control.supervisor import NO_POSTURE
-from twin_gait.core.guards import (
-    NO_TRANSITION,
-    OP_COMPARE,
-    OP_PHASE,
-    is_above,
-    is_among,
-    is_due,
-    joined,
-    least_ticks_of,
-)
+from twin_gait.core.guards import NO_TRANSITION, count_open_ticks, evaluate_node
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import each, lanes, switch_row
 
@@ -56,9 +47,10 @@ def choose_modes(e: Episode, tick: int) -> None:
 
 
 def advance(e: Episode, number: int, tick: int) -> None:
-    """Choose the transition that a leg takes now: :func:`twin_gait.core.guards.next_transition` node by node.
+    """Choose the transition that each episode's leg takes now.
 
-    The reference engine asks its machine instead.
+    This is :func:`twin_gait.core.guards.next_transition` with the loop over the episodes innermost. The
+    reference engine replaces it by its state machine.
     """
     occupied, program = 0, e.controller.program
     for one in lanes(e):
@@ -71,42 +63,25 @@ def advance(e: Episode, number: int, tick: int) -> None:
             for one in lanes(e):
                 one.controller.legs[number].results = 0
             for node in range(rule.first_node, rule.end_node):
-                _evaluate(e, number, node)
-            least_ticks = least_ticks_of(program, index)
+                for one in lanes(e):
+                    _evaluate(one, number, node)
             for one in lanes(e):
-                _count(one, number, index, rule.source, rule.debounce_ticks, least_ticks)
+                _count(one, number, index)
 
 
-def _evaluate(e: Episode, number: int, index: int) -> None:
-    """One step of :func:`twin_gait.core.guards.guard_holds`."""
-    node = e.controller.program.nodes[index]
-    operation, operand = node.operation, node.operand
-    if operation == OP_COMPARE:
-        comparison = e.controller.program.comparisons[operand]
-        first, second = comparison.signal_a, comparison.signal_b
-        for one in lanes(e):
-            leg, own = one.controller.legs[number], one.controller.program.comparisons[operand]
-            signals = one.controller.signals
-            leg.results = (leg.results << 1) | is_above(own, signals[first], signals[second])
-    elif operation == OP_PHASE:
-        for one in lanes(e):
-            leg = one.controller.legs[number]
-            other = one.controller.legs[LEGS - 1 - number].before if LEGS == 2 else -1
-            leg.results = (leg.results << 1) | is_among(operand, other)
-    else:
-        for one in lanes(e):
-            leg = one.controller.legs[number]
-            leg.results = joined(leg.results, operation, operand)
+def _evaluate(one: Episode, number: int, node: int) -> None:
+    """Evaluate one node of a guard of a leg."""
+    controller, leg = one.controller, one.controller.legs[number]
+    other = controller.legs[LEGS - 1 - number].before if LEGS == 2 else -1
+    leg.results = evaluate_node(controller.program, node, controller.signals, other, leg.results)
 
 
-def _count(one: Episode, number: int, index: int, source: int, debounce_ticks: int, least_ticks: int) -> None:
-    """Count the ticks in which a transition's guard has been open; choose it if it is the first one due."""
-    leg = one.controller.legs[number]
-    is_open = leg.before == source and (leg.results & 1) == 1 and one.controller.trip.tick < 0
-    open_ticks = leg.debounce[index] + 1 if is_open else 0
-    leg.debounce[index] = open_ticks
-    due = is_open and is_due(open_ticks, debounce_ticks, leg.ticks, least_ticks)
-    leg.chosen = index if due and leg.chosen == NO_TRANSITION else leg.chosen
+def _count(one: Episode, number: int, index: int) -> None:
+    """Count the ticks for which a transition's guard has been open, and choose it if it is due."""
+    controller, leg = one.controller, one.controller.legs[number]
+    source = controller.program.transitions[index].source
+    is_open = leg.before == source and (leg.results & 1) == 1 and controller.trip.tick < 0
+    leg.chosen = count_open_ticks(controller.program, index, is_open, leg.ticks, leg.debounce, leg.chosen)
 
 
 def _blend(e: Episode, number: int, tick: int) -> None:
