@@ -2,8 +2,8 @@
 
 In a tick of 1 ms it takes what the boards of the joints (:mod:`twin_gait.control.joint_board`) and the soles
 report, watches it, runs the state machine of each leg, fades into the parameters of a new phase, computes the
-weight of the legs, and tells every board what it wants. The rooms of the simulation's tick call these
-functions, and the C firmware is printed from them.
+weight of the legs, and tells every board what it wants. The simulation and the C firmware run these functions
+in the order of :mod:`twin_gait.control.device_schedule`.
 """
 
 from dataclasses import dataclass, field
@@ -304,6 +304,16 @@ def estimate_acceleration(controller: ControllerState, rates: Rates, number: int
     rate = (joint.measurement.velocity - joint.measurement.last_velocity) / rates.period
     joint.rate = first_order_step(joint.rate, rate, rates.fast_gain)
     controller.model.a[joint.control_place] = joint.rate
+
+
+def control_gravity(q: list[float], bodies: list[float], gravity: float, torque: list[float]) -> None:
+    """Compute the gravity torques of the controller's model into ``torque``; replaced by the kernel."""
+    raise NotImplementedError
+
+
+def control_inertia(q: list[float], a: list[float], bodies: list[float], torque: list[float]) -> None:
+    """Compute the inertia torques of the model, armature included, likewise."""
+    raise NotImplementedError
 
 
 def controller_tick(memory: object, device: ControllerState, tick: int, period: float) -> None:

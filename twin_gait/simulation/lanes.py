@@ -27,8 +27,8 @@ from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, rows_at
-from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
 
 
