@@ -56,7 +56,7 @@ class GuardProgram:
     minimum_ticks: list[int]  # A phase is not left before so many ticks of 1 [ms], one for each phase.
     transitions: list[TransitionRule]  # In the order of the table, which is their priority.
     nodes: list[GuardNode]  # Of all guards, each in postfix order.
-    comparisons: list[Comparison]  # Of all guards.
+    comparisons: list[Comparison]  # Of all guards, at least one.
 
 
 def guard_holds(
