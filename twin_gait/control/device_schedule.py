@@ -11,8 +11,6 @@ from twin_gait.control.gait_controller import (
     ControllerState,
     begin_tick,
     change_demands,
-    control_gravity,
-    control_inertia,
     demand,
     enter_phase,
     estimate_acceleration,
@@ -51,6 +49,16 @@ from twin_gait.core.schedule import joints, legs, one_by_one, rare, some, when
 FLAGS = {
     name: getattr(gait_controller, name) for name in ("LEGS", "INERTIA_WANTED", "CONTROLLED", "SUPERVISED")
 }
+
+
+def control_gravity(q: list[float], bodies: list[float], gravity: float, torque: list[float]) -> None:
+    """Compute the gravity torques of the controller's model into ``torque``; replaced by the kernel."""
+    raise NotImplementedError
+
+
+def control_inertia(q: list[float], a: list[float], bodies: list[float], torque: list[float]) -> None:
+    """Compute the inertia torques of the model, armature included, likewise."""
+    raise NotImplementedError
 
 
 def measure_position(board: BoardState, rates: Rates, reading: float, tick: int) -> None:

@@ -306,16 +306,6 @@ def estimate_acceleration(controller: ControllerState, rates: Rates, number: int
     controller.model.a[joint.control_place] = joint.rate
 
 
-def control_gravity(q: list[float], bodies: list[float], gravity: float, torque: list[float]) -> None:
-    """Compute the gravity torques of the controller's model into ``torque``; replaced by the kernel."""
-    raise NotImplementedError
-
-
-def control_inertia(q: list[float], a: list[float], bodies: list[float], torque: list[float]) -> None:
-    """Compute the inertia torques of the model, armature included, likewise."""
-    raise NotImplementedError
-
-
 def controller_tick(memory: object, device: ControllerState, tick: int, period: float) -> None:
     """What the controller does in a tick, see :class:`twin_gait.control.controller.Controller`."""
     raise NotImplementedError
