@@ -39,8 +39,7 @@ def scalar_driver(
     """Return the function that runs a schedule for one episode.
 
     ``result``: test whose result it returns. ``head``: its arguments. ``module`` and ``says``: module and
-    docstring of the function. Raises ValueError for a condition or step
-    that ``names`` does not cover.
+    docstring of the function. Raises ValueError for a condition or step that ``names`` does not cover.
     """
     writer = _Writer(names)
     lines = list(writer.scalar(schedule, "    ", "e"))
