@@ -116,10 +116,10 @@ def commands(_: str) -> str:
 
     parser = build_parser()
     pieces = []
-    for group in parser._action_groups[:-1]:
-        pieces.append(f"## {str(group.title)[:1].upper()}{str(group.title)[1:]}")
-        for action in group._group_actions:
-            pieces += _command(f"twin-gait {action.dest}", _choices(parser)[action.dest], "###")
+    for title, group in parser.groups.items():
+        pieces.append(f"## {title[:1].upper()}{title[1:]}")
+        for name in group:
+            pieces += _command(f"twin-gait {name}", _choices(parser)[name], "###")
     return "\n\n".join(pieces)
 
 

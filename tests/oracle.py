@@ -1,6 +1,6 @@
 """The loop written a second time, on purpose: numpy laws, ``transitions`` and ``pin.aba``.
 
-It shares data with the package (URDF, gait table, parameters) and none of its rooms, records of an episode
+It shares data with the package (URDF, gait table, parameters) and none of its steps, records of an episode
 or laws, so that the engines can be held to it. It knows ideal sensors, the thesis's controller and no safety
 monitor; the contact law is the package's own formula, written for arrays.
 """

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from twin_gait.cli.program import OneLineParser, build_parser
+from twin_gait.cli.program import ProgramParser, build_parser
 
 ROOT = Path(__file__).parent.parent
 # What a build of the site leaves among the pages.
@@ -88,12 +88,12 @@ def test_every_page_is_in_a_table_of_contents():
 
 
 @cache
-def parser() -> OneLineParser:
+def parser() -> ProgramParser:
     return build_parser()
 
 
 def known_commands() -> set[str]:
-    return {action.dest for group in parser()._action_groups[:-1] for action in group._group_actions}
+    return {name for commands in parser().groups.values() for name in commands}
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -13,8 +13,9 @@ from peers.scenarios import Case
 from peers.timing import Implementation
 
 from twin_gait import simulate
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
-from twin_gait.simulation.lane_engine import WIDTH, LaneEngine
+from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
@@ -55,7 +56,7 @@ class EngineSession:
 
 
 class PlainSession:
-    """The rooms of the compiled engine over the same kernel, as plain Python, without a log."""
+    """The steps of the compiled engine over the same kernel, as plain Python, without a log."""
 
     def __init__(self, case: Case, ticks: int) -> None:
         """Lay the problem out."""

@@ -16,7 +16,7 @@ from peers.scenarios import RK4, Case
 from peers.timing import Implementation
 
 from twin_gait.leg_model.bodies import contact_points
-from twin_gait.simulation.lane_engine import WIDTH
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.problem import Problem, build_problem
 
 # Springs that hold the legs up while nothing controls them, as stiff as a phase of stance.

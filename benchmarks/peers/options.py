@@ -11,7 +11,7 @@ from peers.mujoco_peers import BareSession, RolloutSession, StateBatchSession, d
 from peers.scenarios import Case
 from peers.timing import speed_ratio, time_in_turn
 
-from twin_gait.simulation.lane_engine import WIDTH
+from twin_gait.simulation.block import WIDTH
 
 Change = Callable[[mujoco.MjModel], None]
 SAME_MOTION = 1e-12  # [rad]

@@ -1,9 +1,9 @@
 """The best walk that motors, body and belt allow: optimal control of half a symmetric stride.
 
 States are the coordinates of the plant and their velocities, the torques of the motors are linear between the
-ends of the intervals; Radau collocation of three points (order 5) on intervals of equal length. What is
-integrated is the engine's own room over casadi's symbols. Friction, contact and stops are smooth or smoothed
-by :data:`SMOOTH`, so that ipopt has second derivatives.
+ends of the intervals; Radau collocation of three points (order 5) on intervals of equal length. The function
+that is integrated is the engine's own over casadi's symbols (:mod:`floor.plant`). Friction, contact and stops
+are smooth or smoothed by :data:`SMOOTH`, so that ipopt has second derivatives.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from floor.plant import equations_of_motion
 
 from twin_gait import JointName, Run, Side
 from twin_gait.control import Controller, Plan
@@ -28,7 +29,7 @@ from twin_gait.core import (
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK
 from twin_gait.measures import CONTACT_FORCE, leg_record, reference_curve, reference_cycle_time
-from twin_gait.simulation import Problem, build_problem, engine_of, equations_of_motion
+from twin_gait.simulation import Problem, build_problem, engine_of
 
 try:
     import casadi as ca

@@ -21,8 +21,9 @@ from peers.timing import (
     without_avx512,
 )
 
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.lane_engine import FEWEST, WIDTH
+from twin_gait.simulation.lane_engine import FEWEST
 
 # Rounding of 1e-16 rad in other orders of additions; a switch one tick late would move an angle by 1e-4.
 SAME_MOTION = 1e-10  # [rad]

@@ -41,13 +41,12 @@ def test_help_has_at_most_seventeen_commands_in_groups_each_on_one_line(monkeypa
     parser = build_parser()
     shown = parser.format_help()
     assert list(GROUPS) == list(COMMANDS)
-    groups = {group.title: group._group_actions for group in parser._action_groups[:-1]}
-    assert {title: [item.dest for item in group] for title, group in groups.items()} == COMMANDS
+    assert {title: list(commands) for title, commands in parser.groups.items()} == COMMANDS
     assert sum(map(len, COMMANDS.values())) <= 17
-    for title, group in groups.items():
+    for title, commands in parser.groups.items():
         assert f"\n{title}:\n" in shown
-        for item in group:
-            assert f"  {item.dest:<20}  {item.help}\n" in shown
+        for name, text in commands.items():
+            assert f"  {name:<20}  {text}\n" in shown
 
 
 def test_options_of_one_name_mean_the_same_everywhere():

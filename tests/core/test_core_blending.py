@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
+from twin_gait.control import gait_controller
+from twin_gait.control.device_schedule import is_fading, take_transition
 from twin_gait.core.blending import (
     BLEND_LINEAR,
     BLEND_MINIMUM_JERK,
@@ -24,7 +26,6 @@ from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied
-from twin_gait.simulation.rooms import phases
 
 LAWS = [BLEND_NONE, BLEND_LINEAR, BLEND_MINIMUM_JERK]
 FADING = [BLEND_LINEAR, BLEND_MINIMUM_JERK]
@@ -127,10 +128,10 @@ def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int
     rows = []
     for tick in range(ticks):
         if tick in switches:
-            transition = switches.index(tick) + 1
-            target = e.controller.program.transitions[transition].target
-            phases._enter(e, 0, tick, target, transition)
-        phases._blend(e, 0, tick)
+            e.controller.legs[0].chosen = switches.index(tick) + 1
+            take_transition(e.controller, 0, tick)
+        if is_fading(e.controller.legs[0], tick):
+            gait_controller.fade(e.controller, e.rates, 0, tick)
         rows.append(parameters(e))
     assert parameters(e, 1) == parameters(legs, 1)  # the other leg is left alone
     return np.array(rows)

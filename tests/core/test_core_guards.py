@@ -169,3 +169,16 @@ def test_entries_past_the_number_of_transitions_mean_nothing() -> None:
     program.n_transitions = 1
     assert next_transition(program, 0, 2, signals, -1, debounce) == NO_TRANSITION
     assert debounce == [0, 1, 0]
+
+
+def test_a_table_whose_guards_compare_nothing_is_evaluated():
+    """Every node reads a comparison, so that a program has at least one."""
+    both = (
+        transition("stance", "swing", PhaseMembership(phases=("stance",))),
+        transition("swing", "stance", AnyOf(guards=(PhaseMembership(phases=("swing",)),))),
+    )
+    program = compile_guards(two_phase_table(transitions=both))
+    signals = [0.0] * len(NAMES)
+    assert next_transition(program, 0, 100, signals, 0, [0, 0]) == 0
+    assert next_transition(program, 0, 100, signals, 1, [0, 0]) == NO_TRANSITION
+    assert next_transition(program, 1, 100, signals, 1, [0, 0]) == 1

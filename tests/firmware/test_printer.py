@@ -18,7 +18,7 @@ from printed_library import Library
 
 from twin_gait import load_experiment
 from twin_gait.configuration.gait_table_file import load_gait_table
-from twin_gait.control import gait_controller, joint_board
+from twin_gait.control import device_schedule, gait_controller, joint_board
 from twin_gait.core import elementary
 from twin_gait.core.actuator import Motor
 from twin_gait.core.blending import blend_share
@@ -36,7 +36,6 @@ from twin_gait.core.safety import NO_TRIP, Bounds, Watched, watch_joint
 from twin_gait.firmware import Program, TranslationUnit, print_units, units
 from twin_gait.gait.program import compile_guards
 from twin_gait.kernels.generated import write_control_gravity, write_side_by_side
-from twin_gait.simulation import interface
 from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.problem import build_problem
@@ -234,6 +233,9 @@ class Device(NamedTuple):
 
 
 CALLED = {"sine_cosine": elementary.sine_cosine}
+# Without those of the kernel and of the supervisor.
+ELSEWHERE = "control_gravity", "control_inertia", "compute_gravity", "compute_inertia", "take_posture"
+DEVICE_STEPS = [item for item in functions_of(device_schedule) if item.__name__ not in ELSEWHERE]
 
 
 @pytest.fixture(scope="module")
@@ -243,7 +245,7 @@ def device() -> Device:
     structure = {**constants, **problem.controller.functions()}
     text = write_control_gravity(kernel[2], kernel[3])
     text = "\n\n".join([*write_side_by_side(text), text])
-    controlling = [*functions_of(gait_controller), interface.control_gravity]
+    controlling = [*functions_of(gait_controller), *DEVICE_STEPS, device_schedule.control_gravity]
     parts = [
         TranslationUnit("joint_board", functions_of(joint_board), {"left_hip": episode.joints[0].board}),
         TranslationUnit("gait_controller", controlling, {"controller": episode.controller}),
@@ -260,7 +262,7 @@ def device_library(device) -> Library:
 
 @pytest.mark.parametrize(
     "function",
-    [*functions_of(joint_board), *functions_of(gait_controller)],
+    [*functions_of(joint_board), *functions_of(gait_controller), *DEVICE_STEPS],
     ids=lambda function: function.__name__,
 )
 def test_functions_of_board_and_gait_controller(device, device_library, function):
@@ -271,6 +273,7 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
         "board": episode.joints[0].board,
         "controller": episode.controller,
         "joint": episode.controller.joints[1],
+        "leg": episode.controller.legs[0],
         "rates": episode.rates,
         "limits": episode.limits,
         "heard": episode.controller.common,

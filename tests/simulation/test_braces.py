@@ -35,7 +35,7 @@ from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.rooms.motion import integrate
+from twin_gait.simulation.stages.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bracing import carries

@@ -341,7 +341,7 @@ def test_an_edit_of_any_source_is_another_key(tmp_path, monkeypatch):
     monkeypatch.setattr(keeping, "__file__", str(tmp_path / "simulation" / "keeping.py"))
     package = Path(twin_gait.__file__).parent
     keys = set()
-    for edited in (None, "core/impedance.py", "simulation/rooms/tick.py", "control/gait_controller.py"):
+    for edited in (None, "core/impedance.py", "simulation/stages/motion.py", "control/gait_controller.py"):
         shutil.copytree(package, tmp_path, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
         if edited is not None:
             (tmp_path / edited).write_text((package / edited).read_text() + "\n")
@@ -430,7 +430,7 @@ TRIED = [
 
 
 @pytest.mark.parametrize("case", TRIED)
-def test_uncompiled_rooms_over_the_generated_kernel_give_the_same_log_bit_for_bit(case):
+def test_uncompiled_steps_over_the_generated_kernel_give_the_same_log_bit_for_bit(case):
     """Short, for plain Python is slow and a bit that differs shows at once."""
     name, *changes = case
     problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)

@@ -27,7 +27,7 @@ from twin_gait.simulation.log import state_columns, work_sources
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.record import copied
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.rooms.motion import integrate
+from twin_gait.simulation.stages.motion import integrate
 from twin_gait.vocabulary import JointName, Side
 
 GRAVITY = 9.81

@@ -16,7 +16,7 @@ from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.rooms.motion import integrate
+from twin_gait.simulation.stages.motion import integrate
 
 pytest.importorskip("mujoco")
 
@@ -32,7 +32,7 @@ TICKS = 2000
 
 
 def started(high: float, *changes: str) -> tuple[Problem, Episode, Callable[[Episode, int], None]]:
-    """The rooms of the motion over Pinocchio's dynamics, without drives; a body high above the floor."""
+    """The motion over Pinocchio's dynamics, without drives; a body high above the floor."""
     settings = ["sensors.ideal=true", "integration={method: semi_implicit_euler, step_ms: 0.25}", *changes]
     problem = build_problem(load_experiment("overground", settings).experiment)
     _, e, structure = laid_out(problem)

@@ -19,7 +19,7 @@ from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied
-from twin_gait.simulation.rooms.motion import acceleration, integrate
+from twin_gait.simulation.stages.motion import acceleration, integrate
 
 # A lightly damped pair of coupled oscillators: q̈ = −K q − B q̇.
 STIFFNESS = np.array([[30.0, -8.0], [-8.0, 20.0]])
@@ -64,7 +64,7 @@ def evaluated_and_integrated(e: Episode, tick: int) -> None:
 
 
 def stepping(law: Law, *, rk4: bool, **names: Any) -> Callable[[Episode, int], None]:
-    """The rooms of the motion on dynamics of one's own."""
+    """The motion on dynamics of one's own."""
 
     def dynamics(
         q: list[float],

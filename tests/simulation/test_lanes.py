@@ -22,21 +22,14 @@ from twin_gait.control import Controller
 from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import bind
+from twin_gait.simulation.block import SHARED, WIDTH, shared_words, side_by_side, word_of
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
 from twin_gait.simulation.compiling import ON_BITS, compile_loop, compiled_in, jit
-from twin_gait.simulation.lane_engine import (
-    FEWEST,
-    SHARED,
-    WIDTH,
-    LaneEngine,
-    kind_of,
-    shared_words,
-    side_by_side,
-    word_of,
-)
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, kind_of
 from twin_gait.simulation.lanes import InLanes, bound_in_lanes
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.schedule import IN_LANES
 from twin_gait.simulation.views import LanesView
 
 EULER = "integration={method: semi_implicit_euler, step_ms: %s}"
@@ -552,6 +545,6 @@ def bench_and_treadmill() -> dict[str, Problem]:
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
     engine = CompiledEngine(bench_and_treadmill()[name])
     rows = len(engine.layout.names), engine.noise.shape[1]
-    names = {**bound_to(engine), **bound_in_lanes(engine.store.dtype, *rows)}
+    names = {**bound_to(engine), **IN_LANES, **bound_in_lanes(engine.store.dtype, *rows)}
     compile_loop(run_at, names, pipeline=InLanes)
     assert capfd.readouterr().err == ""

@@ -1,4 +1,4 @@
-"""Every cause of a trip in the rooms of a tick: at which tick, at which bound, and which one is kept."""
+"""Every cause of a trip in the steps of a tick: at which tick, at which bound, and which one is kept."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
+from twin_gait.control import device_schedule as device
 from twin_gait.control.joint_board import BoardState
 from twin_gait.core import safety
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
 from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.executors import scalar_driver
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied, dtype_of, stored
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.rooms.commands import control
-from twin_gait.simulation.rooms.monitor import watch, watch_drives
-from twin_gait.simulation.rooms.network import tell
+from twin_gait.simulation.schedule import HEAR, NAMES
 
 JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
@@ -152,13 +152,8 @@ def laid(treadmill):
     return e, structure
 
 
-def watched(e: Episode, tick: int) -> None:
-    watch_drives(e)
-    tell(e, tick)
-    watch(e, tick)
-
-
-watched.__module__ = "twin_gait.tests"  # what it calls is bound, too
+watched = scalar_driver("watched", (device.WATCH_DRIVES, *HEAR, device.WATCH), NAMES)
+control = scalar_driver("control", device.COMMAND, NAMES)
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The rooms over MuJoCo's dynamics against the compiled engine: one loop, other rigid bodies."""
+"""The steps of a tick over MuJoCo's dynamics against the compiled engine: one loop, other rigid bodies."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def problem_of(preset: str, *changes: str) -> Problem:
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
-def test_the_rooms_over_mujoco_give_the_log_of_the_compiled_engine(case):
+def test_the_steps_over_mujoco_give_the_log_of_the_compiled_engine(case):
     problem = problem_of(*case)
     compiled = CompiledEngine(problem)
     ours, theirs = compiled.run(), ReferenceEngine(problem, kernel=MujocoKernel(problem).functions).run()

@@ -1,4 +1,4 @@
-"""The compiled engine against a loop that shares none of its rooms, records or laws with it."""
+"""The compiled engine against a loop that shares none of its steps, records or laws with it."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ def test_the_reference_engine_agrees_with_the_compiled_one(settings):
     assert_near(compiled.run(), ReferenceEngine(laid_out).run(), 1e-7)
 
 
-def test_the_rooms_over_mujoco_give_the_log_of_the_compiled_engine():
+def test_the_steps_over_mujoco_give_the_log_of_the_compiled_engine():
     pytest.importorskip("mujoco")
     from mujoco_kernel import MujocoKernel  # needs MuJoCo
 

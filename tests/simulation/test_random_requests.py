@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 
 from twin_gait import Experiment, load_experiment, simulate
-from twin_gait.control import TripCause
+from twin_gait.control import TripCause, device_schedule
 from twin_gait.control.gait_controller import trip_on_causes
 from twin_gait.control.supervisor import choose_mode
 from twin_gait.core.inertial import follow_pitch, trunk_specific_force
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.executors import scalar_driver
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.rooms.phases import choose_modes, decide
+from twin_gait.simulation.schedule import NAMES
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import FaultKind
 
@@ -82,9 +83,10 @@ class Device:
     def __init__(self, experiment: Experiment) -> None:
         problem = build_problem(experiment)
         engine = self.engine = ReferenceEngine(problem)
-        names = (engine.log_row, engine.switch_row, engine.noise_row, engine.advance)
+        names = (engine.log_row, engine.switch_row, engine.noise_row, engine.choose_transition)
         bound = {**laid_out(problem)[2], **{item.__name__: item for item in names}}
-        self.choose, self.decide = bind(choose_modes, bound), bind(decide, bound)
+        parts = ("choose", device_schedule.SUPERVISE), ("decide", device_schedule.WALK)
+        self.choose, self.decide = (bind(scalar_driver(name, (part,), NAMES), bound) for name, part in parts)
         self.modes, self.table = experiment.modes, problem.table
         self.fresh = copy.deepcopy((engine.episode, engine.machines))
 

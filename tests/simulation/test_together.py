@@ -19,7 +19,8 @@ from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import keeping, simulator
-from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine
+from twin_gait.simulation.block import WIDTH
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
 from twin_gait.simulation.simulator import (
     FEWEST_IN_ALL,
     MOST_TICKS,

@@ -4,7 +4,9 @@ import argparse
 import contextlib
 import gc
 import os
+import shutil
 import sys
+import textwrap
 import traceback
 from collections.abc import Sequence
 from importlib import import_module
@@ -30,6 +32,8 @@ GROUPS = {
 COLLECT_AFTER = 50_000
 NO_HOME = "Could not determine home directory."  # pathlib's words, which raises nothing more special
 
+_ABOUT = "Gait simulation of the TWIN leg exoskeleton. Not a medical device."
+
 
 class OneLineParser(argparse.ArgumentParser):
     """Parser whose errors are one line with the way out."""
@@ -54,25 +58,61 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(terminal.BAD_INPUT, f"twin-gait: {message}; see '{self.prog} --help'\n")
 
 
-def build_parser() -> OneLineParser:
+class ProgramParser(OneLineParser):
+    """Parser of the program, whose help shows the commands in groups.
+
+    Attributes:
+        groups: Help of each command by group and name.
+    """
+
+    def __init__(self) -> None:
+        """Add the options of the program and the commands of :data:`GROUPS`."""
+        self.groups: dict[str, dict[str, str]] = {}
+        indent = " " * len("usage: twin-gait ")
+        shells = ",".join(shtab.SUPPORTED_SHELLS)
+        super().__init__(
+            prog="twin-gait",
+            usage=f"%(prog)s [-h] [--debug] [--version]\n{indent}[--print-completion {{{shells}}}]\n"
+            f"{indent}COMMAND ...",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        self.add_argument("--version", action="version", version=f"twin-gait {__version__}")
+        shtab.add_argument_to(self, help="print the completion script of a shell")
+        self._commands = self.add_subparsers(
+            dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND", prog=self.prog
+        )
+        for title, modules in GROUPS.items():
+            self.groups[title] = {}
+            for name in modules:
+                import_module(f"twin_gait.cli.{name}").add_parser(self)
+
+    def add_parser(self, name: str, *, help: str, **options: Any) -> argparse.ArgumentParser:
+        """Add a command to the last group; parameters of the method of a sub-parsers action."""
+        self.groups[next(reversed(self.groups))][name] = help
+        return self._commands.add_parser(name, help=help, **options)
+
+    def format_help(self) -> str:
+        """Return the help with the commands in groups, then the options of the program itself."""
+        width, listed = shutil.get_terminal_size().columns - 2, self._commands.help
+        shown: list[str] = []
+        for title, commands in self.groups.items():
+            lines = [f"{title}:"]
+            for name, text in commands.items():
+                lines += textwrap.wrap(
+                    text, width, initial_indent=f"  {name:<22}", subsequent_indent=" " * 24
+                )
+            shown.append("\n".join(lines))
+        self.description = "\n\n".join([textwrap.fill(_ABOUT, width), *shown])
+        self._commands.help = argparse.SUPPRESS
+        try:
+            return super().format_help()
+        finally:
+            self._commands.help = listed
+
+
+def build_parser() -> ProgramParser:
     """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
-    text = "Gait simulation of the TWIN leg exoskeleton. Not a medical device."
-    parser = OneLineParser(prog="twin-gait", description=text)
-    parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
-    shtab.add_argument_to(parser, help="print the completion script of a shell")
-    commands = parser.add_subparsers(
-        dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
-    )
-    # The help shows the commands in groups, then the options of the program itself.
-    positionals, program_options = parser._action_groups
-    positionals._group_actions.clear()
-    for title, modules in GROUPS.items():
-        before = len(commands._choices_actions)
-        for name in modules:
-            import_module(f"twin_gait.cli.{name}").add_parser(commands)
-        parser.add_argument_group(title)._group_actions = [*commands._choices_actions[before:]]
-    parser._action_groups = [*parser._action_groups[2:], program_options]
-    return parser
+    return ProgramParser()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

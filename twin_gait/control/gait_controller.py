@@ -2,8 +2,8 @@
 
 In a tick of 1 ms it takes what the boards of the joints (:mod:`twin_gait.control.joint_board`) and the soles
 report, watches it, runs the state machine of each leg, fades into the parameters of a new phase, computes the
-weight of the legs, and tells every board what it wants. The rooms of the simulation's tick call these
-functions, and the C firmware is printed from them.
+weight of the legs, and tells every board what it wants. The simulation and the C firmware run these functions
+in the order of :mod:`twin_gait.control.device_schedule`.
 """
 
 from dataclasses import dataclass, field

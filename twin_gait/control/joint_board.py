@@ -1,7 +1,8 @@
 """The board of a joint: what its firmware does in a tick of 1 ms, between encoder, gait controller and drive.
 
 The device has one for each joint, and one gait controller (:mod:`twin_gait.control.gait_controller`) for all
-of them. The rooms of the simulation's tick call these functions, and the C firmware is printed from them.
+of them. The simulation and the C firmware run these functions in the order of
+:mod:`twin_gait.control.device_schedule`.
 """
 
 from dataclasses import dataclass, field

@@ -12,6 +12,7 @@ from .belt import belt_speed as belt_speed
 from .belt import treadmill_speed as treadmill_speed
 from .blending import blend as blend
 from .blending import blend_share as blend_share
+from .contact import Point as Point
 from .contact import contact_friction_force as contact_friction_force
 from .contact import contact_normal_force as contact_normal_force
 from .contact import ground_contact_force as ground_contact_force

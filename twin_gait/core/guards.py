@@ -56,7 +56,7 @@ class GuardProgram:
     minimum_ticks: list[int]  # A phase is not left before so many ticks of 1 [ms], one for each phase.
     transitions: list[TransitionRule]  # In the order of the table, which is their priority.
     nodes: list[GuardNode]  # Of all guards, each in postfix order.
-    comparisons: list[Comparison]  # Of all guards.
+    comparisons: list[Comparison]  # Of all guards, at least one.
 
 
 def guard_holds(
@@ -70,16 +70,27 @@ def guard_holds(
     """
     results = 0
     for index in range(first, end):
-        node = program.nodes[index]
-        if node.operation == OP_COMPARE:
-            comparison = program.comparisons[node.operand]
-            first_signal, second_signal = signals[comparison.signal_a], signals[comparison.signal_b]
-            results = (results << 1) | is_above(comparison, first_signal, second_signal)
-        elif node.operation == OP_PHASE:
-            results = (results << 1) | is_among(node.operand, other_phase)
-        else:
-            results = joined(results, node.operation, node.operand)
+        results = evaluate_node(program, index, signals, other_phase, results)
     return (results & 1) == 1
+
+
+def evaluate_node(
+    program: GuardProgram, index: int, signals: Sequence[float], other_phase: int, results: int
+) -> int:
+    """Evaluate one node of a guard on the stack ``results``, and return the new stack.
+
+    Fields of the program are read before any branch: in lanes they are the same for all episodes, and LLVM
+    moves no conditional read out of a loop. The operand of a node that is no comparison is no index.
+    """
+    node = program.nodes[index]
+    operation, operand = node.operation, node.operand
+    comparison = program.comparisons[operand if operation == OP_COMPARE else 0]
+    first, second = signals[comparison.signal_a], signals[comparison.signal_b]
+    if operation == OP_COMPARE:
+        return (results << 1) | is_above(comparison, first, second)
+    if operation == OP_PHASE:
+        return (results << 1) | is_among(operand, other_phase)
+    return joined(results, operation, operand)
 
 
 def is_above(comparison: Comparison, first: float, second: float) -> bool:
@@ -133,15 +144,24 @@ def next_transition(
     ``ticks_in_phase``: 0 in the tick of entry. ``signals`` and ``other_phase`` (at the start of the tick): as
     in :func:`guard_holds`. ``debounce``: counters of this leg, one for each transition; changed in place.
     """
-    chosen = NO_TRANSITION
-    for index in range(program.n_transitions):
+    chosen, transitions = NO_TRANSITION, program.n_transitions
+    for index in range(transitions):
         rule = program.transitions[index]
         first, end = rule.first_node, rule.end_node
-        if rule.source == phase and guard_holds(program, first, end, signals, other_phase):
-            debounce[index] += 1
-            due = is_due(debounce[index], rule.debounce_ticks, ticks_in_phase, least_ticks_of(program, index))
-            if due and chosen == NO_TRANSITION:
-                chosen = index
-        else:
-            debounce[index] = 0
+        is_open = rule.source == phase and guard_holds(program, first, end, signals, other_phase)
+        chosen = count_open_ticks(program, index, is_open, ticks_in_phase, debounce, chosen)
     return chosen
+
+
+def count_open_ticks(
+    program: GuardProgram, index: int, is_open: bool, ticks_in_phase: int, debounce: list[int], chosen: int
+) -> int:
+    """Count the ticks for which the guard of a transition has been open, in ``debounce``.
+
+    Returns this transition if it is the first one that is due, else ``chosen``.
+    """
+    debounce_ticks, least_ticks = program.transitions[index].debounce_ticks, least_ticks_of(program, index)
+    open_ticks = debounce[index] + 1 if is_open else 0
+    debounce[index] = open_ticks
+    due = is_open and is_due(open_ticks, debounce_ticks, ticks_in_phase, least_ticks)
+    return index if due and chosen == NO_TRANSITION else chosen

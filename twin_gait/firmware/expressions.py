@@ -1,24 +1,32 @@
 """Expressions: of what kind they are, what they change, and how C says them, in the order of Python."""
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
+from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.kinds import BOOL, INT, REAL, SCALARS, Kind, ListKind, Scalar, joined
 from twin_gait.firmware.layout import TAKEN, identifier
 from twin_gait.firmware.source import Source
-
-if TYPE_CHECKING:
-    from twin_gait.firmware.function import Function, Functions
-
-# How strongly operators bind in C; what is stronger needs no brackets.
-PRIMARY, UNARY, PRODUCT, SUM, SHIFT, RELATION, EQUALITY, BIT_AND, BIT_XOR, BIT_OR, AND, OR, CHOICE = range(
-    13, 0, -1
+from twin_gait.firmware.values import (
+    AND,
+    BIT_AND,
+    BIT_OR,
+    BIT_XOR,
+    CHOICE,
+    EQUALITY,
+    OR,
+    PRIMARY,
+    PRODUCT,
+    RELATION,
+    SHIFT,
+    SUM,
+    UNARY,
+    Value,
+    number,
 )
+
 # In C, how strongly it binds, and what it takes. C divides whole numbers otherwise: functions of real.h.
 OPERATORS: dict[type[ast.operator], tuple[str, int, tuple[Scalar, ...]]] = {
     ast.Add: ("+", SUM, (INT, REAL)),
@@ -47,46 +55,6 @@ RELATIONS: dict[type[ast.cmpop], tuple[str, int]] = {
     ast.NotEq: ("!=", EQUALITY),
 }
 BUILT_IN = {"abs": 1, "max": 2, "min": 2, "len": 1, "float": 1, "int": 1}  # arguments by name
-
-
-@dataclass(frozen=True, slots=True)
-class Value:
-    """An expression in C."""
-
-    kind: Kind
-    text: str
-    binds: int = PRIMARY  # how strongly its last operator does
-    # Of a record or a list: whether the text is its address, the name that leads to it, and the fields (None
-    # for entries) on the way.
-    is_address: bool = False
-    name: str = ""
-    fields: tuple[tuple[type, str] | None, ...] = ()
-
-    def inside(self, binds: int) -> str:
-        """As an operand, in brackets where they are needed."""
-        return self.text if self.binds >= binds else f"({self.text})"
-
-    def in_kind(self, wanted: Kind) -> Value:
-        """As a number of a kind that holds it; of a record or a list the address."""
-        if not isinstance(self.kind, Scalar):
-            direct = self.is_address or isinstance(self.kind, ListKind)
-            return replace(self, text=self.text if direct else f"&{self.text}", binds=UNARY)
-        if wanted is not REAL or self.kind is REAL:
-            return self
-        return replace(self, kind=REAL, text=f"(real){self.inside(UNARY)}", binds=UNARY)
-
-
-def number(value: bool | int | float, kind: Scalar) -> str:
-    """A literal."""
-    if kind is BOOL:
-        return "true" if value else "false"
-    if kind is INT:
-        return str(int(value))
-    value = float(value)
-    if math.isnan(value):
-        return "NAN"
-    sign = "-" if math.copysign(1.0, value) < 0.0 else ""
-    return f"{sign}INFINITY" if math.isinf(value) else f"{sign}REAL({abs(value)!r})"
 
 
 class Expressions:

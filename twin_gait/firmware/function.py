@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from twin_gait.firmware.expressions import Value
 from twin_gait.firmware.kinds import SCALARS, Kind, Shapes, joined, kind_of_hint
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.source import Source, Sources
-from twin_gait.firmware.statements import Statements
+from twin_gait.firmware.values import Value
 
 ELEMENTARY = "twin_gait.core.elementary"
 # These look at bits; real.h has them.
@@ -59,9 +58,11 @@ class Functions:
         mutable: Fields that hold records or lists and lead to something that is written from here or outside.
     """
 
-    def __init__(self, sources: Sources, shapes: Shapes) -> None:
-        """Begin with none."""
-        self.sources, self.shapes = sources, shapes
+    def __init__(
+        self, sources: Sources, shapes: Shapes, read: Callable[[Functions, Function], object]
+    ) -> None:
+        """Begin with none; ``read`` goes through the statements of a function and notes all about it."""
+        self.sources, self.shapes, self._read = sources, shapes, read
         self.order: list[Function] = []
         self.used: set[tuple[type, str]] = set()
         self.mutable: set[tuple[type, str]] = set()
@@ -93,7 +94,7 @@ class Functions:
             if (source.module, source.name) not in BY_HAND:
                 self._open.append(source)
                 # What it writes is known behind its last line only: it is printed another time.
-                Statements(self, known).definition(exported=False)
+                self._read(self, known)
                 self._open.pop()
                 self.order.append(known)
         # Of other kinds than in the calls before, or a list of another length where that matters.

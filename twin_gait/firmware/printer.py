@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import twin_gait
 from twin_gait.core.elementary_single import SINGLE
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import ELEMENTARY, Function, Functions
 from twin_gait.firmware.kinds import SCALARS, Shapes
 from twin_gait.firmware.layout import TAKEN, comment, identifier, wrapped
 from twin_gait.firmware.records import Records, Tables
 from twin_gait.firmware.source import Sources
 from twin_gait.firmware.statements import Statements, result_struct
+from twin_gait.firmware.values import number
 
 
 class TranslationUnit(NamedTuple):
@@ -63,7 +63,7 @@ def print_units(
         FirmwareError: If something cannot be printed; it names function, line and construct.
     """
     samples = [item for unit in units for item in unit.samples.values()]
-    functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]))
+    functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]), _read)
     entries = {unit.name: [functions.entry(sources.of(item)) for item in unit.entries] for unit in units}
     every = [item for found in entries.values() for item in found]
     outside = Shapes(shapes).fields.items()  # all of these may be written there
@@ -83,6 +83,11 @@ def print_units(
     texts = {name: "\n".join([*first, "", *lines, ""]) for name, lines in body.items()}
     real = (files("twin_gait.firmware") / "include" / "real.h").read_text()
     return Program({"real.h": real, **texts}, source_hash, records, every)
+
+
+def _read(functions: Functions, function: Function) -> None:
+    """Go through the statements of a function, which notes what it calls, reads and writes."""
+    Statements(functions, function).definition(exported=False)
 
 
 def _files_of(unit: TranslationUnit, entries: Sequence[Function], records: Records) -> dict[str, list[str]]:

@@ -12,9 +12,9 @@ import numpy as np
 from twin_gait.docstrings import summary_of
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import kinds
-from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, identifier, wrapped
+from twin_gait.firmware.values import number
 from twin_gait.simulation.problem import NEVER
 
 

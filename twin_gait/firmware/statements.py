@@ -1,18 +1,14 @@
 """Functions in C, statement by statement; every name is declared where the narrowest block needs it."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from twin_gait.firmware.expressions import Expressions, Value
+from twin_gait.firmware.expressions import Expressions
+from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, type_name
 from twin_gait.firmware.layout import INDENT, TAKEN, comment, identifier, wrapped
-
-if TYPE_CHECKING:
-    from twin_gait.firmware.function import Function, Functions
+from twin_gait.firmware.values import Value
 
 
 class Statements(Expressions):

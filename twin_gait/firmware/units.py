@@ -1,39 +1,21 @@
-"""What the units of the firmware do in a tick of 1 ms: a joint's board, the gait controller, and both as one.
+"""The units of the firmware, which are printed as C: a joint's board, the gait controller, and both as one.
 
-They say in which order the functions of :mod:`twin_gait.control.joint_board` and
-:mod:`twin_gait.control.gait_controller` are called; the rooms of the simulation's tick do the same for many
-episodes at once (:mod:`twin_gait.simulation.rooms.tick`), with sensors, bus and motors in between. These
-functions are printed as C. A step takes a unit with its inputs, and changes unit and outputs in place.
+The order of the device in a tick of 1 ms is that of :mod:`twin_gait.control.device_schedule`, which the
+simulation runs, too (:mod:`twin_gait.simulation.schedule`). A step takes a unit with its inputs, and changes
+unit and outputs in place.
 """
 
 from dataclasses import dataclass, field
 
+from twin_gait.control import device_schedule as device
 from twin_gait.control.gait_controller import (
-    CONTROLLED,
-    INERTIA_WANTED,
-    LEGS,
     SUPERVISED,
     ControllerState,
     Device,
-    begin_tick,
-    change_demands,
     demand,
-    enter_phase,
-    estimate_acceleration,
-    fade,
-    has_cause,
     hear_board,
     hear_device,
     hear_load,
-    pose,
-    sent_to,
-    supervise,
-    trip,
-    trip_on_causes,
-    wants_gravity,
-    watch_leg,
-    watch_supply,
-    write_signals,
 )
 from twin_gait.control.joint_board import (
     BoardState,
@@ -42,26 +24,18 @@ from twin_gait.control.joint_board import (
     Limits,
     Measurement,
     Rates,
-    ask,
-    check,
     copy_command,
     copy_demand,
     copy_measurement,
-    demand_rest,
     hear,
-    model_friction,
     note_drive,
     obey,
     report,
     set_current,
-    sum_up,
-    watch_drive,
 )
-from twin_gait.control.supervisor import NO_POSTURE, NO_REQUEST
-from twin_gait.core.control_tick import measure_angle, sample_slowly
-from twin_gait.core.guards import NO_TRANSITION, next_transition
+from twin_gait.control.supervisor import NO_REQUEST
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.simulation.interface import control_gravity, control_inertia
+from twin_gait.simulation.executors import Names, scalar_driver
 
 
 @dataclass(slots=True)
@@ -116,18 +90,10 @@ def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointB
     unit.tick += 1
 
 
-def measure(board: BoardState, settings: Settings, inputs: JointBoardInputs, tick: int) -> None:
-    """First half of a board's tick: encoder, velocities, friction model, monitor."""
+def note_last_drive(board: BoardState, inputs: JointBoardInputs, tick: int) -> None:
+    """Note for the monitor what the drive did in the tick before."""
     if tick > 0:
         note_drive(board, inputs.voltage, inputs.current, inputs.current_deviation)
-    rates = settings.rates
-    measure_angle(board.encoder, tick == 0, inputs.angle, rates.period, rates.fast_gain)
-    if tick % rates.decimation == 0:
-        if tick > 0:
-            sample_slowly(board.encoder, tick // rates.decimation, rates.decimation * rates.period)
-        model_friction(board)
-    if settings.watching:
-        watch_drive(board, rates)
 
 
 @dataclass(slots=True)
@@ -180,21 +146,6 @@ class GaitController:
     tick: int = 0  # Present one.
 
 
-def decide(controller: ControllerState, settings: Settings, inputs: Surroundings, tick: int) -> None:
-    """Watch, run both state machines, fade, and compute what is fed forward."""
-    listen(controller, inputs, tick)
-    if settings.watching:
-        watch(controller, settings.limits, tick)
-    if SUPERVISED:
-        choose_modes(controller, settings.rates, tick)
-    if controller.trip.tick < 0:
-        walk(controller, settings.rates, tick)
-    feed_forward(controller, settings.rates)
-    if CONTROLLED:
-        if controller.trip.tick < 0:
-            change_demands(controller, settings.rates, tick)
-
-
 def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None:
     """Take loads, voltage and what is heard of the device as a whole."""
     for number in range(len(controller.legs)):
@@ -205,56 +156,6 @@ def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None
         controller.supervisor.request = inputs.request
     else:
         hear_device(controller, inputs.common, tick)
-
-
-def watch(controller: ControllerState, limits: Limits, tick: int) -> None:
-    """Let the monitor look at supply, phases, feet and what the boards have found."""
-    watch_supply(controller)
-    for number in range(len(controller.legs)):
-        watch_leg(controller, limits, number, tick)
-    if has_cause(controller):
-        trip_on_causes(controller, tick)
-
-
-def choose_modes(controller: ControllerState, rates: Rates, tick: int) -> None:
-    """Let the supervisor choose the mode, and send the legs into its posture."""
-    supervise(controller, rates, tick)
-    for number in range(LEGS):
-        posture = sent_to(controller, number)
-        if posture != NO_POSTURE:
-            enter_phase(controller, number, posture, tick)
-
-
-def walk(controller: ControllerState, rates: Rates, tick: int) -> None:
-    """Advance both legs on one snapshot, then blend their parameters."""
-    legs, signals = controller.legs, controller.signals
-    for number in range(LEGS):
-        begin_tick(controller, number, tick)
-    for number in range(LEGS):
-        leg, other_phase = legs[number], -1
-        write_signals(controller, rates, number)
-        if LEGS == 2:
-            other_phase = legs[1 - number].before
-        leg.chosen = next_transition(
-            controller.program, leg.before, leg.ticks, signals, other_phase, leg.debounce
-        )
-        if leg.chosen != NO_TRANSITION:
-            enter_phase(controller, number, controller.program.transitions[leg.chosen].target, tick)
-    for number in range(LEGS):
-        fade(controller, rates, number, tick)
-
-
-def feed_forward(controller: ControllerState, rates: Rates) -> None:
-    """Gravity and inertia torques of the model, where a share of them is wanted."""
-    model = controller.model
-    if wants_gravity(controller):
-        for number in range(len(controller.joints)):
-            pose(controller, number)
-        control_gravity(model.q, model.bodies, model.gravity, model.gravity_torque)
-    if INERTIA_WANTED:
-        for number in range(len(controller.joints)):
-            estimate_acceleration(controller, rates, number)
-        control_inertia(model.q, model.a, model.bodies, model.inertia_torque)
 
 
 def tell(controller: ControllerState, decision: Decision) -> None:
@@ -281,7 +182,8 @@ def gait_controller_step(
         else:
             measured.last_angle, measured.last_velocity = measured.angle, measured.velocity
         hear_board(controller, settings.limits, number, inputs.heard[number])
-    decide(controller, settings, inputs.surroundings, unit.tick)
+    listen(controller, inputs.surroundings, unit.tick)
+    decide(controller, settings, unit.tick)
     for number in range(len(controller.joints)):
         demand(controller, settings.limits, number, unit.tick)
         copy_demand(controller.joints[number].demand, outputs.demands[number])
@@ -322,7 +224,8 @@ def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: Exos
     for number in range(len(unit.boards)):
         measure(unit.boards[number], settings, inputs.boards[number], tick)
         report(unit.boards[number], controller.joints[number].measurement)
-    decide(controller, settings, inputs.surroundings, tick)
+    listen(controller, inputs.surroundings, tick)
+    decide(controller, settings, tick)
     for number in range(len(unit.boards)):
         drive(unit.boards[number], controller, settings, number, tick)
         copy_demand(unit.boards[number].demand, outputs.demands[number])
@@ -331,17 +234,42 @@ def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: Exos
     unit.tick += 1
 
 
-def drive(board: BoardState, controller: ControllerState, settings: Settings, number: int, tick: int) -> None:
-    """Set the current of a joint; of a wild command the gait controller hears at once."""
-    joint, limits = controller.joints[number], settings.limits
-    demand(controller, limits, number, tick)
-    copy_demand(joint.demand, board.demand)
-    ask(board)
-    check(board, settings.watching)
-    if board.command.cause != NO_TRIP:  # what was asked was a walk, whose weight is not carried in this tick
-        trip(controller, tick, board.command.cause, number)
-        demand_rest(joint.demand, limits, joint.hold_angle, 0.0, 0.0)
-        copy_demand(joint.demand, board.demand)
-        ask(board)
-        sum_up(board)
-    set_current(board, limits, board.command.torque)
+# ------------------------------------------------------------------ parts in the order of the device
+
+_NAMES = Names(
+    arguments={
+        **{name: name for name in ("board", "controller", "inputs", "number", "tick")},
+        "reading": "inputs.angle",
+        **{name: f"settings.{name}" for name in ("rates", "limits", "watching")},
+        "leg": "controller.legs[number]",
+    },
+    counts={"joints": "len(controller.joints)", "legs": "len(controller.legs)"},
+    fields={"tick": "tick", "decimation": "settings.rates.decimation", "watching": "settings.watching"},
+    flags=device.FLAGS,
+)
+_ONE_JOINT = _NAMES._replace(counts={"joints": ""})
+
+measure = scalar_driver(
+    "measure",
+    (note_last_drive, *device.MEASURE, device.WATCH_DRIVES),
+    _ONE_JOINT,
+    head="(board, settings, inputs, tick)",
+    module=__name__,
+    says="First half of a board's tick: encoder, velocities, friction model, monitor.",
+)
+decide = scalar_driver(
+    "decide",
+    device.DECIDE,
+    _NAMES,
+    head="(controller, settings, tick)",
+    module=__name__,
+    says="Watch, run both state machines, fade, and compute the torques that are fed forward.",
+)
+drive = scalar_driver(
+    "drive",
+    device.COMMAND,
+    _ONE_JOINT,
+    head="(board, controller, settings, number, tick)",
+    module=__name__,
+    says="Set the current of a joint; an implausible command trips at once.",
+)

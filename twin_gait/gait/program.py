@@ -33,6 +33,8 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
             )
         )
     minimum_ticks = [item.minimum_ticks for item in table.phases.values()]
+    if not comparisons:  # the evaluator reads one for every node
+        comparisons.append(guards.Comparison(0, 0, 0.0, 0.0, 0.0))
     return guards.GuardProgram(len(rules), minimum_ticks, rules, nodes, comparisons)
 
 

@@ -1,7 +1,7 @@
 """The signals that guards read, each declared once.
 
 A further one is declared here; the gait controller keeps and writes it
-(:mod:`twin_gait.control.gait_controller`), and a room of the tick measures it. Grammar, check, test kit,
+(:mod:`twin_gait.control.gait_controller`), and a step of the tick measures it. Grammar, check, test kit,
 diagram, replay and firmware go by the declaration.
 """
 

@@ -1,6 +1,6 @@
 """Rigid-body dynamics by Pinocchio behind the interface of the generated kernels.
 
-It shares the laws of :mod:`twin_gait.core` and the rooms of a tick with the compiled engine, not the
+It shares the laws of :mod:`twin_gait.core` and the steps of a tick with the compiled engine, not the
 dynamics, and so is what that one is checked against.
 """
 

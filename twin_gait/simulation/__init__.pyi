@@ -2,11 +2,13 @@ from .bench_joint.episode import LOG_COLUMNS as LOG_COLUMNS
 from .bench_joint.episode import BenchVariation as BenchVariation
 from .bench_joint.loop import BenchRun as BenchRun
 from .bench_joint.loop import simulate_bench as simulate_bench
+from .binding import bind as bind
+from .compiled_engine import bound_kernel as bound_kernel
+from .compiled_engine import laid_out as laid_out
 from .problem import Problem as Problem
 from .problem import build_problem as build_problem
 from .run import Run as Run
 from .run import RunStatus as RunStatus
 from .simulator import engine_of as engine_of
 from .simulator import simulate as simulate
-from .symbolic import Motion as Motion
-from .symbolic import equations_of_motion as equations_of_motion
+from .stages.motion import acceleration as acceleration

@@ -1,6 +1,6 @@
 """Give plain functions other globals, all the way down.
 
-The rooms of a loop name what they stand on: structure, kernel, rows. Bound, every function that a loop calls
+The steps of a loop name what they stand on: structure, kernel, rows. Bound, every function that a loop calls
 is a copy whose globals of these names are the real ones. Compiled, a branch on a constant that is 0 or False
 is never typed; uncompiled, the same functions are plain Python. No text is rewritten.
 """

@@ -1,6 +1,6 @@
-"""The engine that runs the rooms of a tick compiled, over a kernel written for the structure of the model."""
+"""The engine that runs the steps of a tick compiled, over a kernel written for the structure of the model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -17,14 +17,14 @@ from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import stored
-from twin_gait.simulation.rooms.tick import act, run_ticks, sense
+from twin_gait.simulation.schedule import act, run_ticks, sense
 from twin_gait.simulation.structure import Structure, structure_of
 
 _FLOAT = np.dtype(float)
 
 
 def run_at(address: int, first: int, end: int) -> int:
-    """:func:`~twin_gait.simulation.rooms.tick.run_ticks` of the episode at an address."""
+    """:func:`~twin_gait.simulation.schedule.run_ticks` of the episode at an address."""
     return run_ticks(episode_at(address), first, end)
 
 
@@ -157,9 +157,12 @@ def text_of(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def bound_kernel(bodies: KernelBodies) -> dict[str, Any]:
-    """Functions of the generated kernel of some bodies by name, to be bound."""
-    called = {item.name: item.function for item in SIDE_BY_SIDE}
+def bound_kernel(bodies: KernelBodies, laws: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
+    """Return the functions of the generated kernel of some bodies by name, to be bound.
+
+    ``laws``: functions in place of those of ``core`` that the kernel calls, by their names.
+    """
+    called = {item.name: laws.get(item.name, item.function) for item in SIDE_BY_SIDE}
     return kernel_functions(write_kernel(bodies), called)
 
 

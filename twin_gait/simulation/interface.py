@@ -1,6 +1,6 @@
 """What a loop is bound to beside the structure of an episode: a rigid-body kernel, and rows behind addresses.
 
-The rooms import these names; :mod:`twin_gait.simulation.binding` puts the real ones in their place.
+The steps import these names; :mod:`twin_gait.simulation.binding` puts the real ones in their place.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,16 +38,6 @@ def observe(
     q: list[float], v: list[float], a: list[float], bodies: list[float], gravity: float, points: list[Point]
 ) -> tuple[float, float, float, float]:
     """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guides."""
-    raise NotImplementedError
-
-
-def control_gravity(q: list[float], bodies: list[float], gravity: float, torque: list[float]) -> None:
-    """Gravity torques of the controller's model; ``torque`` is changed in place."""
-    raise NotImplementedError
-
-
-def control_inertia(q: list[float], a: list[float], bodies: list[float], torque: list[float]) -> None:
-    """Inertia torques of the controller's model, armature included; ``torque`` is changed in place."""
     raise NotImplementedError
 
 

@@ -1,9 +1,9 @@
 """Where compiled code is kept, and under which key.
 
 Whatever is compiled is kept under a hash over every source that it depends on: the generated kernel, all of
-core, the rooms, the versions of numba, llvmlite, numpy and Python, and the processor. An edit of any of them
-is used by the next run. Code is loaded only from the user's own files, and only if a seal with the user's
-secret says that this program wrote them. Nothing here needs the compiler.
+core, the stages of a tick, the versions of numba, llvmlite, numpy and Python, and the processor. An edit of
+any of them is used by the next run. Code is loaded only from the user's own files, and only if a seal with
+the user's secret says that this program wrote them. Nothing here needs the compiler.
 """
 
 import contextlib

@@ -7,29 +7,17 @@ as a copy of another one's, which changes nothing. With few left the rest run al
 
 import time
 from collections.abc import Hashable, Sequence
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
+from twin_gait.simulation.block import WIDTH, shared_words, side_by_side, word_of
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
 from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, is_kept, kept_loop, source_key
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.schedule import IN_LANES
 
-# With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
-WIDTH = 32
-# Fields that the lanes of a block have in common and no tick changes, after the field that their record
-# stands in: where something is, which law it has, and what the whole tick goes by.
-SHARED = frozenset(
-    "episode.step episode.substeps episode.watching episode.ankles episode.passive rates.period "
-    "rates.decimation rates.blend_law recording.on recording.log recording.first_row effort_line.delay "
-    "joints.place joints.control_place limbs.place encoder.window friction.law imposed_motion.place "
-    "program.n_transitions program.minimum_ticks nodes.operation nodes.operand comparisons.signal_a "
-    "comparisons.signal_b transitions.source transitions.target transitions.first_node "
-    "transitions.end_node transitions.debounce_ticks transitions.time_out_ticks".split()
-)
 # A block with fewer episodes takes longer than they do alone: it breaks even at 8 to 11 of them with AVX-512,
 # at 13 to 19 with AVX2.
 FEWEST = 16
@@ -129,7 +117,7 @@ def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
         from twin_gait.simulation.lanes import InLanes, bound_in_lanes
 
         rows = len(engine.layout.names), engine.noise.shape[1]
-        names = {**bound_to(engine), **bound_in_lanes(engine.store.dtype, *rows)}
+        names = {**bound_to(engine), **IN_LANES, **bound_in_lanes(engine.store.dtype, *rows)}
         return compile_loop(run_at, names, pipeline=InLanes)
 
     return kept_loop(_key_of(engine), make, on_compile)
@@ -142,34 +130,3 @@ def has_lane_loop(engine: EpisodeEngine) -> bool:
 
 def _key_of(engine: CompiledEngine) -> str:
     return source_key(f"in lanes {engine.pattern}")
-
-
-def fields_of(dtype: np.dtype[Any], owner: str = "episode") -> list[str]:
-    """Fields of all numbers of a record one after the other, each after that of its record."""
-    found: list[str] = []
-    for name, (kind, *_) in (dtype.fields or {}).items():
-        entry, _ = kind.subdtype or (kind, ())
-        found += (fields_of(entry, name) or [f"{owner}.{name}"]) * (kind.itemsize // entry.itemsize)
-    return found
-
-
-@lru_cache(maxsize=32)
-def shared_words(dtype: np.dtype[Any]) -> np.ndarray:
-    """Which numbers of a record the lanes of a block have in common, shape ``(numbers,)``."""
-    return np.array([name in SHARED for name in fields_of(dtype)])
-
-
-@lru_cache(maxsize=256)
-def word_of(dtype: np.dtype[Any], name: str) -> int:
-    """Place of a number among those of a record."""
-    return fields_of(dtype).index(name)
-
-
-def side_by_side(records: np.ndarray) -> np.ndarray:
-    """A block of at most :data:`WIDTH` records; lanes without one are copies of the first.
-
-    Returns their numbers as whole numbers of 64 bits, shape ``(numbers, WIDTH)``.
-    """
-    words = records.view(np.int64).reshape(len(records), -1)
-    lanes = np.arange(WIDTH)
-    return np.ascontiguousarray(words[np.where(lanes < len(records), lanes, 0)].T)

@@ -1,6 +1,6 @@
 """Episodes in lockstep: a field of the record is a vector over the lanes of a block.
 
-Rooms and laws compile over a block (:mod:`twin_gait.simulation.views`) as they stand. A loop over
+Steps and laws compile over a block (:mod:`twin_gait.simulation.views`) without a change. A loop over
 ``lanes`` is marked for LLVM's vectoriser as one whose passes share no memory: its body may write fields of
 its own lane only, which is all that it is handed.
 
@@ -10,6 +10,7 @@ that sums up a flag reads it from memory, or LLVM makes two loops of it, one for
 loop of unknown length, no ``continue`` and no call that is not inlined in it.
 
 Outside a loop over lanes only what is alike in all of them can be read; numba refuses any other field.
+The driver of a schedule has most of these loops (:mod:`twin_gait.simulation.executors`).
 tests/simulation/test_lanes.py compares lanes and single episodes bit for bit.
 """
 
@@ -27,8 +28,8 @@ from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, rows_at
-from twin_gait.simulation.lane_engine import WIDTH
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
 
 

@@ -1,6 +1,6 @@
-"""The engine that runs the rooms of a tick as plain Python: the reference implementation.
+"""The engine that runs the steps of a tick as plain Python: the reference implementation.
 
-The rooms and laws are those of the compiled engine; the dynamics are Pinocchio's, and the phases of the legs
+The steps and laws are those of the compiled engine; the dynamics are Pinocchio's, and the phases of the legs
 are carried by machines of `transitions`.
 """
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.control.controller import checked
+from twin_gait.control.gait_controller import ControllerState
 from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
@@ -19,7 +20,7 @@ from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import float_in
-from twin_gait.simulation.rooms.tick import run_ticks
+from twin_gait.simulation.schedule import run_ticks
 
 
 class ReferenceEngine(EpisodeEngine):
@@ -50,7 +51,7 @@ class ReferenceEngine(EpisodeEngine):
         kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
         rows = (self.log_row, self.switch_row, self.noise_row)
         names = {**structure, **kernel, **kernel_functions(self.layout.writer, {})}
-        names |= {item.__name__: item for item in (*rows, self.advance)}
+        names |= {item.__name__: item for item in (*rows, self.choose_transition)}
         for name, tick in problem.controller.functions().items():
             names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick, float_in)
         self._run_ticks = bind(run_ticks, names)
@@ -60,15 +61,16 @@ class ReferenceEngine(EpisodeEngine):
         self._rows, self._first_row = rows, first_row
         return int(self._run_ticks(self.episode, first, end))
 
-    # ------------------------------------------------------------------ what the rooms are bound to
+    # ------------------------------------------------------------------ functions that the steps are bound to
 
-    def advance(self, e: Episode, number: int, tick: int) -> None:
-        """Note the transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
-        legs, machine = e.controller.legs, self.machines[number]
+    def choose_transition(self, controller: ControllerState, number: int) -> None:
+        """Choose the transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
+        legs, machine = controller.legs, self.machines[number]
+        tick = legs[number].entry_tick + legs[number].ticks
         other = legs[1 - number].before if len(legs) == 2 else -1
         if legs[number].entry_tick != machine.entry_tick:  # sent into a posture by the supervisor
             machine.enter(machine.table.phase_names[legs[number].before], legs[number].entry_tick)
-        switch = machine.advance(tick, e.controller.signals, other)
+        switch = machine.advance(tick, controller.signals, other)
         legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
     def log_row(self, e: Episode, tick: int) -> Any:

@@ -10,9 +10,10 @@ from itertools import islice
 from twin_gait.control.controller import Controller, UncompiledControllerError
 from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EpisodeEngine
-from twin_gait.simulation.lane_engine import FEWEST, WIDTH, LaneEngine, has_lane_loop, kind_of, lane_loop
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, has_lane_loop, kind_of, lane_loop
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run

@@ -1,11 +1,11 @@
 """What an episode's structure is: constants that a loop is bound to; what they rule out is not compiled.
 
-The rooms import these names; :mod:`twin_gait.simulation.binding` puts those of a problem in their place.
+The steps import these names; :mod:`twin_gait.simulation.binding` puts those of a problem in their place.
 """
 
 from typing import TypeAlias
 
-from twin_gait.core.friction import ROTATIONAL
+from twin_gait.core import friction
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.parameters import ImpedancePlace
 from twin_gait.simulation.problem import Problem
@@ -20,6 +20,9 @@ WITH_FRICTION: tuple[int, ...] = ()
 # late, the ground rises, boards and gait controller talk over a bus, the springs are in the gait controller,
 # and an inertial unit finds the pitch of the trunk.
 ANKLES = RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
+
+# All of these, which conditions of a schedule may name.
+FLAGS = {name: value for name, value in globals().items() if name.isupper()}
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 
@@ -39,9 +42,11 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "SEATED": problem.world.seat is not None,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
+        "OTHER_LAWS": any(plant.friction.law > friction.ROTATIONAL for plant in problem.world.plant),
         "WITH_FRICTION": tuple(
-            place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL
+            place
+            for place, plant in enumerate(problem.world.plant)
+            if plant.friction.law == friction.ROTATIONAL
         ),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),

@@ -1,6 +1,6 @@
 """Types that show numba a block of episodes as the record of one.
 
-A block (:func:`~twin_gait.simulation.lane_engine.side_by_side`), a lane of it, and every record or list in
+A block (:func:`~twin_gait.simulation.block.side_by_side`), a lane of it, and every record or list in
 them are views: an address and a lane, with the fields of the record. What is alike in all lanes is read
 once, in the first one; of a block as a whole nothing else can be read, and nothing written.
 """
@@ -20,7 +20,7 @@ from numba.core.errors import TypingError
 from numba.core.imputils import RefType, iternext_impl
 from numba.core.typing import templates
 
-from twin_gait.simulation.lane_engine import SHARED, WIDTH
+from twin_gait.simulation.block import SHARED, WIDTH
 
 _OWNERS = frozenset(name.split(".")[0] for name in SHARED)
 WORD = 8

@@ -16,7 +16,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters import HEAVIEST_WEARER
-from twin_gait.simulation.lane_engine import WIDTH
+from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import overridden, run_episodes, walking_wearer
 from twin_gait.studies.jobs import Watch
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk

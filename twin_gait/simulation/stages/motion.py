@@ -1,12 +1,12 @@
-"""The motion of the leg within a tick: what acts on it, the row of the log, its work, and the integration."""
+"""The motion within a tick: what acts on the bodies, the row of the log, work, and the integration."""
 
 from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
-from twin_gait.simulation.episode import Episode, Sole
+from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import dynamics, lanes, log_row, observe, side_by_side, write_row
-from twin_gait.simulation.rooms.sensors import normal_force, point_force
-from twin_gait.simulation.rooms.surroundings import drag_tips, hold_trunk, move_tips, push_tips, tip_energy
+from twin_gait.simulation.stages.sensors import normal_force, point_force
+from twin_gait.simulation.stages.surroundings import drag_tips, hold_trunk, move_tips, push_tips, tip_energy
 from twin_gait.simulation.structure import CRUTCHES, POINTS_PER_FOOT, RK4, SEATED, SHIFT, WITH_FRICTION
 
 
@@ -68,23 +68,13 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
             move_tips(one, q, v)
 
 
-def record(e: Episode, tick: int) -> None:
-    """Write everything, at the state before integration."""
+def evaluate(e: Episode, tick: int) -> None:
+    """Evaluate the motion at the state before integration, which the log has."""
     acceleration(e, tick * e.rates.period, False)
-    for number in range(len(e.joints)):
-        for one in lanes(e):
-            _sum_up_outside(one, number)
-    if POINTS_PER_FOOT > 0:
-        for number in range(len(e.soles)):
-            for one in lanes(e):
-                _stand(one, one.soles[number], number)
-    for one in lanes(e):
-        _observe(one)
-        write_row(one, log_row(one, tick))
 
 
-def _sum_up_outside(e: Episode, number: int) -> None:
-    """Torque from outside on a joint."""
+def sum_up_outside(e: Episode, number: int) -> None:
+    """Sum the torques from outside on a joint up."""
     place = e.joints[number].place
     imposed = e.imposed_motion.torque if e.imposed_motion.place == place else 0.0
     e.joints[number].pushed = imposed + e.joints[number].push
@@ -93,9 +83,9 @@ def _sum_up_outside(e: Episode, number: int) -> None:
         e.joints[number].outside += e.external[place + SHIFT]
 
 
-def _stand(e: Episode, sole: Sole, number: int) -> None:
-    """Forces of the ground on a foot, and where it stands."""
-    first = number * POINTS_PER_FOOT
+def stand(e: Episode, number: int) -> None:
+    """Sum the forces of the ground on a foot up, and note where they act."""
+    sole, first = e.soles[number], number * POINTS_PER_FOOT
     friction, pressed, lowest = 0.0, 0.0, e.points[first].height
     for place in range(first, first + POINTS_PER_FOOT):
         along, normal = point_force(e, place)
@@ -109,14 +99,19 @@ def _stand(e: Episode, sole: Sole, number: int) -> None:
     sole.pressure_place = pressed / (sole.normal * (POINTS_PER_FOOT - 1)) if loaded else 0.0
 
 
-def _observe(e: Episode) -> None:
-    """Energies, and what the guides of the pelvis take."""
+def observe_energies(e: Episode) -> None:
+    """Compute the energies, and the load of the guides of the pelvis."""
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)
     if CRUTCHES > 0:
         of_tips = tip_energy(e)
         kinetic += of_tips[0]
         potential += of_tips[1]
     e.kinetic_energy, e.potential_energy, e.guide_force, e.guide_moment = kinetic, potential, force, moment
+
+
+def write_log(e: Episode, tick: int) -> None:
+    """Write the row of a tick into the log."""
+    write_row(e, log_row(e, tick))
 
 
 def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, ...]:

@@ -12,8 +12,8 @@ from twin_gait.core.estimation import delayed_sample
 from twin_gait.core.plant import Stop, harness_pull, pitching_moment, seat_the_hips, seat_the_thigh
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
-from twin_gait.simulation.interface import lanes, noise_row
-from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SEATED, SHIFT, WEARER
+from twin_gait.simulation.interface import noise_row
+from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SEATED, SHIFT
 from twin_gait.worlds.arm_policy import REACHES, move_arm
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
@@ -53,23 +53,18 @@ def _lock(e: Episode, stop: Stop, height: float) -> None:
     stop.dissipation = e.catch_dissipation
 
 
-def push(e: Episode, tick: int) -> None:
-    """Torques from outside for this tick: a push, and what the wearer does."""
-    if WEARER:
-        for number in range(len(e.limbs)):
-            for one in lanes(e):
-                one.external[one.limbs[number].place + SHIFT] = 0.0
-    for number in range(len(e.joints)):
-        for one in lanes(e):
-            one.external[one.joints[number].place] = one.joints[number].push
-    if WEARER:
-        for number in range(len(e.controller.legs)):
-            for one in lanes(e):
-                _push_leg(one, number, tick)
+def free_limb(e: Episode, number: int) -> None:
+    """Begin the sum of the torques from outside on a hip or knee of the wearer."""
+    e.external[e.limbs[number].place + SHIFT] = 0.0
 
 
-def _push_leg(e: Episode, number: int, tick: int) -> None:
-    """What the wearer does on hip and knee of a leg."""
+def push(e: Episode, number: int) -> None:
+    """Push a joint."""
+    e.external[e.joints[number].place] = e.joints[number].push
+
+
+def push_leg(e: Episode, number: int, tick: int) -> None:
+    """Add the torques of the wearer on hip and knee of a leg."""
     first = number * LIMBS_PER_LEG
     thigh, shank = e.limbs[first], e.limbs[first + 1]
     hip, knee, ankle = e.q[thigh.place + SHIFT], e.q[shank.place + SHIFT], 0.0

@@ -1,27 +1,30 @@
-"""From current set points to the torques of the motors, and the voltage of the battery that drives them."""
+"""Steps of the drives: torques of the motors from their set points, and the voltage of the battery."""
 
 from twin_gait.control.joint_board import note_drive
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
 from twin_gait.core.control_tick import driven_motor, target_current
 from twin_gait.core.faults import MOTOR_STUCK, NO_FAULT, dipped_bus_voltage, drive_fault, supply_drop
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import lanes
 from twin_gait.simulation.structure import FAULTY
 
 
-def drive(e: Episode, tick: int) -> None:
-    """Let the motors follow their set points, and draw power from the battery."""
-    for one in lanes(e):
-        one.supply.power = 0.0
-    for number in range(len(e.joints)):
-        for one in lanes(e):
-            _drive(one, number)
-            if FAULTY and tick >= one.first_fault and not one.joints[number].board.command.drive_off:
-                _drive_faulty(one, number, tick)
-            _note_drive(one, number)
-    for one in lanes(e):
-        battery = one.supply
-        battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
+def begin_power(e: Episode) -> None:
+    """Begin the sum of the power that the motors draw."""
+    e.supply.power = 0.0
+
+
+def drive(e: Episode, number: int, tick: int) -> None:
+    """Let a motor follow its set point."""
+    _drive(e, number)
+    if FAULTY and tick >= e.first_fault and not e.joints[number].board.command.drive_off:
+        _drive_faulty(e, number, tick)
+    _note_drive(e, number)
+
+
+def draw_power(e: Episode) -> None:
+    """Draw the power of motors and electronics from the battery."""
+    battery = e.supply
+    battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
 
 
 def _drive(e: Episode, number: int) -> None:
@@ -53,15 +56,14 @@ def _note_drive(e: Episode, number: int) -> None:
     e.supply.power += motor_electrical_power(motor, current, velocity)
 
 
-def supply(e: Episode, tick: int) -> None:
-    """Bus voltage of the next tick."""
-    for one in lanes(e):
-        battery = one.supply
-        battery.bus_voltage = sagged_bus_voltage(
-            battery.voltage, battery.resistance, battery.power, battery.bus_voltage
-        )
-        if FAULTY and tick >= one.first_fault:
-            _dip(one, tick)
+def sag(e: Episode, tick: int) -> None:
+    """Compute the bus voltage of the next tick."""
+    battery = e.supply
+    battery.bus_voltage = sagged_bus_voltage(
+        battery.voltage, battery.resistance, battery.power, battery.bus_voltage
+    )
+    if FAULTY and tick >= e.first_fault:
+        _dip(e, tick)
 
 
 def _dip(e: Episode, tick: int) -> None:

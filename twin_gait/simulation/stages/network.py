@@ -7,16 +7,15 @@ nothing yet asks for no torque.
 """
 
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, hear_board, hear_load, trip
-from twin_gait.control.joint_board import hear, report
+from twin_gait.control.joint_board import hear
 from twin_gait.core.can_bus import REBOOT, Frame, is_due
-from twin_gait.core.can_bus import advance as carry  # rooms are bound to that of the state machine
+from twin_gait.core.can_bus import advance as carry  # a name of its own in the schedule
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import BUS_TRIP, DRIVE_TRIP, NO_TRIP
 from twin_gait.network.messages import CODES, COUNTS, MEASUREMENT, SETPOINT
 from twin_gait.simulation.episode import Episode, Wire
-from twin_gait.simulation.interface import each, lanes
-from twin_gait.simulation.structure import CENTRAL, NETWORKED, POINTS_PER_FOOT
+from twin_gait.simulation.structure import CENTRAL, POINTS_PER_FOOT
 
 # Places of the numbers of a measurement and of a set point, and states of the latter.
 ANGLE, VELOCITY, CURRENT, FOOT_LOAD, CAUSE, COUNTER = map(
@@ -29,23 +28,14 @@ HOLD, RUN = (float(CODES["state"].index(state)) for state in ("hold", "run"))
 _CCU = 0  # number of the node
 
 
-def tell(e: Episode, tick: int) -> None:
-    """Let the gait controller hear of joints, feet and supply."""
-    if NETWORKED and tick > 0:
-        for one in each(e):
-            _reboot(one, tick)
-            for number in range(len(one.joints)):
-                _hear_measurement(one, number, tick)
-    else:
-        for number in range(len(e.joints)):
-            for one in lanes(e):
-                report(one.joints[number].board, one.controller.joints[number].measurement)
-        if POINTS_PER_FOOT > 0:
-            for number in range(len(e.soles)):
-                for one in lanes(e):
-                    hear_load(one.controller, number, one.soles[number].load)
-    for one in lanes(e):
-        one.controller.supply.voltage = one.supply.bus_voltage
+def hear_sole(e: Episode, number: int) -> None:
+    """Take the load of a foot."""
+    hear_load(e.controller, number, e.soles[number].load)
+
+
+def hear_supply(e: Episode) -> None:
+    """Take the bus voltage."""
+    e.controller.supply.voltage = e.supply.bus_voltage
 
 
 def _receive(e: Episode, wire: Wire, tick: int) -> bool:
@@ -64,8 +54,8 @@ def _receive(e: Episode, wire: Wire, tick: int) -> bool:
     return heard
 
 
-def _hear_measurement(e: Episode, number: int, tick: int) -> None:
-    """What the gait controller hears of a board, if anything."""
+def hear_measurement(e: Episode, number: int, tick: int) -> None:
+    """Take the measurement of a board over the bus, if one comes."""
     controller, numbers = e.controller, e.network.numbers
     measured, heard = controller.joints[number].measurement, _receive(e, e.network.measurements[number], tick)
     measured.last_angle, measured.last_velocity = measured.angle, measured.velocity
@@ -94,16 +84,21 @@ def hear_setpoint(e: Episode, number: int, tick: int) -> None:
     hear(e.joints[number].board, e.limits, heard, came)
 
 
-def exchange(e: Episode, tick: int) -> None:
-    """Write what is due to be sent, and let the bus carry it until the next tick."""
-    for one in each(e):
-        for number in range(len(one.joints)):
-            _send_setpoint(one, number, tick)
-            _send_measurement(one, number, tick)
-        carry(one.network.bus, tick)
-        for number in range(len(one.joints)):
-            _arrive(one, one.network.setpoints[number], tick + 1)
-            _arrive(one, one.network.measurements[number], tick + 1)
+def send_frames(e: Episode, number: int, tick: int) -> None:
+    """Write the frames to and from a board that are due."""
+    _send_setpoint(e, number, tick)
+    _send_measurement(e, number, tick)
+
+
+def carry_frames(e: Episode, tick: int) -> None:
+    """Let the bus carry frames until the next tick."""
+    carry(e.network.bus, tick)
+
+
+def keep_frames(e: Episode, number: int, tick: int) -> None:
+    """Keep the frames to and from a board that arrive until the next tick."""
+    _arrive(e, e.network.setpoints[number], tick + 1)
+    _arrive(e, e.network.measurements[number], tick + 1)
 
 
 def _arrive(e: Episode, wire: Wire, tick: int) -> None:
@@ -153,7 +148,7 @@ def _send_measurement(e: Episode, number: int, tick: int) -> None:
         pack_frame(wire.layout, numbers, frame.outgoing.halves)
 
 
-def _reboot(e: Episode, tick: int) -> None:
+def reboot(e: Episode, tick: int) -> None:
     """Note which boards are off. Who is back does not walk on.
 
     A board holds its joint and tells so as a drive that failed, the gait controller trips. Encoders are

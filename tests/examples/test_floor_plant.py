@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from floor.plant import equations_of_motion
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
 from twin_gait.core import gear_loss_torque, mechanical_stop_torque, rotational_friction_torque
-from twin_gait.simulation import equations_of_motion
 from twin_gait.simulation.problem import build_problem
 
 

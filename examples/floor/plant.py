@@ -1,0 +1,47 @@
+"""The motion of the plant over any scalars: those of an algebra system, of automatic differentiation, floats.
+
+The function that the engine integrates is bound to other elementary functions and to laws without branches;
+nothing is written a second time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from twin_gait.core import Point
+from twin_gait.simulation import Problem, acceleration, bind, bound_kernel, laid_out
+
+
+class Motion(NamedTuple):
+    """Motion at a state."""
+
+    acceleration: list[Any]  # Of the n coordinates.
+    points: list[Point]  # Forces on the points of the soles and their heights, foot by foot.
+
+
+def equations_of_motion(
+    problem: Problem, laws: Mapping[str, Callable[..., Any]]
+) -> Callable[[Sequence[Any], Sequence[Any], Sequence[Any], Sequence[Any]], Motion]:
+    """Return the function that the engine integrates, with some functions of ``twin_gait.core`` replaced.
+
+    ``problem``: from ``build_problem``; without bristles, whose deflection is a state of its own, and without
+    a motion imposed by time. ``laws``: functions by the names of those in ``core`` that they replace. Numbers
+    need none; scalars that cannot be compared need ``sine_cosine``, ``exponential``, ``hyperbolic_tangent``
+    and, for their branches, ``ground_contact_force`` and ``mechanical_stop_torque``.
+
+    The function takes coordinates, velocities, motor torques and accelerations (n each), and returns the
+    motion under friction, stops, springs, support, belt and gravity, at the belt's cruising speed and with
+    the harness unlocked. The losses of the gears read from the accelerations the torque that turns the rotors
+    (``twin_gait.core.gear_load``): the motion is the plant's if it has the same accelerations.
+    """
+    bodies, episode, structure = laid_out(problem)
+    evaluate = bind(acceleration, {**structure, **laws, **bound_kernel(bodies, laws)})
+
+    def motion(q: Sequence[Any], v: Sequence[Any], motor: Sequence[Any], a: Sequence[Any]) -> Motion:
+        episode.q, episode.v, episode.motor, episode.a = list(q), list(v), list(motor), list(a)
+        evaluate(episode, 0.0, False)
+        points = [Point(item.forward, item.upward, item.height) for item in episode.points]
+        return Motion(list(episode.a), points)
+
+    return motion

@@ -1,0 +1,132 @@
+"""Types of a schedule: the steps of a tick in their order, and over which parts of an episode they run.
+
+A step is a function of one episode, or of one joint, leg, sole or limb of it; the names of its arguments say
+which records it takes. A schedule is a tuple of steps and of the groups below, which may be nested. It says
+nothing about how many episodes run at once: that is up to :mod:`twin_gait.simulation.executors`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+Step: TypeAlias = Callable[..., Any]
+Schedule: TypeAlias = tuple[Any, ...]  # Steps, groups, and other schedules.
+
+
+@dataclass(frozen=True)
+class Over:
+    """Steps of every joint, leg, sole or limb, one after the other."""
+
+    parts: str  # Name of the parts.
+    steps: Schedule
+
+
+@dataclass(frozen=True)
+class When:
+    """Steps under a condition on build flags, the tick and shared fields, the same for all episodes."""
+
+    condition: str
+    steps: Schedule
+    otherwise: Schedule
+
+
+@dataclass(frozen=True)
+class Some:
+    """Steps of all episodes if a test holds for any of them; they do nothing in the other episodes."""
+
+    test: Step
+    steps: Schedule
+
+
+@dataclass(frozen=True)
+class Rare:
+    """Steps of the episodes for which a test holds, one episode after the other."""
+
+    test: Step
+    steps: Schedule
+
+
+@dataclass(frozen=True)
+class OneByOne:
+    """Steps that cannot become vector code: one episode after the other."""
+
+    steps: Schedule
+
+
+@dataclass(frozen=True)
+class Block:
+    """A function of all episodes at once, with loops of its own over them."""
+
+    function: Step
+
+
+def joints(*steps: Any) -> Over:
+    """Group steps that run over the joints."""
+    return Over("joints", steps)
+
+
+def legs(*steps: Any) -> Over:
+    """Group steps that run over the legs."""
+    return Over("legs", steps)
+
+
+def soles(*steps: Any) -> Over:
+    """Group steps that run over the soles."""
+    return Over("soles", steps)
+
+
+def limbs(*steps: Any) -> Over:
+    """Group steps that run over hips and knees of the wearer."""
+    return Over("limbs", steps)
+
+
+def when(condition: str, *steps: Any, otherwise: Schedule = ()) -> When:
+    """Group steps that run under a condition, and those that run otherwise."""
+    return When(condition, steps, otherwise)
+
+
+def some(test: Step, *steps: Any) -> Some:
+    """Group steps that run for all episodes if a test holds for any of them."""
+    return Some(test, steps)
+
+
+def rare(test: Step, *steps: Any) -> Rare:
+    """Group steps that run for the few episodes for which a test holds."""
+    return Rare(test, steps)
+
+
+def one_by_one(*steps: Any) -> OneByOne:
+    """Group steps that cannot become vector code."""
+    return OneByOne(steps)
+
+
+def replaced(schedule: Schedule, replacements: Mapping[Any, Any]) -> Schedule:
+    """Return a schedule with other steps in place of some of its steps or groups.
+
+    Raises KeyError for something that the schedule does not contain.
+    """
+    found = set[Any]()
+
+    def replace(item: Any) -> Any:
+        if item in replacements:
+            found.add(item)
+            return replacements[item]
+        match item:
+            case tuple():
+                return tuple(map(replace, item))
+            case Over(parts, steps):
+                return Over(parts, replace(steps))
+            case When(condition, steps, otherwise):
+                return When(condition, replace(steps), replace(otherwise))
+            case Some(test, steps):
+                return Some(test, replace(steps))
+            case Rare(test, steps):
+                return Rare(test, replace(steps))
+            case OneByOne(steps):
+                return OneByOne(replace(steps))
+        return item
+
+    made: Schedule = replace(schedule)
+    if found != replacements.keys():
+        raise KeyError(f"not in the schedule: {sorted(map(str, replacements.keys() - found))}")
+    return made

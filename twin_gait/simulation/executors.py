@@ -1,0 +1,202 @@
+"""Executors of a schedule: driver functions that run its steps, written as text and bound like every step.
+
+A scalar driver runs one episode: compiled, in plain Python over Pinocchio or MuJoCo, or printed as C. A
+driver in lanes runs a block of episodes, each step in a loop over ``lanes(e)``; neighbouring steps share one.
+Build flags stay global names in the text, so that binding replaces them and the compiler removes what they
+rule out.
+"""
+
+import ast
+import inspect
+import linecache
+import re
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from twin_gait.core.schedule import Block, OneByOne, Over, Rare, Schedule, Some, Step, When
+from twin_gait.simulation.interface import each, lanes
+
+
+class Names(NamedTuple):
+    """Expressions for the names in a schedule; ``{e}`` in them is the episode."""
+
+    arguments: Mapping[str, str]  # Records and numbers by the name of an argument of a step.
+    counts: Mapping[str, str]  # Number of parts by their name; empty if there is only the one at hand.
+    fields: Mapping[str, str]  # Fields by their name in a condition.
+    flags: Mapping[str, Any]  # Build flags that conditions may name, with their default values.
+
+
+def scalar_driver(
+    name: str,
+    schedule: Schedule,
+    names: Names,
+    result: Step | None = None,
+    head: str = "(e, tick)",
+    module: str = __name__,
+    says: str = "Run steps of one episode.",
+) -> Callable[..., Any]:
+    """Return the function that runs a schedule for one episode.
+
+    ``result``: test whose result it returns. ``head``: its arguments. ``module`` and ``says``: module and
+    docstring of the function. Raises ValueError for a condition or step that ``names`` does not cover.
+    """
+    writer = _Writer(names)
+    lines = list(writer.scalar(schedule, "    ", "e"))
+    lines += [] if result is None else [f"    return {writer.call(result, 'e')}"]
+    return writer.made(name, head, says, lines, module)
+
+
+def lane_driver(
+    name: str, schedule: Schedule, names: Names, result: Step | None = None
+) -> Callable[..., Any]:
+    """Return the function that runs a schedule for a block of episodes; arguments of :func:`scalar_driver`.
+
+    ``result``: the driver returns whether it holds for any episode.
+    """
+    writer = _Writer(names)
+    lines = list(writer.in_lanes(schedule, "    "))
+    lines += [] if result is None else [*writer.any_of(result, "    "), f"    return {writer.flag}"]
+    writer.scope |= {"lanes": lanes, "each": each}
+    return writer.made(name, "(e, tick)", "Run steps of a block of episodes.", lines, __name__)
+
+
+class _Writer:
+    """Writes the statements of a driver."""
+
+    def __init__(self, names: Names) -> None:
+        self.names = names
+        self.scope: dict[str, Any] = {}
+        self.flags = 0  # Number of flags over all episodes so far.
+
+    @property
+    def flag(self) -> str:
+        """Name of the last flag over all episodes."""
+        return f"any_{self.flags}"
+
+    def call(self, step: Step, e: str) -> str:
+        """Return the call of a step."""
+        name, known = step.__name__, self.names.arguments
+        if self.scope.setdefault(name, step) is not step:
+            raise ValueError(f"two steps of a schedule have the name {name}")
+        parameters = inspect.signature(step).parameters
+        for item in parameters.keys() - known.keys():
+            raise ValueError(f"step {name}: no record or number {item}; known: {', '.join(known)}")
+        return f"{name}({', '.join(known[item].format(e=e) for item in parameters)})"
+
+    def condition(self, text: str, e: str) -> str:
+        """Return a condition with its fields written out; checks its names."""
+        flags, fields = self.names.flags, self.names.fields
+        for name in _names_in(text):
+            if name in flags:
+                self.scope[name] = flags[name]
+            elif name not in fields:
+                known = ", ".join([*flags, *fields])
+                raise ValueError(f"condition {text!r}: no build flag or field {name}; known: {known}")
+        return re.sub(r"[a-z]\w*", lambda found: fields.get(found[0], found[0]).format(e=e), text)
+
+    def scalar(self, steps: Schedule, pad: str, e: str) -> Iterator[str]:
+        """Yield the statements for one episode."""
+        inner = f"{pad}    "
+        for item in _flat(steps):
+            match item:
+                case OneByOne(single_steps):
+                    yield from self.scalar(single_steps, pad, e)
+                case Over(parts, part_steps):
+                    count = self.names.counts[parts].format(e=e)
+                    if count:
+                        yield f"{pad}for number in range({count}):"
+                    yield from self.scalar(part_steps, inner if count else pad, e)
+                case When():
+                    yield from self.branches(item, pad, e, lambda part: self.scalar(part, inner, e))
+                case Some(test, some_steps) | Rare(test, some_steps):
+                    yield f"{pad}if {self.call(test, e)}:"
+                    yield from self.scalar(some_steps, inner, e)
+                case Block(function):
+                    yield f"{pad}{self.call(function, e)}"
+                case _:
+                    yield f"{pad}{self.call(item, e)}"
+
+    def in_lanes(self, steps: Schedule, pad: str) -> Iterator[str]:
+        """Yield the statements for all episodes of a block."""
+        inner, waiting = f"{pad}    ", list[Any]()
+        for item in _flat(steps):
+            if self.shares_loop(item):
+                waiting.append(item)
+                continue
+            yield from self.loop(waiting, pad)
+            waiting = []
+            match item:
+                case Over(parts, part_steps):
+                    yield f"{pad}for number in range({self.names.counts[parts].format(e='e')}):"
+                    yield from self.in_lanes(part_steps, inner)
+                case When():
+                    yield from self.branches(item, pad, "e", lambda part: self.in_lanes(part, inner))
+                case Some(test, some_steps):
+                    yield from self.any_of(test, pad)
+                    yield f"{pad}if {self.flag}:"
+                    yield from self.in_lanes(some_steps, inner)
+                case Rare(test):
+                    yield from self.any_of(test, pad)
+                    yield f"{pad}if {self.flag}:"
+                    yield f"{inner}for one in each(e):"
+                    yield from self.scalar((item,), f"{inner}    ", "one")
+                case OneByOne(single_steps):
+                    yield f"{pad}for one in each(e):"
+                    yield from self.scalar(single_steps, inner, "one")
+                case Block(function):
+                    yield f"{pad}{self.call(function, 'e')}"
+        yield from self.loop(waiting, pad)
+
+    def shares_loop(self, item: Any) -> bool:
+        """Return whether an item shares a loop with its neighbours: a step, or steps under build flags."""
+        if isinstance(item, When):
+            uniform = _names_in(item.condition) <= self.names.flags.keys()
+            return uniform and all(map(self.shares_loop, _flat(item.steps + item.otherwise)))
+        return inspect.isfunction(item)
+
+    def loop(self, items: list[Any], pad: str) -> Iterator[str]:
+        """Yield a loop over the lanes with the items that share it."""
+        if items:
+            yield f"{pad}for one in lanes(e):"
+            yield from self.scalar(tuple(items), f"{pad}    ", "one")
+
+    def any_of(self, test: Step, pad: str) -> Iterator[str]:
+        """Yield a loop over the lanes that sets a flag if a test holds for any of them."""
+        self.flags += 1
+        yield f"{pad}{self.flag} = False"
+        yield f"{pad}for one in lanes(e):"
+        yield f"{pad}    {self.flag} |= {self.call(test, 'one')}"
+
+    def branches(
+        self, item: When, pad: str, e: str, write: Callable[[Schedule], Iterator[str]]
+    ) -> Iterator[str]:
+        """Yield a condition with its steps."""
+        yield f"{pad}if {self.condition(item.condition, e)}:"
+        yield from write(item.steps)
+        if item.otherwise:
+            yield f"{pad}else:"
+            yield from write(item.otherwise)
+
+    def made(self, name: str, head: str, says: str, lines: list[str], module: str) -> Callable[..., Any]:
+        """Return the function of some statements, whose text debuggers and the C printer can read."""
+        text = "\n".join([f"def {name}{head}:", f'    """{says}"""', *lines, ""])
+        # Two drivers of one name have two files.
+        file = f"<schedule: {name} {zlib.crc32(text.encode()):08x}>"
+        linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+        scope = {**self.scope, "__name__": module}
+        # The text has names of functions and fields of this package alone, and no text of a user.
+        exec(compile(text, file, "exec"), scope)
+        made: Callable[..., Any] = scope[name]
+        return made
+
+
+def _flat(schedule: Schedule) -> Iterator[Any]:
+    """Yield steps and groups of a schedule and of the schedules in it."""
+    for item in schedule:
+        yield from _flat(item) if isinstance(item, tuple) else (item,)
+
+
+def _names_in(condition: str) -> set[str]:
+    """Return the names in a condition."""
+    return {node.id for node in ast.walk(ast.parse(condition)) if isinstance(node, ast.Name)}

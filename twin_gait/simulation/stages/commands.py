@@ -1,0 +1,25 @@
+"""What the simulation puts into the commands of the boards: a fault, and delays."""
+
+from twin_gait.control.joint_board import set_current
+from twin_gait.core.estimation import delayed_sample
+from twin_gait.core.faults import runaway_torque
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.structure import DELAYED, NETWORKED
+
+
+def run_away(e: Episode, number: int, tick: int) -> None:
+    """Add the torque of a controller that runs away."""
+    board = e.joints[number].board
+    if tick >= e.first_fault and not board.demand.held:
+        board.command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
+
+
+def set_drive(e: Episode, number: int, tick: int) -> None:
+    """Set the current of a drive, which may get its command late, or be off."""
+    joint = e.joints[number]
+    board = joint.board
+    set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
+    if DELAYED:
+        joint.due = delayed_sample(joint.line, tick, board.command.torque)
+    if NETWORKED and joint.off:
+        board.command.target_current = 0.0
