@@ -26,7 +26,7 @@ from twin_gait.parameters import NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
 from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks, ticks
-from twin_gait.simulation.record import ABSENT, Record, copied, float_in, is_record
+from twin_gait.simulation.record import ABSENT, Record, float_in, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 from twin_gait.worlds.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 
@@ -39,7 +39,10 @@ _LATELY = 32  # [ticks]; likewise delays of the bus
 
 
 def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
-    """The episode of a problem at tick 0; ``bodies``: what the kernels of plant and controller are of."""
+    """Return the episode of a problem at tick 0; parts of it may belong to the world, or be in it twice.
+
+    ``bodies``: those that the kernels of plant and controller are written for.
+    """
     experiment, world = problem.experiment, problem.world
     n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
     most_switches = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
@@ -47,7 +50,7 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
     legs = world.model.legs.items()
     ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
-    filled = taken_from(
+    return taken_from(
         episode.Episode,
         world,
         step=stepping.step,
@@ -88,7 +91,6 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
         recording=episode.Recording(most_switches, len(problem.noise)),
     )
-    return copied(filled)  # nothing in it belongs to the world, or stands in it twice
 
 
 def _joint(problem: Problem, number: int) -> episode.Joint:

@@ -47,7 +47,7 @@ class LaneEngine:
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
         self._loop = lane_loop(engines[0])
-        self._block = side_by_side(np.concatenate([engine.store for engine in engines]))
+        self._block = side_by_side([engine.store for engine in engines])
         self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
 
@@ -165,11 +165,11 @@ def word_of(dtype: np.dtype[Any], name: str) -> int:
     return fields_of(dtype).index(name)
 
 
-def side_by_side(records: np.ndarray) -> np.ndarray:
-    """A block of at most :data:`WIDTH` records; lanes without one are copies of the first.
+def side_by_side(stores: Sequence[np.ndarray]) -> np.ndarray:
+    """Return a block of at most :data:`WIDTH` records; lanes without one are copies of the first.
 
-    Returns their numbers as whole numbers of 64 bits, shape ``(numbers, WIDTH)``.
+    ``stores``: arrays of shape ``(1,)`` with the records. Returns their numbers as whole numbers of 64 bits,
+    shape ``(numbers, WIDTH)``.
     """
-    words = records.view(np.int64).reshape(len(records), -1)
-    lanes = np.arange(WIDTH)
-    return np.ascontiguousarray(words[np.where(lanes < len(records), lanes, 0)].T)
+    words, lanes = np.array([store.view(np.int64) for store in stores]), np.arange(WIDTH)
+    return np.ascontiguousarray(words[np.where(lanes < len(stores), lanes, 0)].T)
