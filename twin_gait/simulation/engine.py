@@ -16,10 +16,10 @@ from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT
 from twin_gait.parameters import NODES
 from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED, Switch
-from twin_gait.simulation.log import log_layout
+from twin_gait.simulation.log import LogArrays, log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of
-from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.run import Run, RunStatus
 
 SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
 _BUS_UNIT = 1e-12  # what a bus counts in, in [s]
@@ -96,11 +96,12 @@ class EpisodeEngine(ABC):
 
     def finished(self, done: int, log: np.ndarray, columns: Sequence[int] | None, wall_s: float) -> Run:
         """The run of some ticks, whose log has shape ``(n_columns, n)``; ``columns`` as in :meth:`run`."""
-        problem, (status, reason) = self.problem, self.ending(done)
+        problem, (status, reason), names = self.problem, self.ending(done), self.layout.names
+        kept = names if columns is None else [names[place] for place in columns]
         return Run(
             experiment=problem.experiment,
             table=problem.table,
-            log=log_table(log[:, :done].T, self.layout, problem.table, columns),
+            log=LogArrays(log[:, :done], kept, problem.table.phase_names),
             switches=self.phase_switches(),
             status=status,
             reason=reason,
@@ -129,10 +130,11 @@ class EpisodeEngine(ABC):
         names, sides = self.problem.table.phase_names, self.problem.sides
         happened = int(self.state.recording.n_switches)
         causes = [*(item.cause for item in self.problem.table.transitions), POSTURE]  # that of transition -1
-        return tuple(
+        found = [
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
             for tick, leg, source, target, chosen in self.switches[first:happened].tolist()
-        )
+        ]
+        return tuple(found)
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
