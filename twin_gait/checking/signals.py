@@ -190,7 +190,10 @@ class SignalSpace:
         return self.possible(both, times, equal(_END + TIME, TIME, stay))
 
     def is_open(self, index: int, point: Point) -> bool:
-        """Whether the guard of a transition is open at a point; signals that it leaves open are 0."""
+        """Return whether the guard of a transition is open at a point; signals that it leaves open are 0.
+
+        Signals may be arrays of one shape, of as many points.
+        """
         absent = OTHER if point.other is None else ()
         measured = [
             math.nan if name.startswith(absent) else point.signals.get(name, 0.0) * scale
