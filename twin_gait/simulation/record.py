@@ -8,8 +8,10 @@ code that a constant rules out may name it. Records are never assigned as a whol
 code and aliases in plain Python.
 """
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
+from operator import attrgetter
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -33,17 +35,24 @@ def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
             if hint in _CODES or is_dataclass(hint) or hint is object:
                 result.append((item.name, hint))
         _known[kind] = tuple(result)
+        if len(result) > 1 and all(hints[name] in _CODES for name, _ in result):
+            pattern = tuple((name, _CODES[hint], ()) for name, hint in result)
+            _numbers[kind] = pattern, attrgetter(*(name for name, _ in result))
     return _known[kind]
 
 
-_known: dict[type, tuple[tuple[str, type], ...]] = {}  # reading hints takes longer than writing a record
-
+# Reading hints takes longer than writing a record.
+_known: dict[type, tuple[tuple[str, type], ...]] = {}
+_numbers: dict[type, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {}  # of records of single numbers only
 
 Pattern = tuple[tuple[str, Any, tuple[int, ...]], ...]  # name, code or pattern, and shape of each field
 
 
 def described(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
     """Return the pattern of a record, which its dtype follows from, and its values as NumPy takes them."""
+    if type(sample) in _numbers:
+        whole, read = _numbers[type(sample)]
+        return whole, read(sample)
     pattern, values = [], []
     for name, kind in _known.get(type(sample)) or kinds_of(type(sample)):
         value = first = getattr(sample, name)
