@@ -1,6 +1,7 @@
 """A rigid-body model as plain numbers, for engines that do not know Pinocchio."""
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from twin_gait.exceptions import ModelError
 # Below this an exported number is rounding of a zero; a model has grams and millimetres, not less.
 _ROUNDING = 1e-13
 _IDENTITY = np.eye(3)
+_ROWS = 9  # of three numbers each, of a body
 
 
 class BodyArrays(NamedTuple):
@@ -43,27 +45,25 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
     Returns bodies in the order of the joints, so that ``q[i]`` moves body ``i``. Raises ModelError if a joint
     has more than one degree of freedom or is a helical or mimic joint.
     """
-    bodies = []
+    rows: list[Any] = []
+    rest = []
     for index in range(1, model.njoints):
         joint, placement, inertia = model.joints[index], model.jointPlacements[index], model.inertias[index]
         prismatic, axis = _axis(joint, model.names[index])
         lever, mass = np.asarray(inertia.lever), float(inertia.mass)
         shift = mass * (lever @ lever * _IDENTITY - lever[:, None] * lever)
         about_origin = np.asarray(inertia.inertia) + shift
-        rows = [axis, *placement.rotation, placement.translation, mass * lever, *about_origin]
-        plain = _plain(rows)
+        rows += [axis, *placement.rotation, placement.translation, mass * lever, *about_origin]
+        armature = float(model.armature[joint.idx_v])
+        rest.append((int(model.parents[index]) - 1, prismatic, mass, armature, str(model.names[index])))
+    plain = iter(_plain(rows))  # all numbers at once
+    bodies = []
+    for parent, prismatic, mass, armature, name in rest:
+        axis, *rotation, position, first_moment, x, y, z = islice(plain, _ROWS)
+        inertia = [x, y, z]
         bodies.append(
             BodyArrays(
-                parent=int(model.parents[index]) - 1,
-                prismatic=prismatic,
-                axis=plain[0],
-                rotation=plain[1:4],
-                position=plain[4],
-                mass=mass,
-                first_moment=plain[5],
-                inertia=plain[6:],
-                armature=float(model.armature[joint.idx_v]),
-                name=str(model.names[index]),
+                parent, prismatic, axis, rotation, position, mass, first_moment, inertia, armature, name
             )
         )
     return bodies

@@ -97,6 +97,7 @@ class LegModel:
             self._place_of(name) if name in guides else None for name in joints.ALL_GUIDES
         )
         self.trunk_joint = guides[-1] if guides else None
+        self._frames: dict[str, int] = {}  # indices by name, of those that have been asked for
         self._places = {
             (side, joint): self._place_of(name)
             for side, leg in self.legs.items()
@@ -164,11 +165,11 @@ class LegModel:
 
     def frame_positions(self, q: np.ndarray, frames: Sequence[str]) -> list[np.ndarray]:
         """Return the positions of some frames, each as :meth:`frame_position`."""
-        pin.framesForwardKinematics(self.model, self.data, q)
-        found = []
+        pin.forwardKinematics(self.model, self.data, q)
         for frame in frames:
-            if not self.model.existFrame(frame):
+            if frame not in self._frames and not self.model.existFrame(frame):
                 known = ", ".join(item.name for item in self.model.frames)
                 raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")
-            found.append(np.array(self.data.oMf[self.model.getFrameId(frame)].translation))
-        return found
+            self._frames.setdefault(frame, self.model.getFrameId(frame))
+        places = (pin.updateFramePlacement(self.model, self.data, self._frames[frame]) for frame in frames)
+        return [np.array(place.translation) for place in places]
