@@ -1,7 +1,7 @@
-"""Python calls of an episode, a run and a slider's move, counted.
+"""Number of Python calls of an episode, of a run and of a slider's move.
 
-Counts do not depend on the machine. They grow where something is built that nobody reads, or the same thing
-twice; limits are 20 % above the counts of the day on which they were set.
+The counts do not depend on the speed of the machine. They grow if something is built that nobody reads, or if
+the same thing is built twice. The limits are 20 % above the counts of the day on which they were set.
 """
 
 import sys
@@ -23,7 +23,7 @@ EPISODE, RUN, MOVE = 9_400, 55, 100_000
 
 
 def python_calls(act: Callable[[], Any]) -> int:
-    """Functions of Python that are entered, once everything that is kept between calls is there."""
+    """Return the number of Python functions that an action enters when all caches are filled."""
     act()
     entered = 0
 
@@ -77,11 +77,13 @@ def test_a_slider_rebuilds_what_it_changes(
 ) -> None:
     session = LiveSession(loaded=load_experiment("treadmill", ["duration_s=60"]), folder=tmp_path / "walk")
     session._prepare()
-    walk, told = SteppedRun(session.panel.problem), []
+    walk, outcomes = SteppedRun(session.panel.problem), []
     walk.advance(3000)
     answer = {"moment": walk.moment(), "tick": walk.tick}
     monkeypatch.setattr(session.news, "ask", lambda command: answer)
-    monkeypatch.setattr(session.book, "answer", lambda message, outcome, *more, **about: told.append(outcome))
+    monkeypatch.setattr(
+        session.book, "answer", lambda message, outcome, *more, **about: outcomes.append(outcome)
+    )
     values = iter((1.0, 1.1))
 
     def move() -> None:
@@ -89,4 +91,4 @@ def test_a_slider_rebuilds_what_it_changes(
         assert session._work(SetControl(id="1", kind=kind, control=name, value=next(values)))
 
     assert python_calls(move) < MOVE
-    assert told == ["applied" if kind == "set" else "forecast"] * 2
+    assert outcomes == ["applied" if kind == "set" else "forecast"] * 2

@@ -219,14 +219,14 @@ def postures(
         return np.zeros((0, 2, len(leg.joints)))
     own = _candidates(space, index, leg, rest, samples)
     rows = _in_si(leg, own)
-    # Guards are evaluated for arrays as for numbers: all candidates are tried at once.
+    # The evaluation of a guard takes arrays as well as numbers: all candidates are tested at once.
     opened = np.zeros(rows.shape[-1], dtype=bool)
     for point in backgrounds:
         everything: dict[str, Any] = {**point.signals, **own}
         opened |= space.is_open(index, replace(point, signals=everything))
     if opened.any():
         return rows[..., opened].transpose(2, 0, 1)
-    return _in_si(leg, backgrounds[0].signals)[None]  # off the way the point that opens the guard has to do
+    return _in_si(leg, backgrounds[0].signals)[None]  # else the point that opens the guard
 
 
 def _in_si(leg: HangingLeg, known: Mapping[str, Any]) -> np.ndarray:

@@ -56,13 +56,13 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     ticks, shares = _blend(leg, new)
     angles, velocities = samples[:, 0], samples[:, 1]
-    held, places = np.unique(angles, axis=0, return_inverse=True)  # samples share postures and speeds
+    held, places = np.unique(angles, axis=0, return_inverse=True)  # many samples have the same posture
     gravity = np.array([leg.modelled_gravity(posture) for posture in held])[places]
     speeds = zip(leg.joints, velocities.T, strict=True)
     friction = np.array([_friction(laws[name], row) for name, row in speeds]).T
     columns = [leg.column(which) for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
     columns.append(leg.gravity_shares[:, None])
-    # The laws are linear: arrays of ticks, samples and joints pass as numbers do.
+    # The laws are linear, so that they take arrays over ticks, samples and joints.
     share: Any = np.array(shares)[:, None, None]
     k, b, zero, gain, carried = (blend(column[old], column[new], share) for column in columns)
     impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
@@ -76,7 +76,7 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
 
 
 def _friction(law: FrictionLaw, velocities: np.ndarray) -> np.ndarray:
-    """Return the friction torques in [N m] at velocities in [rad] / [s], of which many are alike."""
+    """Return the friction torques in [N m] at velocities in [rad] / [s]; equal ones are computed once."""
     speeds, places = np.unique(velocities, return_inverse=True)
     return np.array([friction_torque(law, speed) for speed in speeds.tolist()])[places]
 

@@ -54,7 +54,7 @@ def experiment_from_mapping(
     known, table = {}, None
     if like is not None:
         known = known_sections(data, like.document, like.experiment)
-        known.pop("integration", None)  # which is laid over that of engine and world
+        known.pop("integration", None)  # it is merged with the default of engine and world below
         table = gait_table_file.KnownTable(like.document["table"], like.experiment.table)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = entry.values()

@@ -205,13 +205,13 @@ def checked_table(found: WrittenTable, source: str, name: str) -> table.GaitTabl
 
 
 class KnownTable(NamedTuple):
-    """A gait table that was turned before, and its mapping."""
+    """A gait table and the mapping that it was converted from."""
 
     data: Mapping[str, Any]
     table: table.GaitTable
 
     def laid_over(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Return a mapping in which the very same parts as in this one are as they were converted."""
+        """Replace the parts of a mapping that are identical objects in this one by their converted values."""
         own, found = self.table, dict[str, Any]()
         parts = {"blending": own.blending, "scaling": own.scaling, "waive": own.waivers}
         for key, value in (parts | {"transitions": own.transitions}).items():
@@ -228,7 +228,7 @@ def gait_table_from_mapping(
 ) -> table.GaitTable:
     """Turn parsed YAML of the file ``source`` into a gait table, ``name`` if it gives none.
 
-    ``like``: a table turned before, of which the very same parts are not converted again.
+    ``like``: a table converted before; parts that are identical objects in both are not converted again.
     """
     entry: Any = validate(GaitTableFile, data if like is None else like.laid_over(data), source)
     phases = {

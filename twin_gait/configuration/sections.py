@@ -33,9 +33,7 @@ class Section(Strict):
     parameters: ClassVar[type[Any]]
     defaults: ClassVar[Mapping[str, Any]] = {}  # what sections and mappings inside are laid over
     inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields that are :class:`Inline`
-    keys: ClassVar[
-        Mapping[str, str]
-    ] = {}  # names of the fields by their keys, those in a file's form left out
+    keys: ClassVar[Mapping[str, str]] = {}  # names of the fields by their keys, without AsInFile fields
     required: ClassVar[Mapping[str, str]] = {}  # keys of the fields without a default by their names
 
     @model_validator(mode="before")
@@ -79,15 +77,15 @@ class Section(Strict):
 
 
 def known_sections(data: Mapping[str, Any], like: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
-    """Return the sections of a mapping that are the very same in another one, as they were converted there.
+    """Return the sections of a mapping that are identical objects in another one, as converted there.
 
-    ``like``: the other mapping; ``parameters`` made of it, or a mapping of some by name. Sections in which
-    only some are the same are in the result too, with those that they have themselves.
+    ``like``: the other mapping; ``parameters``: what was converted from it, or such values by name. A section
+    that differs is in the result too, with the converted values of its own identical sections.
     """
     values = parameters
     if isinstance(parameters, Parameters):
         if data.get(parameters.tag) != like.get(parameters.tag):
-            return {}  # of another kind, whose sections may be others
+            return {}  # another kind has other sections
         named = ((item.key, item.name) for item in declarations(type(parameters)))
         values = {key: getattr(parameters, name) for key, name in named}
     found: dict[str, Any] = {}

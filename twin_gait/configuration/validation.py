@@ -93,7 +93,7 @@ def parse_assignment(text: str) -> tuple[list[str | int], Any]:
 
 
 def parse_path(key: str, text: str) -> list[str | int]:
-    """Split ``table.transitions[3].after_s`` into names and places; ``text``: what an error quotes."""
+    """Split ``table.transitions[3].after_s`` into names and positions; an error quotes ``text``."""
     if not _PATH.fullmatch(key):
         expected = "expected key=value with a key of names joined by dots, for example patient.mass_kg=80"
         raise ParameterError(f"--set {text!r}: {expected}")

@@ -96,7 +96,7 @@ def signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
     return (*names, *(signal.name for signal in LEG_SIGNALS))
 
 
-@lru_cache(maxsize=32)  # every guard of a table looks its signals up
+@lru_cache(maxsize=32)  # each guard of a table is checked against them
 def all_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
     """Return the signals of this leg, the other, then the device: their positions index the guard program."""
     own = signal_names(joints)

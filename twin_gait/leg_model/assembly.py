@@ -26,7 +26,7 @@ LARGEST_LIMIT = 4.0 * math.pi  # [rad]
 
 
 def new_assembly(path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> "Assembly":
-    """Return a model that is the device of a URDF so far; arguments and errors as of :class:`Assembly`."""
+    """Return a new copy of the device of a URDF; arguments and errors as of :class:`Assembly`."""
     device = _device(path, urdf_text(path), tuple(legs.items()), pelvis, up_axis)
     for warning in device.warnings:
         warnings.warn(warning, stacklevel=3)
@@ -39,7 +39,7 @@ def new_assembly(path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide
 def _device(
     path: Path, text: str, legs: tuple[tuple[Side, LegJoints], ...], pelvis: PelvisGuide, up_axis: str
 ) -> "Assembly":
-    """Read a device; ``text``: that of its file, so that an edited file is another device."""
+    """Read a device; ``text`` of its file is an argument so that an edited file is read again."""
     del text
     return Assembly(path, dict(legs), pelvis, up_axis)
 
@@ -50,7 +50,7 @@ class Assembly:
     Attributes:
         model: The Pinocchio model as it is so far.
         legs: Joint names of each leg in the URDF, without signs.
-        warnings: Of the file.
+        warnings: Warnings about the file, which are issued for each copy.
     """
 
     def __init__(self, path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> None:

@@ -12,7 +12,7 @@ from twin_gait.exceptions import ModelError
 # Below this an exported number is rounding of a zero; a model has grams and millimetres, not less.
 _ROUNDING = 1e-13
 _IDENTITY = np.eye(3)
-_ROWS = 9  # of three numbers each, of a body
+_ROWS = 9  # number of rows of three numbers that describe a body
 
 
 class BodyArrays(NamedTuple):
@@ -56,7 +56,7 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
         rows += [axis, *placement.rotation, placement.translation, mass * lever, *about_origin]
         armature = float(model.armature[joint.idx_v])
         rest.append((int(model.parents[index]) - 1, prismatic, mass, armature, str(model.names[index])))
-    plain = iter(_plain(rows))  # all numbers at once
+    plain = iter(_plain(rows))  # in one call, which takes most of the time
     bodies = []
     for parent, prismatic, mass, armature, name in rest:
         axis, *rotation, position, first_moment, x, y, z = islice(plain, _ROWS)

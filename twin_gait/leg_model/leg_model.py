@@ -97,7 +97,7 @@ class LegModel:
             self._place_of(name) if name in guides else None for name in joints.ALL_GUIDES
         )
         self.trunk_joint = guides[-1] if guides else None
-        self._frames: dict[str, int] = {}  # indices by name, of those that have been asked for
+        self._frames: dict[str, int] = {}  # indices of frames by name, found when first used
         self._places = {
             (side, joint): self._place_of(name)
             for side, leg in self.legs.items()

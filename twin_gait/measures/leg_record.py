@@ -45,7 +45,7 @@ class LogColumns(Protocol):
 def phase_indices(log: LogColumns, side: Side, phase_names: tuple[str, ...]) -> np.ndarray:
     """Return the phase of a leg at each tick as its index among some names."""
     phases = log[f"{side}_phase"]
-    if isinstance(phases, np.ndarray):  # indices as they are
+    if isinstance(phases, np.ndarray):  # an engine writes indices
         return phases.astype(int)
     return np.asarray(pd.Categorical(phases, dtype=_phase_type(phase_names)).codes, dtype=int)
 

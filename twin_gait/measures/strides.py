@@ -120,7 +120,7 @@ def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`. Returns shape
     ``(n_strides, 2)``, in the unit of the signal.
     """
-    # Of every other span of ticks, from the first of a stride to that behind its last.
+    # Every other span is a stride, from its first tick to the tick behind its last.
     edges = np.array([bounds[:, 0], bounds[:, 1] + 1]).T.ravel()
     if len(edges) and edges[-1] >= len(signal):
         edges = edges[:-1]

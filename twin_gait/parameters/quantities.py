@@ -183,7 +183,7 @@ class Parameters:
         """Take every value as its declaration has it."""
         for item in declarations(type(self)):
             value = getattr(self, item.name)
-            # The usual value needs no more: an experiment has hundreds, and each change makes some anew.
+            # A value of the exact type within its range needs no conversion.
             if type(value) is not item.kind or (item.range is not None and not item.range.holds(value)):
                 object.__setattr__(self, item.name, item.taken(value))
 

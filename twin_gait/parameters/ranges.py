@@ -61,7 +61,7 @@ class Range:
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
         """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
         fits = isinstance(value, int if whole else Real)
-        if not (fits and self.holds(value)):  # words are made for those that do not
+        if not (fits and self.holds(value)):  # the expected range is put into words only for an error
             require(False, name, self.expected, value)
 
     @property

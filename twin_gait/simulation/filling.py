@@ -39,7 +39,7 @@ _LATELY = 32  # [ticks]; likewise delays of the bus
 
 
 def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
-    """Return the episode of a problem at tick 0; parts of it may belong to the world, or be in it twice.
+    """Return the episode of a problem at tick 0; it may share parts with the world, and have one part twice.
 
     ``bodies``: those that the kernels of plant and controller are written for.
     """

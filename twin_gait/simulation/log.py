@@ -200,7 +200,7 @@ class LogArrays:
         return np.asarray(self._rows[self._places[name]])
 
     def table(self) -> pd.DataFrame:
-        """Make the table, with ``time_s`` in front and phases by name."""
+        """Build the table, with ``time_s`` in front and phases by name."""
         rows = self._rows.T
         log = pd.DataFrame(np.asfortranarray(rows), columns=list(self._names), copy=False)
         log.insert(0, "time_s", self["time_s"])

@@ -41,15 +41,15 @@ def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
     return _known[kind]
 
 
-# Reading hints takes longer than writing a record.
+# Reading the type hints takes longer than writing a record.
 _known: dict[type, tuple[tuple[str, type], ...]] = {}
-_numbers: dict[type, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {}  # of records of single numbers only
+_numbers: dict[type, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {}  # records of single numbers
 
 Pattern = tuple[tuple[str, Any, tuple[int, ...]], ...]  # name, code or pattern, and shape of each field
 
 
 def described(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
-    """Return the pattern of a record, which its dtype follows from, and its values as NumPy takes them."""
+    """Return the pattern of a record, which determines its dtype, and its values as NumPy takes them."""
     if type(sample) in _numbers:
         whole, read = _numbers[type(sample)]
         return whole, read(sample)
@@ -72,7 +72,7 @@ def described(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
     return tuple(pattern), tuple(values)
 
 
-@lru_cache(maxsize=1024)  # of the records in those of some kinds of episodes
+@lru_cache(maxsize=1024)  # an episode has about 50 patterns
 def _dtype(pattern: Pattern) -> np.dtype[Any]:
     """Return the dtype of a pattern, aligned as C would."""
     fields_of = [

@@ -74,7 +74,7 @@ def run_events(
 
 
 class _Log:
-    """Log of a run: a table, which is made of the arrays of an engine when it is first read."""
+    """Log of a run as a table, built from the arrays of an engine when it is first read."""
 
     def __get__(self, run: Run | None, owner: type[Run]) -> pd.DataFrame:
         if run is None:
@@ -139,7 +139,7 @@ class Run:
 
     @property
     def columns(self) -> LogColumns:
-        """Columns of the log by name, for measures: no table is made of arrays for them."""
+        """Columns of the log by name, which are read without building the table."""
         columns: LogColumns = vars(self)["log"]
         return columns
 
@@ -287,5 +287,5 @@ class Run:
 
 
 def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:
-    """Make the log table of rows of all columns, shape ``(n_ticks, n_columns)``."""
+    """Build the log table of rows with all columns, shape ``(n_ticks, n_columns)``."""
     return LogArrays(rows.T, layout.names, table.phase_names).table()

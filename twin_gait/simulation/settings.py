@@ -23,7 +23,7 @@ MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 class Settings:
     """Everything that events and the controls of a live session set.
 
-    What follows from it is computed when it is first read, and then kept.
+    Setups that follow from it are built when they are first read, and kept.
     """
 
     experiment: Experiment  # with the gait table, belt speed and support as they are now
@@ -34,7 +34,7 @@ class Settings:
     # values of the live controls that have been set, by name, in their units
     changes: Mapping[str, Any] = field(default_factory=dict)
 
-    __hash__ = object.__hash__  # its mappings have none; what is worked out of settings is kept by object
+    __hash__ = object.__hash__  # by identity, for caches; a mapping has no hash
 
     @property
     def table(self) -> GaitTable:
@@ -48,7 +48,7 @@ class Settings:
 
     @cached_property
     def driving_problem(self) -> Problem:
-        """The experiment that the mode puts in force, likewise."""
+        """The experiment of :attr:`driving` as an engine needs it."""
         return self.problem if self.driving is self.experiment else build_problem(self.driving)
 
     @cached_property

@@ -77,7 +77,7 @@ class Treadmill(SplitStance):
         """How the pelvis is held."""
         return self.support.guide
 
-    @cached_property  # a summary reads it some ten times
+    @cached_property  # a summary reads it about ten times
     def walking(self) -> Walking:
         """On the belt."""
         return Walking(
