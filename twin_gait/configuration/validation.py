@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 from twin_gait import yaml12
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.files import read_text
-from twin_gait.parameters.quantities import EXCHANGEABLE
+from twin_gait.parameters.quantities import EXCHANGEABLE, Parameters
 from twin_gait.vocabulary import JointName
 
 # "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
@@ -68,7 +68,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") 
         if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
             merged[key] = merge(old, value, f"{place}.{key}".removeprefix("."))
         else:
-            merged[key] = copy.deepcopy(value)
+            merged[key] = value if isinstance(value, Parameters) else copy.deepcopy(value)
     return merged
 
 
