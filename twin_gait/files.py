@@ -109,14 +109,14 @@ def finite_or_none(value: float) -> float | None:
 
 def plain(value: Any) -> Any:
     """A value as JSON knows it: numbers of numpy as Python's, null for what is not finite, else a text."""
+    if isinstance(value, float):
+        return finite_or_none(value)
+    if isinstance(value, bool | int) or value is None:
+        return value
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    if isinstance(value, bool | int) or value is None:
-        return value
-    if isinstance(value, float):
-        return finite_or_none(value)
     return plain(value.item()) if hasattr(value, "item") else str(value)
 
 

@@ -136,7 +136,7 @@ def test_signals_of_a_leg_come_joint_by_joint() -> None:
     known = ("hip.angle_deg", "hip.velocity_deg_per_s", "knee.angle_deg", "knee.velocity_deg_per_s")
     places = [own.index(name) for name in (*known, "foot.load_bw", "time_in_phase_s")]
     assert places == sorted(places)
-    assert [*own, *(f"other.{name}" for name in own), *DEVICE_NAMES] == NAMES
+    assert (*own, *(f"other.{name}" for name in own), *DEVICE_NAMES) == NAMES
 
 
 def test_table_with_an_ankle_has_signals_for_it() -> None:

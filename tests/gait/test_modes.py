@@ -223,7 +223,7 @@ def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect(
 def test_signals_are_of_both_legs_by_their_sides():
     names = mode_signal_names(("hip", "knee"))
     legs = [f"{side}.{name}" for side in ("left", "right") for name in signal_names(("hip", "knee"))]
-    assert names == [*legs, "time_in_phase_s", "trunk.pitch_deg", "legs_in_swing"]
+    assert names == (*legs, "time_in_phase_s", "trunk.pitch_deg", "legs_in_swing")
     assert {"left.knee.velocity_deg_per_s", "right.foot.load_bw", "left.time_in_phase_s"} < set(legs)
     assert signal_of("legs_in_swing").unit.words == "no unit"
 

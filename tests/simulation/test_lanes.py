@@ -292,7 +292,7 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
 
 def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_none(uncompiled):
     engines = [uncompiled("treadmill", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
-    block = side_by_side(np.concatenate([engine.store for engine in engines]))
+    block = side_by_side([engine.store for engine in engines])
     dtype = engines[0].store.dtype
     assert block.shape == (dtype.itemsize // 8, WIDTH) and block.flags.c_contiguous
     weights = block[word_of(dtype, "episode.body_weight")].view(float)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from twin_gait import load_experiment, presets, simulate
@@ -11,6 +13,7 @@ from twin_gait.simulation import log as log_columns
 from twin_gait.simulation.log import (
     WORK_SOURCES,
     Columns,
+    LogArrays,
     log_layout,
     meaning_of,
     state_columns,
@@ -110,3 +113,17 @@ def test_state_columns_are_the_coordinates_of_the_model_in_its_order() -> None:
         assert model.pelvis_index is not None and model.forward_index is not None
         assert positions[model.pelvis_index] == f"{own}pelvis_height_m"
         assert positions[model.forward_index] == f"{own}pelvis_forward_m"
+
+
+def test_the_table_is_made_of_the_columns_when_it_is_read() -> None:
+    run = simulate(load_experiment("treadmill", ["duration_s=0.05"]).experiment)
+    assert isinstance(run.columns, LogArrays)
+    columns = {name: run.columns[name] for name in ("time_s", "left_phase", "right_knee_angle_rad")}
+    assert "pelvis_forward_m" in run.columns and "left_elbow_angle_rad" not in run.columns
+    log = run.log
+    assert log is run.log and run.columns is log and len(log) == 50
+    assert log["time_s"].tolist() == columns["time_s"].tolist()
+    assert log["right_knee_angle_rad"].tolist() == columns["right_knee_angle_rad"].tolist()
+    assert log["left_phase"].cat.codes.tolist() == columns["left_phase"].tolist()
+    shorter = replace(run, log=log.iloc[:20])
+    assert shorter.duration == pytest.approx(0.02) and len(shorter.columns) == 20

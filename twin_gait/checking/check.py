@@ -16,7 +16,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, part_of
 from twin_gait.gait.table import GaitTable, StateTable
-from twin_gait.simulation.problem import scaled_table
+from twin_gait.simulation.problem import Problem, scaled_table
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import World
 
@@ -69,24 +69,28 @@ def load_case(
     return build_case(table, own if drives else None)
 
 
-def build_case(table: StateTable, experiment: Experiment | None = None) -> CheckCase:
+def build_case(
+    table: StateTable, experiment: Experiment | None = None, problem: Problem | None = None
+) -> CheckCase:
     """Lay out what is checked.
 
-    ``experiment``: what it drives; its own table is replaced. None checks the table by itself. Returns the
-    table, scaled to the experiment, with the limits of its joints: those of the URDF, or without an
-    experiment the normal ranges of human joints.
+    ``experiment``: what it drives; its own table is replaced. None checks the table by itself. ``problem``:
+    that of the experiment with the table, if there is one already. Returns the table, scaled to the
+    experiment, with the limits of its joints: those of the URDF, or without an experiment the normal ranges
+    of human joints.
     """
     if experiment is None or not isinstance(table, GaitTable):
         limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, TRUNK)}
         return CheckCase(table=table, experiment=None, limits=limits)
     driving = replace(experiment, table=table)
-    world = driving.build_world()
+    world = driving.build_world() if problem is None else problem.world
     return CheckCase(
-        table=scaled_table(driving, world),
+        table=scaled_table(driving, world) if problem is None else problem.table,
         experiment=driving,
         limits={TRUNK: _pitches(world)} | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
+        known_problem=problem,
     )
 
 

@@ -8,11 +8,12 @@ module lists it in ``RULES``.
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import lru_cache, wraps
+from functools import cached_property, lru_cache, wraps
 from typing import Any
 
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, StateTable, Transition
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import Side
 
 
@@ -51,6 +52,13 @@ class CheckCase:
     # highest speed of each joint of the table in [rad] / [s]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     first_phases: tuple[str, ...] = ()  # in which the legs start, leg by leg; nothing without an experiment
+    known_problem: Problem | None = None  # the experiment as an engine needs it, if it was set up before
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The experiment as an engine needs it."""
+        assert self.experiment is not None  # a table by itself has none
+        return self.known_problem or build_problem(self.experiment)
 
     @property
     def gait(self) -> GaitTable:

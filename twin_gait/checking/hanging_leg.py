@@ -88,7 +88,11 @@ class HangingLeg:
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
     def torque_limits(self) -> np.ndarray:
-        """Largest torque of each joint by torque and current limit in [N m], shape ``(n_joints,)``."""
+        """Return the largest torque of each joint by torque and current limit in [N m]: ``(n_joints,)``."""
+        return self._torque_limits
+
+    @cached_property
+    def _torque_limits(self) -> np.ndarray:
         limits = self.problem.experiment.control.limits
         motors = [self.problem.experiment.plant.actuators[joint] for joint in self.joints]
         gears = [(motor.torque_constant, motor.gear_ratio) for motor in motors]
@@ -138,7 +142,7 @@ class HangingLeg:
         q, indices = self._posture(model, angles)
         return model.gravity_torque(q)[indices]
 
-    @property
+    @cached_property
     def bristles(self) -> np.ndarray:
         """What holds joints at rest that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
         laws = self.problem.experiment.plant.true_friction()
@@ -180,12 +184,13 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
 @once
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
     """Legs with numbers of their own: one where both sides have the same; none without an experiment."""
-    return [] if case.experiment is None else _hanging_legs(case.experiment)
+    return [] if case.experiment is None else _hanging_legs(case.problem)
 
 
-def _hanging_legs(experiment: Experiment) -> list[HangingLeg]:
-    problem = build_problem(experiment)
-    plant = experiment.leg_model(experiment.patient, PelvisGuide.FIXED)
+def _hanging_legs(problem: Problem) -> list[HangingLeg]:
+    experiment, plant = problem.experiment, problem.control_model
+    if experiment.known_patient != experiment.patient:  # else the controller's model is true
+        plant = experiment.leg_model(experiment.patient, PelvisGuide.FIXED)
     if not problem.table.side_phases:
         return [HangingLeg(problem, plant, problem.sides[0], None)]
     return [HangingLeg(problem, plant, side, side) for side in problem.sides]
@@ -201,6 +206,6 @@ def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Si
     """
     return {
         (leg.side, phase): leg.linear_loop(index, velocity)
-        for leg in _hanging_legs(experiment)
+        for leg in _hanging_legs(build_problem(experiment))
         for index, phase in enumerate(leg.phases)
     }

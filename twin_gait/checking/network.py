@@ -12,7 +12,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
 from twin_gait.parameters import BOARDS, ImpedancePlace, NetworkParameters
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import Problem
 
 _SETPOINTS = {"stiffness": " Nm/rad", "damping": " Nms/rad", "equilibrium": " rad", "gain": ""}  # as in a row
 
@@ -122,7 +122,7 @@ def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     """A value of the experiment is outside the range of the signal that carries it, and would be cut."""
     if case.experiment is None or case.experiment.network is None:
         return
-    problem, messages = build_problem(case.experiment), load_messages(case.experiment.network.dbc)
+    problem, messages = case.problem, load_messages(case.experiment.network.dbc)
     suggestion = "take a value within it, or a DBC file with a wider one"
     found: dict[str, str] = {}  # by key: two legs have one
     for number, joint in enumerate(problem.joints):

@@ -2,9 +2,10 @@
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -163,8 +164,11 @@ def _thresholds(space: SignalSpace, index: int, name: str) -> list[float]:
 
 def _candidates(
     space: SignalSpace, index: int, leg: HangingLeg, rest: Rest, samples: int
-) -> Iterator[dict[str, float]]:
-    """Signals of the leg on its way through the phase that is left, in the units of the table."""
+) -> dict[str, np.ndarray]:
+    """Return signals of the leg on its way through the phase that is left, in the units of the table.
+
+    Each has one value for each candidate.
+    """
     waits = space.transition(index).is_time_out
     choices: dict[str, list[float]] = {}
     ways = zip(leg.joints, rest.path(), rest.corners.T, rest.velocities.tolist(), strict=True)
@@ -180,8 +184,10 @@ def _candidates(
     # A fixed choice among too many of them.
     few = count <= _MOST
     chosen = np.arange(count) if few else np.random.default_rng(0).choice(count, size=_MOST, replace=False)
-    for places in zip(*np.unravel_index(chosen, list(map(len, several))), strict=True):
-        yield {name: values[place] for name, values, place in zip(choices, several, places, strict=True)}
+    places = np.unravel_index(chosen, list(map(len, several)))
+    return {
+        name: np.array(values)[place] for name, values, place in zip(choices, several, places, strict=True)
+    }
 
 
 def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
@@ -209,21 +215,28 @@ def postures(
     cannot open.
     """
     backgrounds = _backgrounds(space, index)
+    if not backgrounds:
+        return np.zeros((0, 2, len(leg.joints)))
+    own = _candidates(space, index, leg, rest, samples)
+    rows = _in_si(leg, own)
+    # The evaluation of a guard takes arrays as well as numbers: all candidates are tested at once.
+    opened = np.zeros(rows.shape[-1], dtype=bool)
+    for point in backgrounds:
+        everything: dict[str, Any] = {**point.signals, **own}
+        opened |= space.is_open(index, replace(point, signals=everything))
+    if opened.any():
+        return rows[..., opened].transpose(2, 0, 1)
+    return _in_si(leg, backgrounds[0].signals)[None]  # else the point that opens the guard
 
-    guards = [space.guard_near(index, point) for point in backgrounds]
 
-    def opens(own: dict[str, float]) -> bool:
-        return any(is_open(own) for is_open in guards)
-
-    # Off the way the point that opens the guard has to do.
-    found = list(filter(opens, _candidates(space, index, leg, rest, samples))) if backgrounds else []
-    found = found or [dict(point.signals) for point in backgrounds[:1]]
-    rows = [
-        [own.get(signal.of(joint), 0.0) * signal.unit.factor for joint in leg.joints]
-        for own in found
-        for signal in (ANGLE, VELOCITY)
-    ]
-    return np.array(rows).reshape(-1, 2, len(leg.joints))
+def _in_si(leg: HangingLeg, known: Mapping[str, Any]) -> np.ndarray:
+    """Return angles and velocities of the joints in SI, shape ``(2, n_joints, …)``; 0 of unknown ones."""
+    return np.array(
+        [
+            [known.get(item.of(joint), 0.0) * item.unit.factor for joint in leg.joints]
+            for item in (ANGLE, VELOCITY)
+        ]
+    )
 
 
 @lru_cache(maxsize=64)  # rules follow each other, and ways into a phase share what comes before

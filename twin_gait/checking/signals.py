@@ -1,7 +1,7 @@
 """Ranges of the signals that a table reads, and points in them where guards are open or closed."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -189,25 +189,18 @@ class SignalSpace:
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
         return self.possible(both, times, equal(_END + TIME, TIME, stay))
 
-    def guard_near(self, index: int, point: Point) -> Callable[[Mapping[str, float]], bool]:
-        """Return a function that evaluates the guard of a transition at a point with some signals replaced.
+    def is_open(self, index: int, point: Point) -> bool:
+        """Return whether the guard of a transition is open at a point; signals that it leaves open are 0.
 
-        The point is converted once for many replacements, which are signals of this leg by name. Signals that
-        the point leaves open are 0.
+        Signals may be arrays of one shape, of as many points.
         """
         absent = OTHER if point.other is None else ()
-        measured = {
-            name: math.nan if name.startswith(absent) else point.signals.get(name, 0.0) * scale
+        measured = [
+            math.nan if name.startswith(absent) else point.signals.get(name, 0.0) * scale
             for name, scale in self._scales.items()
-        }
+        ]
         rule, other = self.program.transitions[index], self.table.member_index(point.other)
-
-        def is_open(replaced: Mapping[str, float]) -> bool:
-            known = {name: value * self._scales[name] for name, value in replaced.items() if name in measured}
-            signals = list({**measured, **known}.values())
-            return guard_holds(self.program, rule.first_node, rule.end_node, signals, other)
-
-        return is_open
+        return guard_holds(self.program, rule.first_node, rule.end_node, measured, other)
 
     def counterexample(self, point: Point) -> dict[str, float | str]:
         """Signals of a point that decide, for a finding; the rest may have any value."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_ratio_of, impedance_torque
 from twin_gait.gait.table import TICK, Transition
+from twin_gait.parameters import FrictionLaw
 
 # A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
 KNOCK = 0.25
@@ -55,24 +56,29 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     ticks, shares = _blend(leg, new)
     angles, velocities = samples[:, 0], samples[:, 1]
-    different, number = np.unique(angles, axis=0, return_inverse=True)  # many differ in velocity alone
-    gravity = np.array([leg.modelled_gravity(posture) for posture in different])[number.ravel()]
-    speeds = zip(leg.joints, velocities.T.tolist(), strict=True)
-    friction = np.array([[friction_torque(laws[name], speed) for speed in row] for name, row in speeds]).T
+    held, places = np.unique(angles, axis=0, return_inverse=True)  # many samples have the same posture
+    gravity = np.array([leg.modelled_gravity(posture) for posture in held])[places]
+    speeds = zip(leg.joints, velocities.T, strict=True)
+    friction = np.array([_friction(laws[name], row) for name, row in speeds]).T
     columns = [leg.column(which) for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
     columns.append(leg.gravity_shares[:, None])
-    commands = []
-    for share in shares:
-        k, b, zero, gain, carried = (blend(column[old], column[new], share) for column in columns)
-        # The law is linear: arrays of joints pass as numbers do.
-        impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
-        commands.append(impedance + gain * friction + carried * gravity)
+    # The laws are linear, so that they take arrays over ticks, samples and joints.
+    share: Any = np.array(shares)[:, None, None]
+    k, b, zero, gain, carried = (blend(column[old], column[new], share) for column in columns)
+    impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
+    commands = impedance + gain * friction + carried * gravity
     whole = np.abs(commands[-1] - commands[0])
     tick = np.abs(np.diff(commands, axis=0) / np.diff(ticks)[:, None, None]).max(axis=0)
     worst = np.argmax(np.maximum(whole, tick / KNOCK), axis=0)
     at = [leg.signals(*samples[place]) for place in worst]
     jumps = zip(leg.joints, leg.torque_limits(), whole.max(axis=0), tick.max(axis=0), at, strict=True)
     return [Jump(*jump) for jump in jumps]
+
+
+def _friction(law: FrictionLaw, velocities: np.ndarray) -> np.ndarray:
+    """Return the friction torques in [N m] at velocities in [rad] / [s]; equal ones are computed once."""
+    speeds, places = np.unique(velocities, return_inverse=True)
+    return np.array([friction_torque(law, speed) for speed in speeds.tolist()])[places]
 
 
 @rule

@@ -16,13 +16,13 @@ from twin_gait.configuration import gait_table_file, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.events import events_of, faults_and_requests
 from twin_gait.configuration.readers import SIDES, own_controller, section_of, type_of
+from twin_gait.configuration.sections import known_sections
 from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters import Patient
-from twin_gait.parameters.quantities import declarations
 from twin_gait.worlds import world_of
 from twin_gait.worlds.registry import load_plugin, words
 
@@ -51,14 +51,20 @@ def experiment_from_mapping(
     ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
     converted again, which takes most of the time.
     """
-    known = {} if like is None else _known(data, like)
+    known, table = {}, None
+    if like is not None:
+        known = known_sections(data, like.document, like.experiment)
+        known.pop("integration", None)  # it is merged with the default of engine and world below
+        table = gait_table_file.KnownTable(like.document["table"], like.experiment.table)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = entry.values()
     # A table without a name has the experiment's.
-    if like is not None and entry.name == like.experiment.name and data["table"] is like.document["table"]:
-        found["table"] = like.experiment.table
+    if like is None or entry.name != like.experiment.name or data["table"] is not like.document["table"]:
+        found["table"] = gait_table_file.gait_table_from_mapping(
+            data["table"], f"{source}: table", entry.name, table
+        )
     else:
-        found["table"] = gait_table_file.gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
+        found["table"] = like.experiment.table
     if entry.modes is not None:
         found["modes"] = gait_table_file.mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
     if entry.controller is not None:
@@ -69,7 +75,12 @@ def experiment_from_mapping(
         found["integration"] = converting(source, "integration", lambda: replace(standard, **own))
     if data.get("patient") is None:
         found["patient"] = None
-    _find_files(found, source, folder)
+    if like is None or found["leg"] is not like.experiment.leg:
+        leg = found["leg"] = replace(found["leg"], urdf=beside(folder, found["leg"].urdf))
+        converting(source, "leg", lambda: find_urdf(leg.urdf))
+    if found.get("network") is not None and (like is None or found["network"] is not like.experiment.network):
+        network = found["network"] = replace(found["network"], dbc=beside(folder, found["network"].dbc))
+        find_dbc(network.dbc)
     urdf, wanted = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
     if wanted is not None and wanted != urdf_hash(find_urdf(urdf)):
         problem = f"{urdf} is not the file that this experiment was made with; restore it, or remove this key"
@@ -81,17 +92,6 @@ def experiment_from_mapping(
     plain = converting(source, "", lambda: Experiment(**found))
     events = events_of(entry.events, plain, source)
     return converting(source, "", lambda: replace(plain, events=events))
-
-
-def _known(data: Mapping[str, Any], like: LoadedExperiment) -> dict[str, Any]:
-    """Sections that are the very same as in another mapping, as they were converted there."""
-    return {
-        item.key: getattr(like.experiment, item.name)
-        for item in declarations(Experiment)
-        if item.key not in ("table", "modes", "integration", "controller")
-        and isinstance(data.get(item.key), dict)
-        and data[item.key] is like.document.get(item.key)
-    }
 
 
 def _file_about(scenario: Any, source: str) -> Any:
@@ -106,15 +106,6 @@ def _file_about(scenario: Any, source: str) -> Any:
 @cache
 def _section_in(world: type[Any]) -> Any:
     return create_model("Experiment", __base__=section_of(Experiment), scenario=(type_of(world), ...))
-
-
-def _find_files(found: dict[str, Any], source: str, folder: Path) -> None:
-    """Look for the files that an experiment names, beside its own file first."""
-    leg = found["leg"] = replace(found["leg"], urdf=beside(folder, found["leg"].urdf))
-    converting(source, "leg", lambda: find_urdf(leg.urdf))
-    if found.get("network") is not None:
-        network = found["network"] = replace(found["network"], dbc=beside(folder, found["network"].dbc))
-        find_dbc(network.dbc)
 
 
 def beside(folder: Path, name: str) -> str:

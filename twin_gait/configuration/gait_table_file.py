@@ -4,13 +4,15 @@ One gait table may extend another.
 """
 
 import re
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, create_model
+from pydantic import Field, WrapValidator, create_model
 
 from twin_gait.configuration.readers import section_of, type_of
+from twin_gait.configuration.sections import known_sections
 from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait import GaitTable, Mode, ModeTable, table
@@ -32,13 +34,21 @@ def phase_section(joints: tuple[str, ...]) -> Any:
     return section
 
 
+def _as_converted(value: Any, read: Callable[[Any], Any]) -> Any:
+    return value if isinstance(value, (table.Transition, table.PhaseParameters)) else read(value)
+
+
+_TransitionEntry: Any = Annotated[section_of(table.Transition), WrapValidator(_as_converted)]
+_PhaseEntry: Any = Annotated[dict[str, Any], WrapValidator(_as_converted)]
+
+
 class _TableFile(Strict):
     """What both kinds of files have."""
 
     schema_version: Literal[1]
     name: str | None = None
     description: str = ""
-    transitions: tuple[section_of(table.Transition), ...] = ()  # type: ignore[valid-type]
+    transitions: tuple[_TransitionEntry, ...] = ()
     waive: tuple[type_of(table.Waiver), ...] = ()  # type: ignore[valid-type]
 
 
@@ -48,7 +58,7 @@ class GaitTableFile(_TableFile):
     joints: tuple[str, ...] = Field(min_length=1)
     blending: type_of(table.Blending) = table.Blending()  # type: ignore[valid-type]
     scaling: type_of(table.Scaling) = table.Scaling()  # type: ignore[valid-type]
-    phases: dict[str, dict[str, Any]] = Field(min_length=1)
+    phases: dict[str, _PhaseEntry] = Field(min_length=1)
     cycles: tuple[tuple[str, ...], ...] = ()
     postures: tuple[str, ...] = ()
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
@@ -194,9 +204,33 @@ def checked_table(found: WrittenTable, source: str, name: str) -> table.GaitTabl
         raise ParameterFileError(file, "", f"{key}[{place}]{text[merged.end() :]}") from error
 
 
-def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> table.GaitTable:
-    """Turn parsed YAML of the file ``source`` into a gait table, ``name`` if it gives none."""
-    entry: Any = validate(GaitTableFile, data, source)
+class KnownTable(NamedTuple):
+    """A gait table and the mapping that it was converted from."""
+
+    data: Mapping[str, Any]
+    table: table.GaitTable
+
+    def laid_over(self, data: dict[str, Any]) -> dict[str, Any]:
+        """Replace the parts of a mapping that are identical objects in this one by their converted values."""
+        own, found = self.table, dict[str, Any]()
+        parts = {"blending": own.blending, "scaling": own.scaling, "waive": own.waivers}
+        for key, value in (parts | {"transitions": own.transitions}).items():
+            if key in data and data[key] is self.data.get(key):
+                found[key] = value
+        if data.get("joints") == self.data["joints"] and isinstance(data.get("phases"), dict):
+            same = known_sections(data["phases"], self.data["phases"], own.phases)
+            found["phases"] = data["phases"] | same
+        return data | found
+
+
+def gait_table_from_mapping(
+    data: dict[str, Any], source: str, name: str, like: KnownTable | None = None
+) -> table.GaitTable:
+    """Turn parsed YAML of the file ``source`` into a gait table, ``name`` if it gives none.
+
+    ``like``: a table converted before; parts that are identical objects in both are not converted again.
+    """
+    entry: Any = validate(GaitTableFile, data if like is None else like.laid_over(data), source)
     phases = {
         name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
     }
@@ -211,21 +245,25 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> tab
             key = f"sides.{side}.{phase}"
             if phase not in phases:
                 raise ParameterFileError(source, key, f"no such phase; there are {', '.join(phases)}")
-            merged = merge(entry.phases[phase], values)  # over the common values
+            merged = merge(data["phases"][phase], values)  # over the common values
             side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
     shared = _shared(entry, name, LEG_WORDS, source)
     more = {**shared, "phases": phases, "side_phases": side_phases}
     return converting(source, "", lambda: taken_from(table.GaitTable, entry, **more))
 
 
-def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
+def _phase(values: Any, joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
+    if isinstance(values, table.PhaseParameters):
+        return values
     entry: Any = validate(phase_section(joints), values, source, key)
     phase: table.PhaseParameters = converting(source, key, entry.convert)
     return phase
 
 
 def _transition(entry: Any, words: GuardWords) -> table.Transition:
+    if isinstance(entry, table.Transition):
+        return entry
     given = [{kind: guards} for kind in ("all", "any") if (guards := getattr(entry, kind))]
     guard = _guard(given[0], words) if given else AllOf(guards=())
     return table.Transition(**entry.values(), guard=guard)

@@ -12,7 +12,7 @@ from functools import partial, reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
-from pydantic import AfterValidator, BeforeValidator, Field, WrapValidator, create_model, model_validator
+from pydantic import AfterValidator, Field, WrapValidator, create_model, model_validator
 
 from twin_gait.configuration.validation import Count, Flag, Number, Strict, merge
 from twin_gait.docstrings import summary_of
@@ -33,31 +33,31 @@ class Section(Strict):
     parameters: ClassVar[type[Any]]
     defaults: ClassVar[Mapping[str, Any]] = {}  # what sections and mappings inside are laid over
     inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields that are :class:`Inline`
+    keys: ClassVar[Mapping[str, str]] = {}  # names of the fields by their keys, without AsInFile fields
+    required: ClassVar[Mapping[str, str]] = {}  # keys of the fields without a default by their names
 
     @model_validator(mode="before")
     @classmethod
     def _over_defaults(cls, data: Any) -> Any:
-        if not isinstance(data, Mapping):
+        if not isinstance(data, (dict, Mapping)):
             return data
-        given = {key: data[key] for key in cls.defaults if isinstance(data.get(key), Mapping)}
+        given = {key: data[key] for key in cls.defaults if isinstance(data.get(key), (dict, Mapping))}
         return {**data, **{key: merge(cls.defaults[key], value, key) for key, value in given.items()}}
 
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""
         found = {name: read(self) for name, read in self.inline.items()}
-        for item in declarations(self.parameters):
-            for key in self.model_fields_set.intersection(item.keys):
-                value = getattr(self, key)
-                if value is not MISSING and not item.mark(quantities.AsInFile):
-                    found[item.name] = value
+        for key in self.model_fields_set:
+            if key in self.keys and (value := getattr(self, key)) is not MISSING:
+                found[self.keys[key]] = value
         return found
 
     def convert(self) -> Any:
         """The parameters in SI."""
         values = self.values()
-        for item in declarations(self.parameters):
-            if item.default is MISSING and item.name not in values:
-                raise ParameterError(f"{next(iter(item.keys))}: is missing")
+        for name, key in self.required.items():
+            if name not in values:
+                raise ParameterError(f"{key}: is missing")
         return self.parameters(**values)
 
     @classmethod
@@ -74,6 +74,28 @@ class Section(Strict):
             elif value is not None and not item.mark(quantities.AsInFile):
                 found[next(iter(item.keys))] = written(value, item)
         return found
+
+
+def known_sections(data: Mapping[str, Any], like: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
+    """Return the sections of a mapping that are identical objects in another one, as converted there.
+
+    ``like``: the other mapping; ``parameters``: what was converted from it, or such values by name. A section
+    that differs is in the result too, with the converted values of its own identical sections.
+    """
+    values = parameters
+    if isinstance(parameters, Parameters):
+        if data.get(parameters.tag) != like.get(parameters.tag):
+            return {}  # another kind has other sections
+        named = ((item.key, item.name) for item in declarations(type(parameters)))
+        values = {key: getattr(parameters, name) for key, name in named}
+    found: dict[str, Any] = {}
+    for key, section in data.items():
+        value, other = values.get(key), like.get(key)
+        if isinstance(value, Parameters) and section is other:
+            found[key] = value
+        elif isinstance(value, (Parameters, dict)) and isinstance(section, dict) and isinstance(other, dict):
+            found[key] = {**section, **known_sections(section, other, value)}
+    return found
 
 
 def written(value: Any, item: Declaration | None = None) -> Any:
@@ -109,9 +131,10 @@ def _one_of(kinds: tuple[type[Any], ...]) -> Any:
     def with_tag(value: Any) -> Any:
         return {tag: first, **value} if isinstance(value, Mapping) else value
 
-    sections = reduce(or_, map(section_of, kinds))
-    converted = AfterValidator(lambda section: section.convert())
-    return Annotated[sections, Field(discriminator=tag), BeforeValidator(with_tag), converted]
+    def read(value: Any, section: Callable[[Any], Section]) -> Any:
+        return value if isinstance(value, kinds) else section(with_tag(value)).convert()
+
+    return Annotated[reduce(or_, map(section_of, kinds)), Field(discriminator=tag), WrapValidator(read)]
 
 
 def _section_or_word(parameters: type[Any], word: Word) -> Any:
@@ -237,6 +260,10 @@ def _section(parameters: type[Any]) -> Any:
                 defaults[next(iter(item.keys))] = written(item.default, item)
     model: Any = create_model(parameters.__name__, __base__=base, **fields)
     model.parameters, model.defaults, model.inline = parameters, defaults, inline
+    declared = [item for item in declarations(parameters) if not item.mark(quantities.AsInFile)]
+    model.keys = {key: item.name for item in declared for key in item.keys}
+    without = [item for item in declarations(parameters) if item.default is MISSING]
+    model.required = {item.name: next(iter(item.keys)) for item in without}
     model.__doc__ = summary_of(parameters)
     return model
 

@@ -8,6 +8,7 @@ import difflib
 import re
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -18,7 +19,7 @@ from pydantic_core import PydanticCustomError
 from twin_gait import yaml12
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.files import read_text
-from twin_gait.parameters.quantities import EXCHANGEABLE
+from twin_gait.parameters.quantities import EXCHANGEABLE, Parameters
 from twin_gait.vocabulary import JointName
 
 # "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
@@ -59,15 +60,15 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") 
     """
     refuse_two_units(changes, place)
     merged = dict(base)
-    said = {quantity_of(name): name for name in merged}
     for key, value in changes.items():
         if key not in merged:
-            merged.pop(said.get(quantity_of(key), key), None)
+            same = {quantity_of(name): name for name in base}
+            merged.pop(same.get(quantity_of(key), key), None)
         old = merged.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
             merged[key] = merge(old, value, f"{place}.{key}".removeprefix("."))
         else:
-            merged[key] = copy.deepcopy(value)
+            merged[key] = value if isinstance(value, Parameters) else copy.deepcopy(value)
     return merged
 
 
@@ -84,14 +85,19 @@ _PATH = re.compile(rf"\s*{_NAME}(?:\.{_NAME})*\s*")
 def parse_assignment(text: str) -> tuple[list[str | int], Any]:
     """Split ``patient.mass_kg=80`` into a path and a value."""
     key, separator, value = text.partition("=")
-    if not separator or not _PATH.fullmatch(key):
-        expected = "expected key=value with a key of names joined by dots, for example patient.mass_kg=80"
-        raise ParameterError(f"--set {text!r}: {expected}")
-    path = [int(number[:_DIGITS]) if number else name for name, number in _STEP.findall(key)]
+    path = parse_path(key if separator else "", text)
     try:
         return path, _loaded(value)
     except ParameterError as error:
         raise ParameterError(f"--set {short(text)}: {error}") from error
+
+
+def parse_path(key: str, text: str) -> list[str | int]:
+    """Split ``table.transitions[3].after_s`` into names and positions; an error quotes ``text``."""
+    if not _PATH.fullmatch(key):
+        expected = "expected key=value with a key of names joined by dots, for example patient.mass_kg=80"
+        raise ParameterError(f"--set {text!r}: {expected}")
+    return [int(number[:_DIGITS]) if number else name for name, number in _STEP.findall(key)]
 
 
 def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
@@ -136,16 +142,26 @@ class Strict(BaseModel):
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
         """Say which key may have been meant; whatever is missing then does not matter."""
-        known = [info.alias or name for name, info in cls.model_fields.items()]
-        for name in data if isinstance(data, Mapping) else ():
-            if name not in known and name not in cls.model_fields:
+        if not isinstance(data, (dict, Mapping)):
+            return data
+        quantities = _quantities(cls)
+        for name in data:
+            if name not in quantities:
+                known = [info.alias or name for name, info in cls.model_fields.items()]
                 near = " or ".join(repr(str(key)) for key in _nearest(str(name), known, cls))
                 hint = f"did you mean {near}? " if near else ""
                 problem = f"unknown key; {hint}allowed: {', '.join(known)}"
                 raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
-        if isinstance(data, Mapping):
+        if len({quantities[name] for name in data}) < len(data):
             refuse_two_units(data)
         return data
+
+
+@cache
+def _quantities(model: type[Strict]) -> dict[str, str]:
+    """Return the quantities of the keys of a section, see :func:`quantity_of`."""
+    keys = (name for item in model.model_fields.items() for name in (item[0], item[1].alias or item[0]))
+    return {key: quantity_of(key) for key in keys}
 
 
 def _require_number(value: Any) -> Any:

@@ -3,6 +3,7 @@
 import warnings
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from typing import Annotated, Any
 
 from twin_gait.control.own_controller import OwnController
@@ -210,7 +211,7 @@ class Experiment(Parameters):
         if refused:
             raise ParameterError(f"{refused}; {table} controls {names}")
 
-    @property
+    @cached_property
     def joints(self) -> tuple[JointName, ...]:
         """Controlled joints of a leg, in the order of the chain."""
         return tuple(JointName(name) for name in self.table.joints)

@@ -83,10 +83,11 @@ class AnyOf:
         return " or ".join(bracketed(guard) for guard in self.guards)
 
 
-Guard = Comparison | PhaseMembership | AllOf | AnyOf
+Atom = Comparison | PhaseMembership
+Guard = Atom | AllOf | AnyOf
 
 
-def atoms(guard: Guard) -> Iterator[Comparison | PhaseMembership]:
+def atoms(guard: Guard) -> Iterator[Atom]:
     """Comparisons and memberships of a guard in the order in which they are written and compiled."""
     if isinstance(guard, (AllOf, AnyOf)):
         for inner in guard.guards:
@@ -101,7 +102,7 @@ def compared(guard: Guard) -> list[str]:
     return list(dict.fromkeys(read))
 
 
-def mapped(guard: Guard, change: Callable[[Comparison | PhaseMembership], Guard]) -> Guard:
+def mapped(guard: Guard, change: Callable[[Atom], Guard]) -> Guard:
     """The same tree with each of its comparisons and memberships changed."""
     if isinstance(guard, (AllOf, AnyOf)):
         return replace(guard, guards=tuple(mapped(inner, change) for inner in guard.guards))
@@ -125,20 +126,20 @@ class GuardWords(NamedTuple):
     of: str  # what a membership looks at
     member: str  # what its members are
     # from the joints to the names of all signals, in the order of the list of signals
-    signals: Callable[[Sequence[str]], list[str]]
+    signals: Callable[[tuple[str, ...]], tuple[str, ...]]
 
-    def problem(
-        self, atom: Comparison | PhaseMembership, joints: Sequence[str], members: Sequence[str]
-    ) -> str:
+    def problem(self, atom: Atom, joints: tuple[str, ...], members: Sequence[str]) -> str:
         """Say why a table of some joints and members cannot answer a condition; empty if it can."""
         if isinstance(atom, PhaseMembership):
             what, known, asked = self.member, members, atom.phases
         else:
             what, known, asked = "signal", self.signals(joints), atom.names
-        absent = [name for name in asked if name not in known]
-        if absent:
-            return f"no {what} {absent[0]!r}; there are {', '.join(known)}"
-        units = [signal_of(name).unit.words for name in asked] if isinstance(atom, Comparison) else []
+        for name in asked:
+            if name not in known:
+                return f"no {what} {name!r}; there are {', '.join(known)}"
+        if isinstance(atom, PhaseMembership) or atom.minus is None:
+            return ""
+        units = [signal_of(name).unit.words for name in asked]
         mixed = f"{' and '.join(asked)} have different units: {' and '.join(units)}"
         return mixed if len(set(units)) > 1 else ""
 
@@ -147,7 +148,7 @@ LEG_WORDS = GuardWords("other.phase", "phase", all_signal_names)
 MODE_WORDS = GuardWords("request", "request", mode_signal_names)
 
 
-def parse_guard(text: str, words: GuardWords = LEG_WORDS) -> Comparison | PhaseMembership:
+def parse_guard(text: str, words: GuardWords = LEG_WORDS) -> Atom:
     """Parse one guard, such as ``other.hip.angle_deg > 10`` or ``other.phase in [early_stance]``.
 
     ``words``: what guards may read; a table that does not know what is named refuses it. Raises

@@ -9,6 +9,7 @@ phase is the request: of a schedule, a live panel or the therapist's tablet, mad
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from twin_gait.core.guards import guard_holds
@@ -64,7 +65,7 @@ class ModeTable(StateTable):
         late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
         refuse(item.debounce_ticks > 1 and _asked(item), f"{late}; leave debounce_ms out")
 
-    @property
+    @cached_property
     def members(self) -> tuple[str, ...]:
         """What can be asked for; its code is the place, counted from 1."""
         return self.requests

@@ -6,9 +6,8 @@ diagram, replay and firmware go by the declaration.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 from twin_gait.parameters.quantities import DEGREE
@@ -91,23 +90,25 @@ TIME, OTHER_TIME = TIME_IN_PHASE.name, OTHER + TIME_IN_PHASE.name
 MODE_SIGNALS = (TIME_IN_PHASE, TRUNK_PITCH, LEGS_IN_SWING)  # of the supervisor, behind those of both legs
 
 
-def signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of one leg in the order of the list of signals: joint by joint, then of the leg."""
-    names = [signal.of(joint) for joint in joints for signal in JOINT_SIGNALS]
-    return names + [signal.name for signal in LEG_SIGNALS]
+def signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the signals of one leg in the order of the list of signals: joint by joint, then of the leg."""
+    names = (signal.of(joint) for joint in joints for signal in JOINT_SIGNALS)
+    return (*names, *(signal.name for signal in LEG_SIGNALS))
 
 
-def all_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of this leg, the other, then the device: their positions index the guard program."""
+@lru_cache(maxsize=32)  # each guard of a table is checked against them
+def all_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the signals of this leg, the other, then the device: their positions index the guard program."""
     own = signal_names(joints)
-    return [*own, *(OTHER + name for name in own), *DEVICE_NAMES]
+    return (*own, *(OTHER + name for name in own), *DEVICE_NAMES)
 
 
-def mode_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of the left leg, of the right one, then of the supervisor, in the order of its list."""
+@lru_cache(maxsize=32)
+def mode_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the signals of the left leg, of the right one, then of the supervisor, as in its list."""
     own = signal_names(joints)
-    legs = [side + name for side in (LEFT, RIGHT) for name in own]
-    return [*legs, *(signal.name for signal in MODE_SIGNALS)]
+    legs = (side + name for side in (LEFT, RIGHT) for name in own)
+    return (*legs, *(signal.name for signal in MODE_SIGNALS))
 
 
 @cache

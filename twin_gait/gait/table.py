@@ -9,10 +9,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from typing import Annotated, ClassVar
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import LEG_WORDS, AllOf, Guard, GuardWords, atoms
+from twin_gait.gait.guards import LEG_WORDS, AllOf, Atom, Guard, GuardWords, atoms
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_of
 from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import PRE_SWING, Coded, Side
@@ -21,6 +22,7 @@ TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 3_600_000  # ticks, an hour, the longest run: no time in a table is longer
 TICKS = quantities.Range(1, LONGEST, words=f"1 to {LONGEST} (an hour, the longest run)")
 DURATIONS = quantities.whole(0, LONGEST, "an hour, the longest run")
+ALWAYS = AllOf(guards=())  # guard of a transition that time alone fires
 FADES = quantities.whole(0, 10_000, "10 s; a phase of gait is over before")
 MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
 
@@ -141,7 +143,7 @@ class Transition(quantities.Parameters):
     source: Annotated[str, quantities.Key("from")]
     target: Annotated[str, quantities.Key("to")]
     cause: str
-    guard: Annotated[Guard, quantities.AsInFile()] = field(default_factory=lambda: AllOf(guards=()))
+    guard: Annotated[Guard, quantities.AsInFile()] = ALWAYS
     debounce_ticks: Annotated[int, TICKS, quantities.Key("debounce_ms")] = 1
     time_out_ticks: Annotated[int | None, TICKS, quantities.AsInFile()] = None
     driven_by: DrivenBy = DrivenBy.JOINT
@@ -150,13 +152,18 @@ class Transition(quantities.Parameters):
         """Check the ranges."""
         super().__post_init__()
         name = f"{self.source} → {self.target} ({self.cause})"
-        empty = self.time_out_ticks is None and self.guard == AllOf(guards=())
+        empty = self.time_out_ticks is None and self.guard == ALWAYS
         refuse(empty, f"transition {name} has no condition: give all, any or after_s")
 
     @property
     def is_time_out(self) -> bool:
         """Whether only the time in the phase fires this transition."""
-        return self.time_out_ticks is not None and self.guard == AllOf(guards=())
+        return self.time_out_ticks is not None and self.guard == ALWAYS
+
+    @cached_property
+    def atoms(self) -> tuple[Atom, ...]:
+        """Comparisons and memberships of its guard."""
+        return tuple(atoms(self.guard))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,20 +243,21 @@ class StateTable:
 
     def _check_known(self, place: str, *phases: str) -> None:
         for phase in phases:
-            known = ", ".join(self.phases)
-            refuse(phase not in self.phases, f"{place}: no {self.kind} {phase!r}; there are {known}")
+            if phase not in self.phases:
+                raise GaitTableError(f"{place}: no {self.kind} {phase!r}; there are {', '.join(self.phases)}")
 
     def _check_transition(self, place: str, item: Transition) -> None:
         self._check_known(place, item.source, item.target)
         refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
-        for atom in atoms(item.guard):
+        for atom in item.atoms:
             problem = self.words.problem(atom, self.joints, self.members)
-            refuse(problem, f"{place}: guard '{atom}': {problem}")
+            if problem:
+                raise GaitTableError(f"{place}: guard '{atom}': {problem}")
         after, least = item.time_out_ticks or LONGEST, self.phases[item.source].minimum_ticks
         early = f"after_s {after * TICK:g} is below the minimum_duration_ms {least} of {item.source}"
         refuse(after < least, f"{place}: {early}")
 
-    @property
+    @cached_property
     def phase_names(self) -> tuple[str, ...]:
         """Names of the phases in the order of the cycle."""
         return tuple(self.phases)
@@ -260,11 +268,11 @@ class StateTable:
         return self.phase_names.index(phase)
 
     @property
-    def signals(self) -> list[str]:
+    def signals(self) -> tuple[str, ...]:
         """All signals that its guards may read; their positions are the indices in the guard program."""
         return self.words.signals(self.joints)
 
-    @property
+    @cached_property
     def members(self) -> tuple[str, ...]:
         """What a membership in a guard may name: phases of the other leg, or requests."""
         return self.phase_names

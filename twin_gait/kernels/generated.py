@@ -51,28 +51,29 @@ SIDE_BY_SIDE = (
 )
 
 
-def _at_run_time(body: BodyArrays, number: Callable[[float], Any]) -> BodyArrays:
-    """A body with what a function makes of the numbers that a kernel reads, asked in the kernel's order."""
-    inertia = {(i, j): number(body.inertia[i][j]) for i in range(3) for j in range(i, 3)}
-    return BodyArrays(
-        parent=body.parent,
-        prismatic=body.prismatic,
+def _numbers_of(body: BodyArrays) -> list[float]:
+    """Return the numbers of a body that a kernel may read at run time, in the kernel's order."""
+    rows = [body.inertia[i][j] for i in range(3) for j in range(i, 3)]
+    return [*rows, *body.position, body.mass, *body.first_moment, body.armature]
+
+
+def _at_run_time(body: BodyArrays, symbols: Sequence[Any]) -> BodyArrays:
+    """Return a body with symbols in place of its numbers, in the order of :func:`_numbers_of`."""
+    xx, xy, xz, yy, yz, zz = symbols[:6]
+    return body._replace(
         axis=vector(body.axis),
         rotation=vector(body.rotation),
-        inertia=vector([[inertia[min(i, j), max(i, j)] for j in range(3)] for i in range(3)]),
-        position=vector([*map(number, body.position)]),
-        mass=number(body.mass),
-        first_moment=vector([*map(number, body.first_moment)]),
-        armature=number(body.armature),
-        name=body.name,
+        inertia=vector([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+        position=vector(symbols[6:9]),
+        mass=symbols[9],
+        first_moment=vector(symbols[10:13]),
+        armature=symbols[13],
     )
 
 
 def _values_of(bodies: Bodies, points: Points) -> list[float]:
     """All that a kernel may read at run time, in its order; what is zero is folded into the text."""
-    values: list[float] = []
-    for body in bodies:
-        _at_run_time(body, values.append)
+    values = [value for body in bodies for value in _numbers_of(body)]
     return values + [value for point in points for value in point.position]
 
 
@@ -101,7 +102,7 @@ class _Function:
         def symbol(value: float) -> Scalar:
             return self.trace.input(f"bodies[{next(places)}]") if value != 0.0 else 0.0
 
-        self.bodies = [_at_run_time(body, symbol) for body in bodies]
+        self.bodies = [_at_run_time(body, [*map(symbol, _numbers_of(body))]) for body in bodies]
         self.points = [point._replace(position=vector([*map(symbol, point.position)])) for point in points]
         self.zeros: list[Scalar] = [0.0] * len(bodies)
         self._up_axis = up_axis

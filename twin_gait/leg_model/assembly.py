@@ -1,7 +1,10 @@
 """From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
 
+import copy
 import math
+import warnings
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,7 @@ from twin_gait.leg_model import wearer
 from twin_gait.leg_model.joints import ALL_GUIDES, FORWARD, GUIDES, LegJoints, reversed_joints
 from twin_gait.leg_model.plausibility import check_couplings, check_segments
 from twin_gait.leg_model.urdf import build_model
+from twin_gait.leg_model.urdf_document import urdf_text
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
@@ -21,12 +25,32 @@ from twin_gait.vocabulary import JointName, PelvisGuide, Side
 LARGEST_LIMIT = 4.0 * math.pi  # [rad]
 
 
+def new_assembly(path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> "Assembly":
+    """Return a new copy of the device of a URDF; arguments and errors as of :class:`Assembly`."""
+    device = _device(path, urdf_text(path), tuple(legs.items()), pelvis, up_axis)
+    for warning in device.warnings:
+        warnings.warn(warning, stacklevel=3)
+    assembly = copy.copy(device)
+    assembly.model = device.model.copy()
+    return assembly
+
+
+@lru_cache(maxsize=16)  # a batch builds thousands of models of one device
+def _device(
+    path: Path, text: str, legs: tuple[tuple[Side, LegJoints], ...], pelvis: PelvisGuide, up_axis: str
+) -> "Assembly":
+    """Read a device; ``text`` of its file is an argument so that an edited file is read again."""
+    del text
+    return Assembly(path, dict(legs), pelvis, up_axis)
+
+
 class Assembly:
     """A rigid-body model in the making.
 
     Attributes:
         model: The Pinocchio model as it is so far.
         legs: Joint names of each leg in the URDF, without signs.
+        warnings: Warnings about the file, which are issued for each copy.
     """
 
     def __init__(self, path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> None:
@@ -46,8 +70,9 @@ class Assembly:
             for _, name in leg.items():
                 self._check_joint(name, first=name == leg.hip)
         check_segments(path, self.model, self.legs)
-        check_couplings(path, self.legs)
-        turned = reversed_joints(path, self.model, legs, self._up)
+        couplings = check_couplings(path, self.legs)
+        turned, doubts = reversed_joints(path, self.model, legs, self._up)
+        self.warnings = [*couplings, *doubts]
         if turned:
             self.model = self._lock_other_joints(self._read(turned))
 

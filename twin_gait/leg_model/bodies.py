@@ -1,6 +1,7 @@
 """A rigid-body model as plain numbers, for engines that do not know Pinocchio."""
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from twin_gait.exceptions import ModelError
 
 # Below this an exported number is rounding of a zero; a model has grams and millimetres, not less.
 _ROUNDING = 1e-13
+_IDENTITY = np.eye(3)
+_ROWS = 9  # number of rows of three numbers that describe a body
 
 
 class BodyArrays(NamedTuple):
@@ -42,37 +45,38 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
     Returns bodies in the order of the joints, so that ``q[i]`` moves body ``i``. Raises ModelError if a joint
     has more than one degree of freedom or is a helical or mimic joint.
     """
-    bodies = []
+    rows: list[Any] = []
+    rest = []
     for index in range(1, model.njoints):
         joint, placement, inertia = model.joints[index], model.jointPlacements[index], model.inertias[index]
         prismatic, axis = _axis(joint, model.names[index])
-        lever = np.asarray(inertia.lever)
-        shift = inertia.mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+        lever, mass = np.asarray(inertia.lever), float(inertia.mass)
+        shift = mass * (lever @ lever * _IDENTITY - lever[:, None] * lever)
+        about_origin = np.asarray(inertia.inertia) + shift
+        rows += [axis, *placement.rotation, placement.translation, mass * lever, *about_origin]
+        armature = float(model.armature[joint.idx_v])
+        rest.append((int(model.parents[index]) - 1, prismatic, mass, armature, str(model.names[index])))
+    plain = iter(_plain(rows))  # in one call, which takes most of the time
+    bodies = []
+    for parent, prismatic, mass, armature, name in rest:
+        axis, *rotation, position, first_moment, x, y, z = islice(plain, _ROWS)
+        inertia = [x, y, z]
         bodies.append(
             BodyArrays(
-                parent=int(model.parents[index]) - 1,
-                prismatic=prismatic,
-                axis=_plain(axis),
-                rotation=[_plain(row) for row in placement.rotation],
-                position=_plain(placement.translation),
-                mass=float(inertia.mass),
-                first_moment=_plain(inertia.mass * lever),
-                inertia=[_plain(row) for row in np.asarray(inertia.inertia) + shift],
-                armature=float(model.armature[joint.idx_v]),
-                name=str(model.names[index]),
+                parent, prismatic, axis, rotation, position, mass, first_moment, inertia, armature, name
             )
         )
     return bodies
 
 
-def _axis(joint: pin.JointModel, name: str) -> tuple[bool, np.ndarray]:
+def _axis(joint: pin.JointModel, name: str) -> tuple[bool, list[float]]:
     """Whether a joint slides, and its axis."""
     motion = np.asarray(joint.createData().S).ravel() if joint.nv == 1 else np.zeros(6)
-    along, about = np.split(motion, 2)
-    if along.any() == about.any():
+    along, about = motion[:3].tolist(), motion[3:].tolist()
+    if any(along) == any(about):
         kind = joint.shortname().removeprefix("JointModel")
         raise ModelError(f"joint {name!r} is a {kind}; expected a revolute or prismatic joint")
-    return bool(along.any()), along if along.any() else about
+    return any(along), along if any(along) else about
 
 
 def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint]:
@@ -84,5 +88,6 @@ def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint
     return points
 
 
-def _plain(values: Any) -> list[float]:
-    return [0.0 if abs(value) < _ROUNDING else float(value) for value in values]
+def _plain(values: Any) -> list[Any]:
+    plain: list[Any] = np.where(np.abs(values) < _ROUNDING, 0.0, values).tolist()
+    return plain

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -62,10 +62,14 @@ class LegJoints(Parameters):
     ankle: str | None = None
     contact_frames: tuple[str, ...] = ()
 
-    def items(self) -> list[tuple[JointName, str]]:
-        """Joints that exist, from proximal to distal."""
+    def items(self) -> tuple[tuple[JointName, str], ...]:
+        """Return the joints that exist, from proximal to distal, with their names."""
+        return self._items
+
+    @cached_property
+    def _items(self) -> tuple[tuple[JointName, str], ...]:
         names = zip(JointName, (self.hip, self.knee, self.ankle), strict=True)
-        return [(joint, name) for joint, name in names if name is not None]
+        return tuple((joint, name) for joint, name in names if name is not None)
 
     @property
     def plain(self) -> LegJoints:
@@ -80,11 +84,11 @@ class ReversedJointWarning(UserWarning):
 
 def reversed_joints(
     path: Path, model: pin.Model, legs: Mapping[Side, LegJoints], up: np.ndarray
-) -> frozenset[str]:
-    """Joints whose angle has to change its sign, so that flexion and dorsiflexion are positive.
+) -> tuple[frozenset[str], list[Warning]]:
+    """Find the joints whose angle has to change its sign, so that flexion and dorsiflexion are positive.
 
     A minus in front of a name says that it has to, a plus that it has not. Without a sign the joint's axis at
-    zero posture decides, and a warning says so, or that it cannot.
+    zero posture decides, and a warning, which is returned too, says so, or that it cannot.
 
     ``path``: of the URDF, for messages. ``model``: as the URDF has it, x forward. ``up``: unit vector that
     points up, shape ``(3,)``.
@@ -92,7 +96,7 @@ def reversed_joints(
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     left = np.cross(up, FORWARD)
-    found = set()
+    found, doubts = set[str](), list[Warning]()
     for side, joint, given in ((side, *item) for side, leg in legs.items() for item in leg.items()):
         name = given.lstrip("+-")
         sign, problem, index = given.removesuffix(name), "", model.getJointId(name)
@@ -111,5 +115,5 @@ def reversed_joints(
         if sign == "-":
             found.add(name)
         if problem:
-            warnings.warn(f"{path}: {side} {joint}: {problem}", ReversedJointWarning, stacklevel=1)
-    return frozenset(found)
+            doubts.append(ReversedJointWarning(f"{path}: {side} {joint}: {problem}"))
+    return frozenset(found), doubts

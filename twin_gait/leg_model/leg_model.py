@@ -7,7 +7,7 @@ torques act on the joints.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import joints
-from twin_gait.leg_model.assembly import Assembly
+from twin_gait.leg_model.assembly import new_assembly
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
@@ -79,7 +79,7 @@ class LegModel:
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        assembly = Assembly(self.urdf_path, legs, self.pelvis, up_axis)
+        assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis)
         self.legs = assembly.legs
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
@@ -97,16 +97,22 @@ class LegModel:
             self._place_of(name) if name in guides else None for name in joints.ALL_GUIDES
         )
         self.trunk_joint = guides[-1] if guides else None
+        self._frames: dict[str, int] = {}  # indices of frames by name, found when first used
+        self._places = {
+            (side, joint): self._place_of(name)
+            for side, leg in self.legs.items()
+            for joint, name in leg.items()
+        }
 
     def _place_of(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_v)
 
     def index(self, side: Side, joint: JointName) -> int:
         """Position of a joint in ``q``, ``v`` and ``tau``; a ModelError if the leg has no such joint."""
-        names = dict(self.legs[side].items()) if side in self.legs else {}
-        if joint not in names:
+        place = self._places.get((side, joint))
+        if place is None:
             raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}; legs: {', '.join(self.legs)}")
-        return self._place_of(names[joint])
+        return place
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
         """Lower and upper limit of a joint from the URDF in [rad]."""
@@ -154,9 +160,16 @@ class LegModel:
         return float(pin.computePotentialEnergy(self.model, self.data, q))
 
     def frame_position(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Position of a frame in the world in [m], shape ``(3,)``; a ModelError if there is none."""
-        if not self.model.existFrame(frame):
-            known = ", ".join(item.name for item in self.model.frames)
-            raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")
-        pin.framesForwardKinematics(self.model, self.data, q)
-        return np.array(self.data.oMf[self.model.getFrameId(frame)].translation)
+        """Return the position of a frame in the world in [m], shape ``(3,)``; ModelError without one."""
+        return self.frame_positions(q, (frame,))[0]
+
+    def frame_positions(self, q: np.ndarray, frames: Sequence[str]) -> list[np.ndarray]:
+        """Return the positions of some frames, each as :meth:`frame_position`."""
+        pin.forwardKinematics(self.model, self.data, q)
+        for frame in frames:
+            if frame not in self._frames and not self.model.existFrame(frame):
+                known = ", ".join(item.name for item in self.model.frames)
+                raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")
+            self._frames.setdefault(frame, self.model.getFrameId(frame))
+        places = (pin.updateFramePlacement(self.model, self.data, self._frames[frame]) for frame in frames)
+        return [np.array(place.translation) for place in places]

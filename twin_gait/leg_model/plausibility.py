@@ -1,7 +1,6 @@
 """Checks that the segments of a leg in a URDF can be those of a device or of a person."""
 
 import itertools
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -73,12 +72,13 @@ def _problem_of(body: pin.Inertia) -> str:
     return ""
 
 
-def check_couplings(path: Path, legs: Mapping[Side, LegJoints]) -> None:
+def check_couplings(path: Path, legs: Mapping[Side, LegJoints]) -> list[Warning]:
     """Check the elements of a URDF that make the joints of the legs depend on something else.
 
-    Warns of ``<dynamics>``, which is not used, and of joints that follow a joint of a leg but are locked.
-    Raises ModelError if a joint of a leg follows another joint.
+    Returns warnings of ``<dynamics>``, which is not used, and of joints that follow a joint of a leg but are
+    locked. Raises ModelError if a joint of a leg follows another joint.
     """
+    found: list[Warning] = []
     names = {name for leg in legs.values() for _, name in leg.items()}
     for name, mimic in mimic_joints(path).items():
         if name in names:
@@ -88,11 +88,12 @@ def check_couplings(path: Path, legs: Mapping[Side, LegJoints]) -> None:
             )
         if mimic.joint in names:
             text = f"joint {name!r} mimics {mimic.joint!r}, but is locked at zero: it belongs to no leg"
-            warnings.warn(f"{path}: {text}", UrdfWarning, stacklevel=2)
+            found.append(UrdfWarning(f"{path}: {text}"))
     for name, joint in joint_elements(urdf_document(path)).items():
         dynamics = joint.find("dynamics")
         values = {} if dynamics is None or name not in names else dynamics.attrib
         given = ", ".join(f"{key} {text}" for key, text in values.items() if text.strip() not in ("0", "0.0"))
         if given:
             text = f"<dynamics> of joint {name!r} ({given}) is not used; set the drives of the experiment"
-            warnings.warn(f"{path}: {text}", UrdfWarning, stacklevel=2)
+            found.append(UrdfWarning(f"{path}: {text}"))
+    return found

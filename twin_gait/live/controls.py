@@ -21,7 +21,7 @@ from twin_gait.configuration.validation import short
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.experiment import Experiment
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.settings import MODES, Settings, changed_at, first_settings, found_at
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import FaultKind
@@ -142,7 +142,7 @@ class Panel:
     def __init__(self, experiment: Experiment) -> None:
         """Find the ranges of all controls."""
         self.preset: Settings = first_settings(experiment)
-        self.problem: Problem = build_problem(experiment)
+        self.problem: Problem = self.preset.problem
         self._stops = build_case(experiment.table, experiment).limits
         self._dampings: dict[str, tuple[int, int, int]] = {}  # of the table, where phase_rows has them
         bindings = (*self._own_bindings(), *self._table_bindings(), *self._monitor_bindings())
@@ -161,7 +161,7 @@ class Panel:
 
     def _values(self, settings: Settings) -> dict[str, Value]:
         shown = {name: binding.shown(settings) for name, binding in self._bindings.items()}
-        rows = build_problem(settings.experiment).phase_rows  # with damping ratios resolved
+        rows = settings.problem.phase_rows  # with damping ratios resolved
         return shown | {name: float(rows[place]) for name, place in self._dampings.items()}
 
     def _own_bindings(self) -> Iterator[Binding]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from twin_gait.checking import leaving, sense, stability, torques
 from twin_gait.checking.check import build_case
-from twin_gait.checking.finding import Rule, Severity
+from twin_gait.checking.finding import CheckCase, Rule, Severity, once
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import Piece, walked_run
@@ -43,9 +43,15 @@ WARNED: tuple[Rule, ...] = (
 Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
 
 
+@once
+def _case_of(settings: Settings) -> CheckCase:
+    """Lay settings out for the check."""
+    return build_case(settings.driving.table, settings.driving, settings.driving_problem)
+
+
 def errors_of(settings: Settings) -> dict[Place, str]:
     """Errors of the check that make settings unsafe: what tells each from others, and a sentence."""
-    case = build_case(settings.driving.table, settings.driving)
+    case = _case_of(settings)
     rules = GATE if settings.mode == WALK else GATE[:1]
     found = [item for rule in rules for item in rule(case) if item.severity is Severity.ERROR]
     errors: dict[Place, str] = {}
@@ -56,9 +62,10 @@ def errors_of(settings: Settings) -> dict[Place, str]:
     return errors
 
 
+@once
 def warnings_of(settings: Settings) -> list[str]:
     """Return the warnings of the check about unusual values, one sentence each."""
-    case = build_case(settings.driving.table, settings.driving)
+    case = _case_of(settings)
     found = [item for rule in WARNED for item in rule(case)]
     return [f"{item.phase.replace('_', ' ')}: {item.reason}" if item.phase else item.reason for item in found]
 
@@ -101,17 +108,19 @@ def foresee(
     ahead = replace(settings.experiment, duration=round(len(walk.rows) * TICK, 3), faults=())
     shown = walked_run(walk, run.problem, ahead)
     records = _records(shown, first)
-    sides = [MeasuredLeg(shown, record, 1).summary() for record in records]
+    legs = [MeasuredLeg(shown, record, 1) for record in records]
+    sides, joints = [leg.by_contact() for leg in legs], tuple(records[0].angles)
     text, bad = _told(run, first, records)
     off = {
-        joint: float(np.mean([side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]))
-        for joint in sides[0]["joints"]
+        str(joint): float(np.mean([side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]))
+        for joint in joints
     }
+    saturated = [leg.saturation(joint)["saturated_share"] for leg in legs for joint in joints]
     return Forecast(
         text=f"after a new start {text}" if over else text,
         bad=bad,
         rmse_deg={joint: finite_or_none(value) for joint, value in off.items()},
-        saturated_share=max(item["saturated_share"] for side in sides for item in side["joints"].values()),
+        saturated_share=max(saturated),
         warnings=warnings,
     )
 
@@ -139,5 +148,6 @@ def _records(shown: Run, first: int) -> list[LegRecord]:
     steady = ((begin, end),) if shown.experiment.modes is None else shown.steady
     names = shown.table.phase_names
     return [
-        leg_record(shown.log, side, names, TICK, steady=steady, waiting=shown.waiting) for side in shown.sides
+        leg_record(shown.columns, side, names, TICK, steady=steady, waiting=shown.waiting)
+        for side in shown.sides
     ]

@@ -35,9 +35,9 @@ from twin_gait.live.protocol import one_line
 from twin_gait.live.session_records import SessionError, add_folders
 from twin_gait.runs.folders import hold, journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, write_run
-from twin_gait.simulation.log import log_layout
+from twin_gait.simulation.log import LogArrays, log_layout
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.worlds.faults import parse_fault
 
 BATCH_TICKS = 500  # in a batch: a kill loses no more than this and what waits to be written
@@ -253,6 +253,7 @@ def walked_document(walk: Piece, document: Mapping[str, Any]) -> dict[str, Any]:
 
 def walked_run(walk: Piece, problem: Problem, experiment: Experiment) -> Run:
     """Return a live walk as a run like any other, of an experiment that is as long as the walk."""
-    log, weight = log_table(walk.rows, log_layout(problem), problem.table), problem.world.body_weight
-    ended = walk.switches, walk.status, walk.reason, walk.wall_s
-    return Run(experiment, problem.table, log, *ended, weight, walk.trip)
+    names, weight = log_layout(problem).names, problem.world.body_weight
+    log = LogArrays(walk.rows.T, names, problem.table.phase_names)
+    ended = {name: getattr(walk, name) for name in ("switches", "status", "reason", "wall_s", "trip")}
+    return Run(experiment=experiment, table=problem.table, log=log, body_weight=weight, **ended)

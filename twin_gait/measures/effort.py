@@ -35,12 +35,16 @@ def saturation_cases(
     ``command``: commanded torque before limits in [N m]; ``target_current``: current after torque and current
     limit in [A]; ``current``: current after the voltage limit in [A].
     """
-    cases = {
-        "at_torque_limit": np.abs(command) > limits.torque,
-        "at_current_limit": np.abs(target_current) >= limits.current,
-        "voltage_limited": np.abs(target_current - current) > CURRENT_TOLERANCE,
+    torque = np.abs(command) > limits.torque
+    target = np.abs(target_current) >= limits.current
+    voltage = np.abs(target_current - current) > CURRENT_TOLERANCE
+    saturated = torque | target | voltage
+    return {
+        "at_torque_limit": torque,
+        "at_current_limit": target,
+        "voltage_limited": voltage,
+        "saturated": saturated,
     }
-    return {**cases, "saturated": np.any(list(cases.values()), axis=0)}
 
 
 def saturation_shares(
@@ -116,9 +120,9 @@ def energy_balance(energy: np.ndarray, works: np.ndarray) -> dict[str, float]:
     largest = throughput = math.nan
     if len(energy):
         work = works.sum(axis=0)
-        largest = float(np.max(np.abs((energy - energy[0]) - (work - work[0]))))
-        steps = np.diff(works, axis=1)
-        throughput = float(np.sum(np.abs(steps, out=steps)))
+        largest = float(np.abs((energy - energy[0]) - (work - work[0])).max())
+        steps = works[:, 1:] - works[:, :-1]
+        throughput = float(np.abs(steps, out=steps).sum())
     share = largest / throughput if throughput > 0.0 else math.nan
     return {
         "energy_residual_J": largest,
@@ -142,7 +146,7 @@ def interaction_torque(
 
 def root_mean_square(values: np.ndarray) -> float:
     """Root mean square. Returned in the unit of the values; NaN for an empty record."""
-    return float(np.sqrt(np.mean(values * values))) if len(values) else math.nan
+    return math.sqrt((values * values).mean()) if len(values) else math.nan
 
 
 def positive_work(torque: np.ndarray, velocity: np.ndarray, tick: float) -> float:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -26,6 +27,27 @@ def wearer_column(columns: Container[str], side: Side, joint: JointName, quantit
 def driven_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
     """Joints of a leg that a log with these columns has the motors of, from proximal to distal."""
     return tuple(joint for joint in JointName if f"{side}_{joint}_motor_torque_Nm" in columns)
+
+
+class LogColumns(Protocol):
+    """Columns of a log by name, one value a tick: a table, or arrays."""
+
+    def __len__(self) -> int:
+        """Return the number of ticks."""
+
+    def __contains__(self, name: object, /) -> bool:
+        """Return whether there is a column."""
+
+    def __getitem__(self, name: str, /) -> Any:
+        """Return a column."""
+
+
+def phase_indices(log: LogColumns, side: Side, phase_names: tuple[str, ...]) -> np.ndarray:
+    """Return the phase of a leg at each tick as its index among some names."""
+    phases = log[f"{side}_phase"]
+    if isinstance(phases, np.ndarray):  # an engine writes indices
+        return phases.astype(int)
+    return np.asarray(pd.Categorical(phases, dtype=_phase_type(phase_names)).codes, dtype=int)
 
 
 Spans = tuple[tuple[float, float], ...]  # first and last time in [s] of each
@@ -108,7 +130,7 @@ class LegRecord:
 
 
 def leg_record(
-    log: pd.DataFrame,
+    log: LogColumns,
     side: Side,
     phase_names: Sequence[str],
     tick: float,
@@ -123,20 +145,19 @@ def leg_record(
     ``waiting``: whether it waits at each tick for somebody to ask for a step; ``device``: whether the angles
     are the device's where braces let the wearer move against it.
     """
-    columns = () if device else log.columns
+    columns = () if device else log
     angles = {
-        joint: log[wearer_column(columns, side, joint, "angle_rad")].to_numpy()
+        joint: np.asarray(log[wearer_column(columns, side, joint, "angle_rad")])
         for joint in driven_joints(log, side)
     }
-    phases = pd.Categorical(log[f"{side}_phase"], dtype=_phase_type(tuple(phase_names)))
     on_ground = f"{side}_foot_normal_force_N" in log
     return LegRecord(
         side=side,
         tick=tick,
-        phases=np.asarray(phases.codes, dtype=int),
+        phases=phase_indices(log, side, tuple(phase_names)),
         angles=angles,
-        normal_force=log[f"{side}_foot_normal_force_N"].to_numpy() if on_ground else None,
-        clearance=log[f"{side}_foot_clearance_m"].to_numpy() if on_ground else None,
+        normal_force=np.asarray(log[f"{side}_foot_normal_force_N"]) if on_ground else None,
+        clearance=np.asarray(log[f"{side}_foot_clearance_m"]) if on_ground else None,
         steady=steady,
         waiting=waiting,
     )

@@ -25,11 +25,15 @@ def phase_spells(phases: np.ndarray) -> list[PhaseSpell]:
     ``phases``: phase of each tick, shape ``(n,)``. Returns the stays in order; the first and the last are cut
     off by the record.
     """
-    if len(phases) == 0:
-        return []
-    changes = np.flatnonzero(phases[1:] != phases[:-1]) + 1
-    edges = [0, *changes.tolist(), len(phases)]
+    edges = [*_beginnings(phases).tolist(), len(phases)]
     return [PhaseSpell(int(phases[start]), start, end) for start, end in pairwise(edges)]
+
+
+def _beginnings(phases: np.ndarray) -> np.ndarray:
+    """Return the first ticks of all stays, integers."""
+    changed = np.ones(len(phases), dtype=bool)
+    changed[1:] = phases[1:] != phases[:-1]
+    return changed.nonzero()[0]
 
 
 def phase_entries(phases: np.ndarray, phase: int) -> np.ndarray:
@@ -37,7 +41,8 @@ def phase_entries(phases: np.ndarray, phase: int) -> np.ndarray:
 
     ``phases``: phase of each tick, shape ``(n,)``. Returns ticks, shape ``(m,)``, integers.
     """
-    return np.array([spell.start for spell in phase_spells(phases) if spell.phase == phase], dtype=int)
+    beginnings = _beginnings(phases)
+    return np.asarray(beginnings[phases[beginnings] == phase])
 
 
 def phase_durations(phases: np.ndarray, tick: float, *, since: int = 0) -> dict[int, np.ndarray]:
@@ -58,7 +63,7 @@ def phases_in_order(phases: np.ndarray, n_phases: int) -> bool:
 
     ``phases``: phase of each tick, shape ``(n,)``. Returns true also if the phase never changed.
     """
-    order = np.array([spell.phase for spell in phase_spells(phases)], dtype=int)
+    order = phases[_beginnings(phases)]
     return bool(np.all(order[1:] == (order[:-1] + 1) % n_phases))
 
 

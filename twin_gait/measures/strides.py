@@ -50,9 +50,10 @@ def walks(bounds: np.ndarray) -> np.ndarray:
     ``bounds``: strides in ascending order, shape ``(n_strides, 2)``. Returns first tick of each walk and
     first tick after it, shape ``(m, 2)``, integers.
     """
-    begins = np.ones(len(bounds), dtype=bool)
-    begins[1:] = bounds[1:, 0] != bounds[:-1, 1]
-    return np.column_stack((bounds[begins, 0], bounds[np.roll(begins, -1), 1]))
+    gaps = (bounds[1:, 0] != bounds[:-1, 1]).nonzero()[0].tolist()
+    ends = [*gaps, len(bounds) - 1] if len(bounds) else []
+    begins = [0, *(gap + 1 for gap in gaps)] if len(bounds) else []
+    return np.array([bounds[begins, 0], bounds[ends, 1]]).T
 
 
 def in_strides(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
@@ -64,7 +65,8 @@ def in_strides(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> 
 
 def over_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """What a signal of one value a tick is in all strides, one behind the other."""
-    return np.concatenate([signal[:0], *(signal[start:end] for start, end in walks(bounds))])
+    parts = [signal[start:end] for start, end in walks(bounds).tolist()]
+    return parts[0] if len(parts) == 1 else np.concatenate([signal[:0], *parts])
 
 
 def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -118,8 +120,12 @@ def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`. Returns shape
     ``(n_strides, 2)``, in the unit of the signal.
     """
-    spans = [signal[start : end + 1] for start, end in bounds]
-    return np.array([(span.min(), span.max()) for span in spans]).reshape(-1, 2)
+    # Every other span is a stride, from its first tick to the tick behind its last.
+    edges = np.array([bounds[:, 0], bounds[:, 1] + 1]).T.ravel()
+    if len(edges) and edges[-1] >= len(signal):
+        edges = edges[:-1]
+    lowest, highest = (extreme.reduceat(signal, edges)[::2] for extreme in (np.minimum, np.maximum))
+    return np.array([lowest, highest]).T
 
 
 def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:

@@ -20,11 +20,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
 from twin_gait.measures import strides
 from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, swings
-from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.phases import phase_entries
 from twin_gait.vocabulary import JointName, Side
@@ -52,7 +51,7 @@ class Walkway:
 
 
 def walk_measures(
-    log: pd.DataFrame,
+    log: LogColumns,
     leg: LegRecord,
     other: LegRecord,
     walkway: Walkway,
@@ -73,7 +72,7 @@ def walk_measures(
     bounds = leg.strides(skip=skip)
     times = strides.stride_times(bounds, leg.tick)
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
-    fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
+    fore_aft = np.asarray(log[f"{leg.side}_foot_friction_force_N"])
     load = force / walkway.carried_weight
     counted = strides.in_strides(swings(contacts)[:, 0], bounds)
     clearances = swing_clearances(leg.clearance, contacts)[counted]
@@ -83,12 +82,12 @@ def walk_measures(
         "load_peak": _mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_measures(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
-        "pressure_crossing": _midfoot(log[f"{leg.side}_foot_pressure_place"].to_numpy(), force, bounds),
+        "pressure_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_pressure_place"]), force, bounds),
         **_joints(log, leg.side, bounds),
         "clearance_m": float(min(clearances, default=math.nan)),
         "slip_m": mean_over(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
         **_swing(force, entries[strides.in_strides(entries, bounds)], bounds),
-        "belt_power_W": -mean_over(fore_aft * log["belt_speed_m_per_s"].to_numpy(), bounds),
+        "belt_power_W": -mean_over(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
         **_powers(log, leg, bounds),
     }
 
@@ -116,12 +115,12 @@ WALK_COLUMNS = (
 )  # fmt: skip
 
 
-def ground_speed(log: pd.DataFrame, bounds: np.ndarray, tick: float) -> float:
+def ground_speed(log: LogColumns, bounds: np.ndarray, tick: float) -> float:
     """Mean speed over the ground in some strides, in [m] / [s]: of a belt, or of the pelvis without one."""
-    belt = mean_over(log["belt_speed_m_per_s"].to_numpy(), bounds)
+    belt = mean_over(np.asarray(log["belt_speed_m_per_s"]), bounds)
     if belt != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
         return belt
-    place = log["pelvis_forward_m"].to_numpy()
+    place = np.asarray(log["pelvis_forward_m"])
     first, last = strides.walks(bounds).clip(max=len(log) - 1).T
     return float(np.sum(place[last] - place[first]) / (tick * np.sum(last - first)))
 
@@ -209,16 +208,16 @@ def _midfoot(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> float:
     return float(behind[-1] + 1) / 100.0 if len(behind) and known[-1] >= 0.5 else math.nan
 
 
-def _joints(log: pd.DataFrame, side: Side, bounds: np.ndarray) -> dict[str, float]:
+def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]:
     """Of the wearer's joints, driven or not."""
-    hip, knee, ankle = (wearer_column(log.columns, side, joint, "angle_rad") for joint in JointName)
+    hip, knee, ankle = (wearer_column(log, side, joint, "angle_rad") for joint in JointName)
     ankle_range = math.nan
     if ankle in log:
-        ankle_range = _mean(np.ptp(strides.stride_extremes(log[ankle].to_numpy(), bounds), axis=1))
+        ankle_range = _mean(np.ptp(strides.stride_extremes(np.asarray(log[ankle]), bounds), axis=1))
     return {
         "ankle_range_deg": math.degrees(ankle_range),
-        "hip_lowest_deg": math.degrees(_mean(strides.stride_extremes(log[hip].to_numpy(), bounds)[:, 0])),
-        **knee_shape(mean_stride(log[knee].to_numpy(), bounds)),
+        "hip_lowest_deg": math.degrees(_mean(strides.stride_extremes(np.asarray(log[hip]), bounds)[:, 0])),
+        **knee_shape(mean_stride(np.asarray(log[knee]), bounds)),
     }
 
 
@@ -250,17 +249,17 @@ def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[st
     return {"swing_entry": _mean(shares), "swing_load_N": _mean(load[entries])}
 
 
-def _powers(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
+def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
     """Compute the mean powers of each motor at its joint, and of the wearer and of pushes at all of them."""
     found = {}
     for joint in leg.angles:
         name = f"{leg.side}_{joint}"
-        motor = log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"]
-        found[f"{joint}_motor_power_W"] = mean_over(motor.to_numpy(), bounds)
+        motor = np.asarray(log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"])
+        found[f"{joint}_motor_power_W"] = mean_over(motor, bounds)
     return {**wearer_powers(log, leg, bounds), **found}
 
 
-def wearer_powers(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
+def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
     """Compute the mean powers of voluntary effort, passive joint moments and pushes on a leg.
 
     Each is the sum over the driven joints of the torque in the log times the velocity of the joint: of the
@@ -272,16 +271,16 @@ def wearer_powers(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict
     for source in OUTSIDE_SOURCES:
         power = 0.0
         for joint in leg.angles:
-            torque, columns = log[f"{leg.side}_{joint}_{source}_torque_Nm"], log.columns
-            own = () if source == "push" else columns
+            torque = log[f"{leg.side}_{joint}_{source}_torque_Nm"]
+            own = () if source == "push" else log
             velocity = log[wearer_column(own, leg.side, joint, "velocity_rad_per_s")]
-            power += mean_over((torque * velocity).to_numpy(), bounds)
+            power += mean_over(np.asarray(torque * velocity), bounds)
         found[f"{source}_power_W"] = power
     return found
 
 
 def walk_power(
-    log: pd.DataFrame, legs: Collection[Mapping[str, float]], bounds: np.ndarray, walkway: Walkway
+    log: LogColumns, legs: Collection[Mapping[str, float]], bounds: np.ndarray, walkway: Walkway
 ) -> dict[str, float]:
     """Add up who drives a walk, from the measures of its legs; by their names in a summary.
 
@@ -290,11 +289,11 @@ def walk_power(
     """
     belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *OUTSIDE_SOURCES))
     motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
-    force, power = log["guide_force_N"].to_numpy(), 0.0
-    holding, speed = mean_over(force, bounds), mean_over(log["belt_speed_m_per_s"].to_numpy(), bounds)
+    force, power = np.asarray(log["guide_force_N"]), 0.0
+    holding, speed = mean_over(force, bounds), mean_over(np.asarray(log["belt_speed_m_per_s"]), bounds)
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
         if forward in log:  # with braces the harness is the wearer's
-            power = mean_over(force * log[forward].to_numpy(), bounds)
+            power = mean_over(force * np.asarray(log[forward]), bounds)
     carried = belt_carries(holding, speed, motors + sum(outside), walkway.carried_weight)
     return {
         "belt_W": belt,

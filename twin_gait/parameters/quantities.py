@@ -182,11 +182,16 @@ class Parameters:
     def __post_init__(self) -> None:
         """Take every value as its declaration has it."""
         for item in declarations(type(self)):
-            object.__setattr__(self, item.name, item.taken(getattr(self, item.name)))
+            value = getattr(self, item.name)
+            # A value of the exact type within its range needs no conversion.
+            if type(value) is not item.kind or (item.range is not None and not item.range.holds(value)):
+                object.__setattr__(self, item.name, item.taken(value))
 
 
 def of_kind(kind: Any, name: str, value: Any, bounds: Range | None = None) -> Any:
     """A value as a parameter of some type and range has it; ParameterError for what does not fit."""
+    if type(value) is kind and bounds is None:
+        return value
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
     if is_mapping(kind):
@@ -276,5 +281,15 @@ def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
 
     A field that has a default keeps it where neither says more.
     """
-    names = {item.name for item in dataclasses.fields(kind)} - set(more)  # type: ignore[arg-type]
-    return kind(**{name: getattr(source, name) for name in names if hasattr(source, name)}, **more)
+    found = {name: getattr(source, name) for name in field_names(kind) if hasattr(source, name)}
+    return kind(**(found | more))
+
+
+def field_names(kind: Any) -> tuple[str, ...]:
+    """Return the names of the fields of a dataclass."""
+    if kind not in _names:
+        _names[kind] = tuple(item.name for item in dataclasses.fields(kind))
+    return _names[kind]
+
+
+_names: dict[Any, tuple[str, ...]] = {}

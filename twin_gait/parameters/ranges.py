@@ -61,7 +61,8 @@ class Range:
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
         """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
         fits = isinstance(value, int if whole else Real)
-        require(fits and self.holds(value), name, self.expected, value)
+        if not (fits and self.holds(value)):  # the expected range is put into words only for an error
+            require(False, name, self.expected, value)
 
     @property
     def expected(self) -> str:

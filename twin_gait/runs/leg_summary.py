@@ -13,7 +13,7 @@ from twin_gait.gait.machine import POSTURE
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, phases, strides, switching
 from twin_gait.measures.foot_contact import scuffs, swing_clearances
-from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
 from twin_gait.measures.walk import mean_stride
@@ -73,6 +73,11 @@ class MeasuredLeg:
     skip: int = SKIPPED_STRIDES  # strides at the start that do not count
 
     @cached_property
+    def log(self) -> LogColumns:
+        """Columns of the log of the run."""
+        return self.run.columns
+
+    @cached_property
     def strides(self) -> np.ndarray:
         """Those that count, see :meth:`LegRecord.strides`."""
         return self.record.strides(skip=self.skip)
@@ -105,18 +110,18 @@ class MeasuredLeg:
 
     def column(self, joint: JointName, quantity: str) -> np.ndarray:
         """A quantity of a joint at every tick, as the log has it."""
-        return self.run.log[f"{self.record.side}_{joint}_{quantity}"].to_numpy()
+        return np.asarray(self.log[f"{self.record.side}_{joint}_{quantity}"])
 
     def wearer_velocity(self, joint: JointName) -> np.ndarray:
         """Of the wearer's own joint at every tick in [rad] / [s]."""
-        log = self.run.log
-        return log[wearer_column(log, self.record.side, joint, "velocity_rad_per_s")].to_numpy()
+        name = wearer_column(self.log, self.record.side, joint, "velocity_rad_per_s")
+        return np.asarray(self.log[name])
 
     def compared_angles(self) -> dict[JointName, np.ndarray]:
         """Angles that healthy walking has too: of the driven joints, and of the ankle where there is one."""
-        log, angles = self.run.log, dict(self.record.angles)
+        log, angles = self.log, dict(self.record.angles)
         ankle = wearer_column(log, self.record.side, JointName.ANKLE, "angle_rad")
-        return angles | ({JointName.ANKLE: log[ankle].to_numpy()} if ankle in log else {})
+        return angles | ({JointName.ANKLE: np.asarray(log[ankle])} if ankle in log else {})
 
     def errors(self) -> dict[str, Any]:
         """Distance of hip, knee and ankle from healthy walking, in parts; nothing without a reference."""
@@ -196,9 +201,9 @@ class MeasuredLeg:
 
     def time_outs(self) -> list[int]:
         """Ticks of the switches that only the clock made."""
-        transitions, own = self.run.table.transitions, self.record.side
-        taken = [item for item in self.run.switches if item.side is own and item.cause != POSTURE]
-        return [item.tick for item in taken if transitions[item.transition].is_time_out]
+        clocked = {place for place, item in enumerate(self.run.table.transitions) if item.is_time_out}
+        own = [item for item in self.run.switches if item.side is self.record.side]
+        return [item.tick for item in own if item.transition in clocked and item.cause != POSTURE]
 
     def joint(self, joint: JointName) -> dict[str, float]:
         """Everything that is measured of a driven joint."""
@@ -229,8 +234,8 @@ class MeasuredLeg:
 
     def _limits_of(self, joint: JointName) -> tuple[np.ndarray, np.ndarray, np.ndarray, LimitParameters]:
         """Return command, target current and current of a motor at every tick, and the limits."""
-        names = ("motor_command_torque_Nm", "target_current_A", "measured_current_A")
-        command, target, current = (self.column(joint, name) for name in names)
+        command = self.column(joint, "motor_command_torque_Nm")
+        target, current = self.column(joint, "target_current_A"), self.column(joint, "measured_current_A")
         return command, target, current, self.run.experiment.control.limits
 
     def saturated(self, joint: JointName) -> np.ndarray:

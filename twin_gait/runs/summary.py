@@ -120,7 +120,7 @@ def _walk(run: Run, legs: Mapping[Side, Mapping[str, float]], skip: int) -> dict
 def battery_in_numbers(run: Run) -> dict[str, float]:
     """What a run takes from the battery, and how long that lasts."""
     battery = run.experiment.plant.battery
-    use = effort.battery_use(run.log["battery_power_W"].to_numpy(), TICK, battery.continuous_power)
+    use = effort.battery_use(np.asarray(run.columns["battery_power_W"]), TICK, battery.continuous_power)
     return {
         **{f"battery_{name}": value for name, value in use.items()},
         "battery_capacity_Wh": battery.energy / 3600.0,
@@ -131,9 +131,9 @@ def battery_in_numbers(run: Run) -> dict[str, float]:
 
 def energy_in_numbers(run: Run) -> dict[str, float]:
     """How well the energy of a run balances with the work of all sources."""
-    energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
-    works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
-    return effort.energy_balance(energy, works)
+    log = run.columns
+    works = np.array([np.asarray(log[f"{source}_work_J"]) for source in work_sources(log)])
+    return effort.energy_balance(np.asarray(log["kinetic_energy_J"] + log["potential_energy_J"]), works)
 
 
 def _safety(run: Run) -> dict[str, Any]:

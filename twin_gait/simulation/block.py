@@ -1,5 +1,6 @@
 """A block: records of episodes in lockstep, number by number side by side."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -40,11 +41,11 @@ def word_of(dtype: np.dtype[Any], name: str) -> int:
     return fields_of(dtype).index(name)
 
 
-def side_by_side(records: np.ndarray) -> np.ndarray:
-    """A block of at most :data:`WIDTH` records; lanes without one are copies of the first.
+def side_by_side(stores: Sequence[np.ndarray]) -> np.ndarray:
+    """Return a block of at most :data:`WIDTH` records; lanes without one are copies of the first.
 
-    Returns their numbers as whole numbers of 64 bits, shape ``(numbers, WIDTH)``.
+    ``stores``: arrays of shape ``(1,)`` with the records. Returns their numbers as whole numbers of 64 bits,
+    shape ``(numbers, WIDTH)``.
     """
-    words = records.view(np.int64).reshape(len(records), -1)
-    lanes = np.arange(WIDTH)
-    return np.ascontiguousarray(words[np.where(lanes < len(records), lanes, 0)].T)
+    words, lanes = np.array([store.view(np.int64) for store in stores]), np.arange(WIDTH)
+    return np.ascontiguousarray(words[np.where(lanes < len(stores), lanes, 0)].T)

@@ -1,7 +1,7 @@
 """The engine that runs the steps of a tick compiled, over a kernel written for the structure of the model."""
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
 from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.record import stored
+from twin_gait.simulation.record import copied, stored
 from twin_gait.simulation.schedule import act, run_ticks, sense
 from twin_gait.simulation.structure import Structure, structure_of
 
@@ -59,16 +59,17 @@ class CompiledEngine(EpisodeEngine):
         cannot compile the controller.
         """
         super().__init__(problem)
-        self.bodies, episode, self.structure = laid_out(problem)
-        self.store = stored(episode)
+        self.bodies = _bodies_of(problem)
+        self.structure = structure_of(problem, len(self.bodies.points))
+        self.store = stored(new_episode(problem, self.bodies))
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.
         self.noise = np.ascontiguousarray(problem.noise)
-        self.switches = np.zeros(episode.recording.most_switches, SWITCHES)
+        self.switches = np.zeros(self.episode["recording"]["most_switches"], SWITCHES)
         self.point_at_rows()
         self.loop = loop_of(self, on_compile)
 
-    @property
+    @cached_property
     def pattern(self) -> str:
         """All that the loop depends on beside its sources, and functions that are not of this package."""
         functions, bodies = self.problem.controller.functions().values(), kernel_structure(self.bodies)
@@ -95,9 +96,9 @@ class CompiledEngine(EpisodeEngine):
 
 
 def laid_out(problem: Problem) -> tuple[KernelBodies, Episode, Structure]:
-    """Bodies of a problem, its episode at tick 0, and the constants to bind."""
+    """Return the bodies of a problem, its episode at tick 0 as a tree, and the constants to bind."""
     bodies = _bodies_of(problem)
-    return bodies, new_episode(problem, bodies), structure_of(problem, len(bodies.points))
+    return bodies, copied(new_episode(problem, bodies)), structure_of(problem, len(bodies.points))
 
 
 def _bodies_of(problem: Problem) -> KernelBodies:
@@ -106,7 +107,8 @@ def _bodies_of(problem: Problem) -> KernelBodies:
     for chain in world.chains:
         first = len(bodies)
         for body in export_bodies(chain.model):
-            bodies.append(body._replace(parent=body.parent + first if body.parent >= 0 else body.parent))
+            moved = first > 0 and body.parent >= 0
+            bodies.append(body._replace(parent=body.parent + first) if moved else body)
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
     found = contact_points(world.chains[-1].model, frames)
     points = [point._replace(body=point.body + first) for point in found]

@@ -15,11 +15,11 @@ from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT
 from twin_gait.parameters import NODES
-from twin_gait.simulation.episode import DIVERGED, FELL, LET_GO, TIPPED, Switch
-from twin_gait.simulation.log import log_layout
+from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Switch
+from twin_gait.simulation.log import LogArrays, log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of
-from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.run import Run, RunStatus
 
 SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
 _BUS_UNIT = 1e-12  # what a bus counts in, in [s]
@@ -31,6 +31,7 @@ class EpisodeEngine(ABC):
     Attributes:
         chunk_ticks: Between two looks at progress and interruption.
         problem: The experiment as an engine needs it.
+        episode: The record.
         state: The record of the episode, its fields as attributes, to be read.
         layout: Names and positions of the log's columns.
         switches: Room for the switches of the phases.
@@ -38,6 +39,7 @@ class EpisodeEngine(ABC):
 
     chunk_ticks: ClassVar[int]
     scripted: ClassVar[bool] = False  # whether it executes the events of an experiment
+    episode: Any
     state: Any
     switches: np.ndarray
 
@@ -72,7 +74,7 @@ class EpisodeEngine(ABC):
         """
         began = time.perf_counter()
         run_ticks, chunk = (self.run_ticks, self.chunk_ticks) if run_tick is None else (run_tick, 1)
-        width, record = len(self.layout.names), bool(self.state.recording.on)
+        width, record = len(self.layout.names), bool(self.number("recording", "on"))
         kept = range(width) if columns is None else columns
         total, done, stopped = self.problem.experiment.n_ticks, 0, False
         # Everybody reads columns: each chunk is turned round while the cache still holds it.
@@ -96,11 +98,12 @@ class EpisodeEngine(ABC):
 
     def finished(self, done: int, log: np.ndarray, columns: Sequence[int] | None, wall_s: float) -> Run:
         """The run of some ticks, whose log has shape ``(n_columns, n)``; ``columns`` as in :meth:`run`."""
-        problem, (status, reason) = self.problem, self.ending(done)
+        problem, (status, reason), names = self.problem, self.ending(done), self.layout.names
+        kept = names if columns is None else [names[place] for place in columns]
         return Run(
             experiment=problem.experiment,
             table=problem.table,
-            log=log_table(log[:, :done].T, self.layout, problem.table, columns),
+            log=LogArrays(log[:, :done], kept, problem.table.phase_names),
             switches=self.phase_switches(),
             status=status,
             reason=reason,
@@ -110,9 +113,22 @@ class EpisodeEngine(ABC):
             traffic=self._traffic(max(1, done)),
         )
 
+    def number(self, *path: str) -> int:
+        """Return a whole number of the record by the fields on the way to it.
+
+        A field of a NumPy record is found ten times as fast by its name as by an attribute.
+        """
+        found = self.episode
+        for name in path:
+            found = found[name] if isinstance(found, np.void) else getattr(found, name)
+        return int(found)
+
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
-        world, status, when = self.problem.world, int(self.state.status), f"at {done * TICK:.3f} s"
+        status = self.number("status")
+        if status == COMPLETED:
+            return RunStatus.COMPLETED, ""
+        world, when = self.problem.world, f"at {done * TICK:.3f} s"
         lean, reach = math.degrees(world.fall_pitch), world.longest_reach
         reasons = {
             DIVERGED: f"the state diverged {when}; try a smaller integration step",
@@ -120,26 +136,26 @@ class EpisodeEngine(ABC):
             TIPPED: f"the trunk leaned by more than {lean:.0f} deg {when}",
             LET_GO: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
         }
-        if status not in reasons:
-            return RunStatus.COMPLETED, ""
         return RunStatus.DIVERGED if status == DIVERGED else RunStatus.FELL, reasons[status]
 
     def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far, from one of them on."""
         names, sides = self.problem.table.phase_names, self.problem.sides
-        happened = int(self.state.recording.n_switches)
+        happened = self.number("recording", "n_switches")
         causes = [*(item.cause for item in self.problem.table.transitions), POSTURE]  # that of transition -1
-        return tuple(
+        found = [
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
             for tick, leg, source, target, chosen in self.switches[first:happened].tolist()
-        )
+        ]
+        return tuple(found)
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
-        trip, joints, sides = self.state.controller.trip, self.problem.joints, self.problem.sides
-        tick, place, side, joint = int(trip.tick), int(trip.part), None, None
+        tick = self.number("controller", "trip", "tick")
         if tick < 0:
             return None
+        trip, joints, sides = self.state.controller.trip, self.problem.joints, self.problem.sides
+        place, side, joint = int(trip.part), None, None
         if place >= len(joints):  # behind the joints are the legs
             side = sides[place - len(joints)]
         elif place >= 0:  # below is the supply

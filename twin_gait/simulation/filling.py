@@ -1,4 +1,4 @@
-"""The episode of a problem: its record at tick 0."""
+"""The episode of a problem: its record at tick 0, its parts in the order of the fields."""
 
 import math
 import reprlib
@@ -21,12 +21,12 @@ from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import KernelBodies, body_values
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
-from twin_gait.network.dbc import Message, load_messages
+from twin_gait.network.dbc import load_messages
 from twin_gait.parameters import NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
 from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks, ticks
-from twin_gait.simulation.record import ABSENT, Record, copied, float_in, is_record
+from twin_gait.simulation.record import ABSENT, Record, float_in, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
 from twin_gait.worlds.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 
@@ -39,7 +39,10 @@ _LATELY = 32  # [ticks]; likewise delays of the bus
 
 
 def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
-    """The episode of a problem at tick 0; ``bodies``: what the kernels of plant and controller are of."""
+    """Return the episode of a problem at tick 0; it may share parts with the world, and have one part twice.
+
+    ``bodies``: those that the kernels of plant and controller are written for.
+    """
     experiment, world = problem.experiment, problem.world
     n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
     most_switches = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
@@ -47,7 +50,7 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
     legs = world.model.legs.items()
     ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
     passive = [world.model.index(side, joint) for side, joint in problem.passive]
-    filled = taken_from(
+    return taken_from(
         episode.Episode,
         world,
         step=stepping.step,
@@ -88,7 +91,127 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
         recording=episode.Recording(most_switches, len(problem.noise)),
     )
-    return copied(filled)  # nothing in it belongs to the world, or stands in it twice
+
+
+def _supply(problem: Problem) -> episode.Supply:
+    battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
+    power = electronics.constant_power + len(problem.joints) * electronics.inverter_power
+    voltage, resistance = battery.voltage, battery.internal_resistance
+    return episode.Supply(voltage, resistance, power, electronics.regeneration, bus_voltage=voltage)
+
+
+def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
+    """Limits of boards and gait controller, which bear the silence of a network, or without one any."""
+    control = problem.experiment.control
+    safety = control.safety
+    heeded = network if safety.enabled else None
+    return taken_from(
+        Limits,
+        control.limits,
+        phase_ticks=phase_time_out_ticks(problem),
+        frozen_load_ticks=ticks(safety.frozen_load_time),
+        controller_silence=NEVER if heeded is None else ticks(heeded.board_silence),
+        board_silence=NEVER if heeded is None else ticks(heeded.ccu_silence),
+        lowering_ticks=ticks(safety.lowering_time),
+        hold_damping=safety.hold_damping,
+    )
+
+
+def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
+    experiment, control = problem.experiment, problem.experiment.control
+    supply, settings, modes = experiment.plant.battery.voltage, control.safety, experiment.modes
+    gain, memory = control.inertia_compensation, problem.controller.memory(problem.plan)
+    if not is_record(memory):
+        expected = "a memory that is a dataclass with slots, of numbers, such dataclasses and lists of them"
+        raise mistake(problem.controller.name, expected, reprlib.repr(memory))
+    require_whole_numbers(problem.controller.name, float_in(memory))
+    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
+    legs = [_leg(problem, number) for number in range(len(problem.sides))]
+    return ccu.ControllerState(
+        joints=[
+            _controlled_joint(problem, number, legs[number // problem.joints_per_leg].phase)
+            for number in range(len(problem.joints))
+        ],
+        legs=legs,
+        program=_padded(problem.program),
+        signals=problem.table.in_si({}),
+        supply=ccu.WatchedSupply(
+            supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
+        ),
+        model=ccu.ControlModel(bodies, experiment.plant.gravity, q, a, gravity, inertia, gain),
+        memory=memory,
+        supervisor=ABSENT if modes is None else _supervisor(problem, modes),
+    )
+
+
+def _controlled_joint(problem: Problem, number: int, phase: int) -> ccu.ControlledJoint:
+    joint, control = problem.joints[number], problem.experiment.control
+    leg, position = divmod(number, problem.joints_per_leg)
+    first = COLUMNS_PER_JOINT * position
+    rows = problem.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
+    setpoints = [Setpoint(*row) for row in rows]
+    return ccu.ControlledJoint(
+        control_place=joint.control_coordinate,
+        setpoints=setpoints,
+        blend_start=setpoints[phase],
+        blended=setpoints[phase],
+        target=control.target_torque.get(joint.joint, 0.0),
+        silent_ticks=-problem.bus_delay,
+    )
+
+
+def _leg(problem: Problem, number: int) -> ccu.ControlledLeg:
+    side = problem.sides[number]
+    name = problem.world.initial_phases[side]
+    phase = 0 if name is None else problem.table.phase_index(name)
+    shares = problem.phase_rows[number, :, -1].tolist()
+    return ccu.ControlledLeg(
+        phase=phase,
+        debounce=[0] * _capacity(problem.program.n_transitions),
+        gravity_shares=shares,
+        gravity_start=shares[phase],
+        gravity=shares[phase],
+        blend_ticks=[problem.table.blend_ticks(phase) for phase in problem.table.phases_of(side).values()],
+        frozen_speed=problem.experiment.control.safety.frozen_speed,
+    )
+
+
+def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
+    table, initial = problem.table, problem.experiment.initial_mode
+    modes = replace(modes, joints=table.joints)  # in whose places the signals stand
+    program = compile_guards(modes)
+
+    def told(mode: Mode) -> ModeCommand:
+        posture = NO_POSTURE if mode.posture is None else table.phase_index(mode.posture)
+        return ModeCommand(posture, float(mode.walk), float(mode.step))
+
+    return Supervisor(
+        program=_padded(program),
+        modes=[told(mode) for mode in modes.phases.values()],
+        hold=modes.phase_index(modes.hold),
+        swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
+        signals=modes.in_si({}),
+        debounce=[0] * _capacity(program.n_transitions),
+        mode=0 if initial is None else modes.phase_index(initial),
+    )
+
+
+def _padded(program: GuardProgram) -> GuardProgram:
+    """A program with room, so that tables of like size share one loop."""
+    return replace(
+        program,
+        transitions=_with_room(program.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
+        nodes=_with_room(program.nodes, GuardNode(0, 0)),
+        comparisons=_with_room(program.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0)),
+    )
+
+
+def _with_room(entries: list[Record], blank: Record) -> list[Record]:
+    return entries + [blank] * (_capacity(len(entries)) - len(entries))
+
+
+def _capacity(count: int) -> int:
+    return max(1, -(-count // _CAPACITY)) * _CAPACITY
 
 
 def _joint(problem: Problem, number: int) -> episode.Joint:
@@ -106,7 +229,7 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
             friction_model=experiment.control.friction_model[joint.joint],
             bounds=_bounds(problem, number),
             # What is on its way at the start may take so long.
-            silent_ticks=-_delay_ticks(experiment.network),
+            silent_ticks=-problem.bus_delay,
         ),
         motor=motor,
         # What is put in at the end of a tick is taken out for the next one.
@@ -148,10 +271,13 @@ def _bounds(problem: Problem, number: int) -> Bounds:
 def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network:
     boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     messages = load_messages(parameters.dbc)
-    frames, delay = cyclic_messages(messages, boards), _delay_ticks(parameters)
+    frames, delay = cyclic_messages(messages, boards), problem.bus_delay
+    room = (delay // _LATELY + 1) * _LATELY
 
     def wires(kind: str) -> list[episode.Wire]:
-        return [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
+        carried = [messages[f"{board}_{kind}"] for board in boards]
+        places = [(frames.index(message), message.layout) for message in carried]
+        return [episode.Wire(*place, [episode.ReceivedFrame() for _ in range(room)]) for place in places]
 
     return episode.Network(
         bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
@@ -162,62 +288,6 @@ def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network
     )
 
 
-def _delay_ticks(network: NetworkParameters | None) -> int:
-    return 0 if network is None else round(network.delay / TICK)
-
-
-def _wire(message: Message, frames: list[Message], delay: int) -> episode.Wire:
-    room = (delay // _LATELY + 1) * _LATELY
-    return episode.Wire(frames.index(message), message.layout, [episode.ReceivedFrame() for _ in range(room)])
-
-
-def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
-    experiment, control = problem.experiment, problem.experiment.control
-    supply, settings, modes = experiment.plant.battery.voltage, control.safety, experiment.modes
-    gain, memory = control.inertia_compensation, problem.controller.memory(problem.plan)
-    if not is_record(memory):
-        expected = "a memory that is a dataclass with slots, of numbers, such dataclasses and lists of them"
-        raise mistake(problem.controller.name, expected, reprlib.repr(memory))
-    require_whole_numbers(problem.controller.name, float_in(memory))
-    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
-    legs = [_leg(problem, number) for number in range(len(problem.sides))]
-    return ccu.ControllerState(
-        joints=[
-            _controlled_joint(problem, number, legs[number // problem.joints_per_leg].phase)
-            for number in range(len(problem.joints))
-        ],
-        legs=legs,
-        program=_padded(problem.program),
-        signals=problem.table.in_si({}),
-        supply=ccu.WatchedSupply(
-            supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
-        ),
-        model=ccu.ControlModel(bodies, experiment.plant.gravity, q, a, gravity, inertia, gain),
-        memory=memory,
-        supervisor=ABSENT if modes is None else _supervisor(problem, modes),
-    )
-
-
-def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
-    table, initial = problem.table, problem.experiment.initial_mode
-    modes = replace(modes, joints=table.joints)  # in whose places the signals stand
-    program = compile_guards(modes)
-
-    def told(mode: Mode) -> ModeCommand:
-        posture = NO_POSTURE if mode.posture is None else table.phase_index(mode.posture)
-        return ModeCommand(posture, float(mode.walk), float(mode.step))
-
-    return Supervisor(
-        program=_padded(program),
-        modes=[told(mode) for mode in modes.phases.values()],
-        hold=modes.phase_index(modes.hold),
-        swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
-        signals=modes.in_si({}),
-        debounce=[0] * _capacity(program.n_transitions),
-        mode=0 if initial is None else modes.phase_index(initial),
-    )
-
-
 def _requests(problem: Problem) -> list[episode.TimedCommand]:
     """Requests of the schedule, with room, so that schedules of like length share one loop."""
     modes, requests = problem.experiment.modes, problem.experiment.requests
@@ -225,80 +295,6 @@ def _requests(problem: Problem) -> list[episode.TimedCommand]:
         return []
     asked = [episode.TimedCommand(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
     return _with_room(asked, episode.TimedCommand())
-
-
-def _controlled_joint(problem: Problem, number: int, phase: int) -> ccu.ControlledJoint:
-    joint, control = problem.joints[number], problem.experiment.control
-    leg, position = divmod(number, problem.joints_per_leg)
-    first = COLUMNS_PER_JOINT * position
-    rows = problem.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
-    setpoints = [Setpoint(*row) for row in rows]
-    return ccu.ControlledJoint(
-        control_place=joint.control_coordinate,
-        setpoints=setpoints,
-        blend_start=setpoints[phase],
-        blended=setpoints[phase],
-        target=control.target_torque.get(joint.joint, 0.0),
-        silent_ticks=-_delay_ticks(problem.experiment.network),
-    )
-
-
-def _leg(problem: Problem, number: int) -> ccu.ControlledLeg:
-    side = problem.sides[number]
-    name = problem.world.initial_phases[side]
-    phase = 0 if name is None else problem.table.phase_index(name)
-    shares = problem.phase_rows[number, :, -1].tolist()
-    return ccu.ControlledLeg(
-        phase=phase,
-        debounce=[0] * _capacity(problem.program.n_transitions),
-        gravity_shares=shares,
-        gravity_start=shares[phase],
-        gravity=shares[phase],
-        blend_ticks=[problem.table.blend_ticks(phase) for phase in problem.table.phases_of(side).values()],
-        frozen_speed=problem.experiment.control.safety.frozen_speed,
-    )
-
-
-def _capacity(count: int) -> int:
-    return max(1, -(-count // _CAPACITY)) * _CAPACITY
-
-
-def _padded(program: GuardProgram) -> GuardProgram:
-    """A program with room, so that tables of like size share one loop."""
-    return replace(
-        program,
-        transitions=_with_room(program.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
-        nodes=_with_room(program.nodes, GuardNode(0, 0)),
-        comparisons=_with_room(program.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0)),
-    )
-
-
-def _with_room(entries: list[Record], blank: Record) -> list[Record]:
-    return entries + [blank] * (_capacity(len(entries)) - len(entries))
-
-
-def _supply(problem: Problem) -> episode.Supply:
-    battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
-    power = electronics.constant_power + len(problem.joints) * electronics.inverter_power
-    voltage, resistance = battery.voltage, battery.internal_resistance
-    return episode.Supply(voltage, resistance, power, electronics.regeneration, bus_voltage=voltage)
-
-
-def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
-    """Limits of boards and gait controller, which bear the silence of a network, or without one any."""
-    control = problem.experiment.control
-    safety = control.safety
-    heeded = network if safety.enabled else None
-    return taken_from(
-        Limits,
-        control.limits,
-        phase_ticks=phase_time_out_ticks(problem),
-        frozen_load_ticks=ticks(safety.frozen_load_time),
-        controller_silence=NEVER if heeded is None else ticks(heeded.board_silence),
-        board_silence=NEVER if heeded is None else ticks(heeded.ccu_silence),
-        lowering_ticks=ticks(safety.lowering_time),
-        hold_damping=safety.hold_damping,
-    )
 
 
 def _trunk_unit(problem: Problem) -> TrunkUnit:

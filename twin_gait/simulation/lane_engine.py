@@ -35,7 +35,7 @@ class LaneEngine:
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
         self._loop = lane_loop(engines[0])
-        self._block = side_by_side(np.concatenate([engine.store for engine in engines]))
+        self._block = side_by_side([engine.store for engine in engines])
         self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
 

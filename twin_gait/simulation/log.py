@@ -3,11 +3,15 @@
 From them is written the function that fills a row in every tick (:attr:`LogLayout.writer`).
 """
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import count
 
+import numpy as np
+import pandas as pd
+
+from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.simulation.problem import Problem
 from twin_gait.vocabulary import JointName
@@ -166,6 +170,46 @@ SUPERVISOR = Columns(
     refused=("supervisor.refused", "the same where nothing has answered it"),
 )
 
+
+class LogArrays:
+    """Columns of a log as an engine wrote them, by name; a phase is its index in the table.
+
+    The length is the number of ticks.
+    """
+
+    def __init__(self, rows: np.ndarray, names: Sequence[str], phases: Sequence[str]) -> None:
+        """Keep the columns.
+
+        ``rows``: shape ``(n_columns, n_ticks)``; ``names`` of the columns; ``phases`` of the gait table.
+        """
+        self._rows, self._names, self._phases = rows, names, phases
+        self._places = dict(zip(names, range(len(names)), strict=True))
+
+    def __len__(self) -> int:
+        """Return the number of ticks."""
+        return int(self._rows.shape[1])
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a column."""
+        return name in self._places or name == "time_s"
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return a column, shape ``(n_ticks,)``."""
+        if name == "time_s":
+            return np.arange(len(self)) * TICK
+        return np.asarray(self._rows[self._places[name]])
+
+    def table(self) -> pd.DataFrame:
+        """Build the table, with ``time_s`` in front and phases by name."""
+        rows = self._rows.T
+        log = pd.DataFrame(np.asfortranarray(rows), columns=list(self._names), copy=False)
+        log.insert(0, "time_s", self["time_s"])
+        phases = pd.CategoricalDtype(pd.Index(self._phases))
+        for name in (name for name in self._names if name.endswith("_phase")):
+            log[name] = pd.Categorical.from_codes(self[name].astype(np.int64), dtype=phases)
+        return log
+
+
 WORK_SOURCES = tuple(name.removesuffix("_work_J") for name in WORK.columns)
 
 
@@ -263,5 +307,9 @@ def log_layout(problem: Problem) -> LogLayout:
         (one * (braced and forward), FORWARD_BRACE),
         (one * (problem.experiment.modes is not None), SUPERVISOR),
     )
-    things = tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))
-    return LogLayout(things)
+    return _layout_of(
+        tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))
+    )
+
+
+_layout_of = lru_cache(maxsize=32)(LogLayout)  # episodes of a batch have one layout

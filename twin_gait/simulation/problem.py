@@ -96,6 +96,12 @@ class Problem:
         return len(self.table.joints)
 
     @property
+    def bus_delay(self) -> int:
+        """Ticks by which every frame of the bus is used later than it arrives."""
+        network = self.experiment.network
+        return 0 if network is None else round(network.delay / TICK)
+
+    @property
     def passive(self) -> tuple[tuple[Side, JointName], ...]:
         """Joints that are not controlled, leg by leg."""
         legs, controlled = self.world.model.legs, self.experiment.joints

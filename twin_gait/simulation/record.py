@@ -8,10 +8,15 @@ code that a constant rules out may name it. Records are never assigned as a whol
 code and aliases in plain Python.
 """
 
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from operator import attrgetter
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
+
+from twin_gait.parameters.quantities import field_names
 
 Record = TypeVar("Record")
 
@@ -30,41 +35,66 @@ def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
             if hint in _CODES or is_dataclass(hint) or hint is object:
                 result.append((item.name, hint))
         _known[kind] = tuple(result)
+        if len(result) > 1 and all(hints[name] in _CODES for name, _ in result):
+            pattern = tuple((name, _CODES[hint], ()) for name, hint in result)
+            _numbers[kind] = pattern, attrgetter(*(name for name, _ in result))
     return _known[kind]
 
 
-_known: dict[type, tuple[tuple[str, type], ...]] = {}  # reading hints takes longer than writing a record
+# Reading the type hints takes longer than writing a record.
+_known: dict[type, tuple[tuple[str, type], ...]] = {}
+_numbers: dict[type, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {}  # records of single numbers
+
+Pattern = tuple[tuple[str, Any, tuple[int, ...]], ...]  # name, code or pattern, and shape of each field
+
+
+def described(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
+    """Return the pattern of a record, which determines its dtype, and its values as NumPy takes them."""
+    if type(sample) in _numbers:
+        whole, read = _numbers[type(sample)]
+        return whole, read(sample)
+    pattern, values = [], []
+    for name, kind in _known.get(type(sample)) or kinds_of(type(sample)):
+        value = first = getattr(sample, name)
+        shape: tuple[int, ...] = ()
+        while isinstance(first, (list, tuple)):
+            shape, first = (*shape, len(first)), first[0] if first else ABSENT
+        if first is ABSENT:
+            continue
+        inner: Any = _CODES.get(kind)
+        if inner is None and shape:
+            entries_of = [described(item) for item in value]
+            inner, value = entries_of[0][0], [item for _, item in entries_of]
+        elif inner is None:
+            inner, value = described(value)
+        pattern.append((name, inner, shape))
+        values.append(value)
+    return tuple(pattern), tuple(values)
+
+
+@lru_cache(maxsize=1024)  # an episode has about 50 patterns
+def _dtype(pattern: Pattern) -> np.dtype[Any]:
+    """Return the dtype of a pattern, aligned as C would."""
+    fields_of = [
+        (name, inner if isinstance(inner, str) else _dtype(inner), shape) for name, inner, shape in pattern
+    ]
+    return np.dtype(fields_of, align=True)
 
 
 def dtype_of(sample: Any) -> np.dtype[Any]:
-    """The dtype of a record, aligned as C would; lists have the lengths of those of the instance."""
-    layout = []
-    for name, kind in kinds_of(type(sample)):
-        value, shape = getattr(sample, name), []
-        while isinstance(value, (list, tuple)):
-            shape.append(len(value))
-            value = value[0] if value else ABSENT
-        if value is not ABSENT:
-            layout.append((name, _CODES.get(kind) or dtype_of(value), tuple(shape)))
-    return np.dtype(layout, align=True)
+    """Return the dtype of a record; lists have the lengths of those of the instance."""
+    return _dtype(described(sample)[0])
 
 
 def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
-    """An instance as a NumPy record, the entry of an array of shape ``(1,)``."""
-    return np.array([entries(sample)], dtype_of(sample))
+    """Return an instance as a NumPy record, the entry of an array of shape ``(1,)``."""
+    pattern, values = described(sample)
+    return np.array([values], _dtype(pattern))
 
 
 def entries(sample: Any) -> tuple[Any, ...]:
-    """Values of an instance in the order of its dtype, as NumPy takes them for a record."""
-    result = []
-    for name, kind in kinds_of(type(sample)):
-        value = getattr(sample, name)
-        if value is ABSENT or value == [] or value == ():
-            continue
-        if kind not in _CODES:
-            value = [entries(item) for item in value] if isinstance(value, list) else entries(value)
-        result.append(value)
-    return tuple(result)
+    """Return the values of an instance in the order of its dtype, as NumPy takes them for a record."""
+    return described(sample)[1]
 
 
 def is_record(sample: Any) -> bool:
@@ -72,7 +102,7 @@ def is_record(sample: Any) -> bool:
     try:
         stored(sample)
         names = [name for name, _ in kinds_of(type(sample))]
-        return hasattr(sample, "__slots__") and names == [item.name for item in fields(sample)]
+        return hasattr(sample, "__slots__") and (*names,) == field_names(type(sample))
     except (TypeError, ValueError, NameError, AttributeError, IndexError):
         return False
 
@@ -97,6 +127,6 @@ def copied(sample: Record | None) -> Record:
     if isinstance(sample, (list, tuple)):
         copy = [copied(item) for item in sample]
     elif hasattr(copy, "__slots__"):
-        copy = type(copy)(**{item.name: copied(getattr(copy, item.name)) for item in fields(copy)})
+        copy = type(copy)(**{name: copied(getattr(copy, name)) for name in field_names(type(copy))})
     found: Record = copy
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -19,12 +19,19 @@ from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.leg_record import ALWAYS, LegRecord, Spans, leg_record
+from twin_gait.measures.leg_record import (
+    ALWAYS,
+    LegRecord,
+    LogColumns,
+    Spans,
+    leg_record,
+    phase_indices,
+)
 from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, gait_verdict
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import Walkway, walk_measures, walk_power
 from twin_gait.simulation.answers import Answer, answer_at
-from twin_gait.simulation.log import LogLayout
+from twin_gait.simulation.log import LogArrays, LogLayout
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
 from twin_gait.worlds.faults import Fault
 
@@ -66,7 +73,23 @@ def run_events(
     return tuple(sorted(found, key=lambda event: event.time))
 
 
-@dataclass(frozen=True, repr=False)
+class _Log:
+    """Log of a run as a table, built from the arrays of an engine when it is first read."""
+
+    def __get__(self, run: Run | None, owner: type[Run]) -> pd.DataFrame:
+        if run is None:
+            raise AttributeError("log")  # the field has no default
+        kept = vars(run)["log"]
+        if isinstance(kept, LogArrays):
+            kept = vars(run)["log"] = kept.table()
+        table: pd.DataFrame = kept
+        return table
+
+    def __set__(self, run: Run, log: pd.DataFrame | LogArrays) -> None:
+        vars(run)["log"] = log
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Run:
     """A finished simulation.
 
@@ -76,7 +99,7 @@ class Run:
 
     experiment: Experiment  # What was run.
     table: GaitTable  # The gait table after scaling to wearer, support and speed.
-    log: pd.DataFrame  # One row per tick; units are in the column names.
+    log: _Log = _Log()  # Table with one row per tick; units are in the column names.
     switches: tuple[PhaseSwitch, ...]  # Every change of phase with its cause.
     status: RunStatus  # How the run ended.
     reason: str  # Why, if it did not complete.
@@ -115,9 +138,15 @@ class Run:
         return twin_gait.plot_run(self, figure, width_mm=width_mm)
 
     @property
+    def columns(self) -> LogColumns:
+        """Columns of the log by name, which are read without building the table."""
+        columns: LogColumns = vars(self)["log"]
+        return columns
+
+    @property
     def duration(self) -> float:
         """Simulated time in [s]."""
-        return len(self.log) * TICK
+        return len(self.columns) * TICK
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -139,21 +168,22 @@ class Run:
     def _read_leg(self, side: Side, *, device: bool = False) -> LegRecord:
         names = self.table.phase_names
         steady, waiting = self.steady, self.waiting
-        return leg_record(self.log, side, names, TICK, steady=steady, waiting=waiting, device=device)
+        return leg_record(self.columns, side, names, TICK, steady=steady, waiting=waiting, device=device)
 
     @cached_property
     def waiting(self) -> np.ndarray:
         """Whether at each tick the legs stand: until somebody asks for a step, or on a belt at rest."""
-        modes, waiting = self.experiment.modes, np.zeros(len(self.log), dtype=bool)
+        modes, log, waiting = self.experiment.modes, self.columns, np.zeros(len(self.columns), dtype=bool)
         if modes is not None:
             codes = [code for code, name in enumerate(modes.phase_names) if modes.waits_for_step(name)]
-            swings = [phase for phase in self.table.phases if self.table.is_swing(phase)]
-            waiting |= self.log["mode"].isin(codes)
+            names = self.table.phase_names
+            swings = [code for code, phase in enumerate(names) if self.table.is_swing(phase)]
+            waiting |= np.isin(log["mode"], codes)
             for side in self.sides:
-                waiting &= ~self.log[f"{side}_phase"].isin(swings)
+                waiting &= ~np.isin(phase_indices(log, side, names), swings)
         walking = self.experiment.scenario.walking
         if walking is not None and walking.belt.cruise > 0.0:
-            waiting |= self.log["belt_speed_m_per_s"] == 0.0
+            waiting |= np.asarray(log["belt_speed_m_per_s"]) == 0.0
         return waiting
 
     @cached_property
@@ -177,7 +207,7 @@ class Run:
         swing = names.index(GaitPhase.SWING_FLEXION) if GaitPhase.SWING_FLEXION in names else None
         legs = zip(self.sides, self.leg_records(), reversed(self.leg_records()), strict=True)
         return {
-            side: walk_measures(self.log, leg, other, walkway, swing_phase=swing, skip=skip)
+            side: walk_measures(self.columns, leg, other, walkway, swing_phase=swing, skip=skip)
             for side, leg, other in legs
         }
 
@@ -190,7 +220,8 @@ class Run:
             return None
         if legs is None:
             legs = self.walk_measures(skip=skip)
-        return walk_power(self.log, legs.values(), self.leg_record(self.sides[0]).strides(skip=skip), walkway)
+        bounds = self.leg_record(self.sides[0]).strides(skip=skip)
+        return walk_power(self.columns, legs.values(), bounds, walkway)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -215,7 +246,7 @@ class Run:
             return ""
         return f"the baseline does not walk: {outcome}, {reason}" if reason else f"the baseline {outcome}"
 
-    @property
+    @cached_property
     def steady(self) -> Spans:
         """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold.
 
@@ -227,7 +258,7 @@ class Run:
         spans, modes = ALWAYS, self.experiment.modes
         if modes is not None:
             walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
-            asked = np.concatenate(([0], self.log["mode"].isin(walking), [0]))
+            asked = np.concatenate(([0], np.isin(self.columns["mode"], walking), [0]))
             bounds = (np.flatnonzero(np.diff(asked)).reshape(-1, 2) - (0, 1)).tolist()
             spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self.waiting[i:k].all())
         clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
@@ -251,22 +282,10 @@ class Run:
     @property
     def events(self) -> tuple[RunEvent, ...]:
         """Injected faults, trip, fall and divergence in the order of time."""
-        end = (len(self.log) - 1) * TICK
+        end = (len(self.columns) - 1) * TICK
         return run_events(self.experiment.faults, self.trip, self.status, end)
 
 
-def log_table(
-    rows: np.ndarray, layout: LogLayout, table: GaitTable, columns: Sequence[int] | None = None
-) -> pd.DataFrame:
-    """Make the log table of the numbers that an engine wrote, with ``time_s`` in front and phases by name.
-
-    ``rows``: shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other. ``columns``:
-    their positions in the layout; all by default.
-    """
-    names = list(layout.names) if columns is None else [layout.names[place] for place in columns]
-    log = pd.DataFrame(np.asfortranarray(rows), columns=names, copy=False)
-    log.insert(0, "time_s", np.arange(len(rows)) * TICK)
-    phases = pd.CategoricalDtype(pd.Index(table.phase_names))
-    for name in (name for name in names if name.endswith("_phase")):
-        log[name] = pd.Categorical.from_codes(rows[:, names.index(name)].astype(np.int64), dtype=phases)
-    return log
+def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:
+    """Build the log table of rows with all columns, shape ``(n_ticks, n_columns)``."""
+    return LogArrays(rows.T, layout.names, table.phase_names).table()

@@ -30,7 +30,8 @@ class ScriptedEngine(EpisodeEngine):
         super().__init__(problem)
         plain = replace(problem.experiment, events=())
         self.stepped = SteppedRun(replace(problem, experiment=plain), on_compile=on_compile, spare_faults=0)
-        self.state, self.switches = self.stepped.engine.state, self.stepped.engine.switches
+        engine = self.stepped.engine
+        self.episode, self.state, self.switches = engine.episode, engine.state, engine.switches
         names = (f"{item.side}_{item.joint}" for item in problem.joints)
         self._joints = {name: number for number, name in enumerate(names)}
         self._due: deque[tuple[Event, LoopNumbers]] = deque()

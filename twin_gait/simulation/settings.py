@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
@@ -20,7 +21,10 @@ MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Everything that events and the controls of a live session set."""
+    """Everything that events and the controls of a live session set.
+
+    Setups that follow from it are built when they are first read, and kept.
+    """
 
     experiment: Experiment  # with the gait table, belt speed and support as they are now
     monitor: Mapping[Side, PhaseParameters]  # impedances that the monitor sets, as a phase of each leg
@@ -30,12 +34,24 @@ class Settings:
     # values of the live controls that have been set, by name, in their units
     changes: Mapping[str, Any] = field(default_factory=dict)
 
+    __hash__ = object.__hash__  # by identity, for caches; a mapping has no hash
+
     @property
     def table(self) -> GaitTable:
         """The gait table, before scaling."""
         return self.experiment.table
 
-    @property
+    @cached_property
+    def problem(self) -> Problem:
+        """The experiment as an engine needs it."""
+        return build_problem(self.experiment)
+
+    @cached_property
+    def driving_problem(self) -> Problem:
+        """The experiment of :attr:`driving` as an engine needs it."""
+        return self.problem if self.driving is self.experiment else build_problem(self.driving)
+
+    @cached_property
     def driving(self) -> Experiment:
         """The experiment with the impedances that the mode puts in force.
 
@@ -93,11 +109,11 @@ def numbers_of(problem: Problem) -> dict[str, Any]:
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
     """Lay settings out as the loop takes them."""
-    numbers = numbers_of(build_problem(settings.experiment))
+    numbers = numbers_of(settings.problem)
     if settings.mode != WALK:
         asked = settings.mode == TORQUE
         numbers |= {
-            "phase_rows": build_problem(settings.driving).phase_rows.tolist(),
+            "phase_rows": settings.driving_problem.phase_rows.tolist(),
             "target_torque": [torque if asked else 0.0 for torque in settings.torques.values()],
             "belt_speed": 0.0,  # without a gait it would carry the feet away
             "watching": False,

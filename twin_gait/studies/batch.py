@@ -18,7 +18,7 @@ import pandas as pd
 
 from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
 from twin_gait.configuration.experiments import FILE_KEYS, named_document
-from twin_gait.configuration.validation import assign, converting, parse_assignment, refuse_two_units
+from twin_gait.configuration.validation import assign, converting, parse_path, refuse_two_units
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.files import plain
@@ -247,8 +247,9 @@ def flat_summary(run: Run) -> Flat:
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
     """A document with one value changed; what is wrong with the key is told with its name."""
-    path, rest = converting(source, str(key), lambda: parse_assignment(f"{key}="))
-    if rest is not None:
+    name, separator, _ = str(key).partition("=")
+    path = converting(source, str(key), lambda: parse_path(name, f"{key}="))
+    if separator:
         raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
     assigned: dict[str, Any] = converting(source, str(key), lambda: assign(document, path, value))
     return assigned

@@ -127,8 +127,8 @@ def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
 
 def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> float:
     """Least height of a foot over ground through the origin, vertically."""
-    points = (model.frame_position(q, name) for name in model.legs[side].contact_frames)
-    return min(float(point[2] - rise * point[0]) for point in points)
+    points = np.array(model.frame_positions(q, model.legs[side].contact_frames))
+    return float(min((points[:, 2] - rise * points[:, 0]).tolist()))
 
 
 def seat_of(model: LegModel, chair: ChairParameters) -> Seat:

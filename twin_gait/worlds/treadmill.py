@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, ClassVar
 
 from twin_gait.core.belt import Belt
@@ -76,7 +77,7 @@ class Treadmill(SplitStance):
         """How the pelvis is held."""
         return self.support.guide
 
-    @property
+    @cached_property  # a summary reads it about ten times
     def walking(self) -> Walking:
         """On the belt."""
         return Walking(

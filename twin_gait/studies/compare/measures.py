@@ -7,6 +7,7 @@ import pandas as pd
 
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, strides
+from twin_gait.measures.leg_record import LogColumns
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.walk import counted_steps, ground_speed, wearer_powers
@@ -25,7 +26,7 @@ def run_measures(run: Run) -> Measures:
 
     ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
     """
-    end = len(run.log) if run.trip is None else run.trip.tick
+    end = len(run.columns) if run.trip is None else run.trip.tick
     walked = run.verdict.outcome is Outcome.WALKED
     found: Measures = {"walked": float(walked), "walked_s": end * TICK}
     legs = [MeasuredLeg(run, record) for record in run.leg_records()]
@@ -42,7 +43,9 @@ def run_measures(run: Run) -> Measures:
     of_places |= {f"{side}_{joint}": values for (side, joint), values in of_joints.items()}
     of_places |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
     found |= {f"{place}_{name}": value for place, row in of_places.items() for name, value in row.items()}
-    powers = pd.DataFrame([wearer_powers(run.log, leg.record, leg.strides) for leg in legs]).sum(skipna=False)
+    powers = pd.DataFrame([wearer_powers(run.columns, leg.record, leg.strides) for leg in legs]).sum(
+        skipna=False
+    )
     return {**found, **_together(run, by_leg, by_joint), **powers}
 
 
@@ -55,7 +58,7 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
     own, others = leg.record, other.record
     assert own.loaded is not None and others.loaded is not None  # there is ground
     known, times = leg.by_contact(), strides.stride_times(leg.strides, TICK)
-    speed = ground_speed(leg.run.log, leg.strides, TICK)
+    speed = ground_speed(leg.log, leg.strides, TICK)
     return {
         "stride_time_s": known["stride_time_mean_s"],
         "stride_length_m": strides.finite_mean(speed * times),
@@ -86,7 +89,7 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     device, velocity, own, flowing = (
         strides.over_strides(values, leg.strides)
         for values in (
-            _device_torque(run.log, f"{side}_{joint}", actuator.armature),
+            _device_torque(leg.log, f"{side}_{joint}", actuator.armature),
             leg.wearer_velocity(joint),
             leg.column(joint, "voluntary_torque_Nm"),
             leg.column(joint, "measured_current_A"),
@@ -106,12 +109,12 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     }
 
 
-def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
+def _device_torque(log: LogColumns, name: str, rotor_inertia: float) -> np.ndarray:
     """What the device does on the wearer: the torque of the brace, or without one that behind the gear."""
     if f"{name}_brace_torque_Nm" in log:
-        return log[f"{name}_brace_torque_Nm"].to_numpy()
+        return np.asarray(log[f"{name}_brace_torque_Nm"])
     columns = ("motor_torque_Nm", "friction_torque_Nm", "velocity_rad_per_s")
-    motor, friction, velocity = (log[f"{name}_{column}"].to_numpy() for column in columns)
+    motor, friction, velocity = (np.asarray(log[f"{name}_{column}"]) for column in columns)
     return effort.interaction_torque(motor, friction, velocity, rotor_inertia, TICK)
 
 
@@ -129,7 +132,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
         return control.assistance.share.get(joint, 1.0)
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
     codes = run.leg_record(side).phases
-    given = run.log[f"{side}_{joint}_stiffness_Nm_per_rad"].to_numpy()
+    given = np.asarray(run.columns[f"{side}_{joint}_stiffness_Nm_per_rad"])
     shares = []
     for spell in phase_spells(codes)[1:-1]:
         asked = phases[spell.phase].joints[str(joint)].stiffness
@@ -141,7 +144,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
 
 def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measures:
     """Measures of both legs together; of most, their mean."""
-    power = float(run.log["battery_power_W"].mean())
+    log, power = run.columns, float(np.asarray(run.columns["battery_power_W"]).mean())
     ranges = by_joint["range_of_motion_deg"].unstack()
     work = by_joint[["wearer_work_J", "device_work_J"]].sum(skipna=False)
     rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
@@ -158,5 +161,5 @@ def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measure
         "current_rms_share": by_joint["current_rms_share"].max(),
         "battery_power_W": power,
         "battery_life_h": effort.battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
-        "energy_per_metre_J": power / ground_speed(run.log, np.array([[0, len(run.log)]]), TICK),
+        "energy_per_metre_J": power / ground_speed(log, np.array([[0, len(log)]]), TICK),
     }

@@ -130,10 +130,10 @@ def _free_trunk_values(run: Run) -> dict[str, float]:
     walking = run.experiment.scenario.walking
     if walking is None or run.experiment.scenario.pelvis is not PelvisGuide.FREE:
         return {}
-    way = run.log["pelvis_forward_m"]
-    speed = float(way.iloc[-1] - way.iloc[0]) / run.duration
-    loads = (run.log.get(f"{side}_crutch_normal_force_N") for side in run.sides)
-    shares = [float(load.mean()) / run.body_weight for load in loads if load is not None]
+    log, names = run.columns, [f"{side}_crutch_normal_force_N" for side in run.sides]
+    way = np.asarray(log["pelvis_forward_m"])
+    speed = float(way[-1] - way[0]) / run.duration
+    shares = [float(np.asarray(log[name]).mean()) / run.body_weight for name in names if name in log]
     return {
         "slowness_pct": max(0.0, 100.0 * (1.0 - speed / walking.speed)),
         "crutch_load_pct": 100.0 * max(shares, default=0.0),
@@ -165,7 +165,8 @@ def rate_walk(run: Run) -> Rating:
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
-    torques = run.log.filter(regex="_motor_torque_Nm$").to_numpy().ravel()
+    names = [f"{side}_{joint}_motor_torque_Nm" for side in run.sides for joint in joints]
+    torques = np.array([run.columns[name] for name in names]).T.ravel()
     cost = walk_cost(values, lasted, fell, joints)
     return Rating(cost, values, fell, lasted, _deviations(run), root_mean_square(torques), joints)
 
