@@ -93,7 +93,7 @@ class _Writer:
             elif name not in fields:
                 known = ", ".join([*flags, *fields])
                 raise ValueError(f"condition {text!r}: no build flag or field {name}; known: {known}")
-        return re.sub(r"[a-z]\w*", lambda found: fields.get(found[0], found[0]).format(e=e), text)
+        return re.sub(r"\b[a-z]\w*", lambda found: fields.get(found[0], found[0]).format(e=e), text)
 
     def scalar(self, steps: Schedule, pad: str, e: str) -> Iterator[str]:
         """Yield the statements for one episode."""
