@@ -79,11 +79,9 @@ class LegModel:
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis)
-        self.legs = assembly.legs
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
-        if self.sizes is not None:
-            assembly.fit(self.sizes)
+        assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis, self.sizes)
+        self.legs = assembly.legs
         alone = joints.Bodies(bodies) is joints.Bodies.WEARER
         if patient is not None and bodies != joints.Bodies.DEVICE:
             assembly.put_on(patient, alone=alone)
