@@ -164,10 +164,11 @@ class LegModel:
     def frame_positions(self, q: np.ndarray, frames: Sequence[str]) -> list[np.ndarray]:
         """Return the positions of some frames, each as :meth:`frame_position`."""
         pin.forwardKinematics(self.model, self.data, q)
+        found = []
         for frame in frames:
             if frame not in self._frames and not self.model.existFrame(frame):
                 known = ", ".join(item.name for item in self.model.frames)
                 raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")
-            self._frames.setdefault(frame, self.model.getFrameId(frame))
-        places = (pin.updateFramePlacement(self.model, self.data, self._frames[frame]) for frame in frames)
-        return [np.array(place.translation) for place in places]
+            index = self._frames.setdefault(frame, self.model.getFrameId(frame))
+            found.append(np.array(pin.updateFramePlacement(self.model, self.data, index).translation))
+        return found
