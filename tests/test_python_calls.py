@@ -19,7 +19,7 @@ from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import simulate_batch
 
-EPISODE, RUN, MOVE = 9_400, 55, 100_000
+EPISODE, RUN, MOVE = 9_200, 55, 82_000
 
 
 def python_calls(act: Callable[[], Any]) -> int:

@@ -89,7 +89,7 @@ def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(ben
     double = bench.outputs(bench.host(double=True), double=True)
     for expected, given, vectors in zip(bench.expected, double, bench.vectors, strict=True):
         printed = print_project(replace(vectors.run.experiment, faults=()))
-        with printed.python_unit(printed.samples[-1]) as unit:
+        with printed.python_unit() as unit:
             assert verifying.differing(unit.exchange(vectors.inputs), vectors.outputs) == 0
         assert verifying.differing(expected, given) == 0
         tripped += vectors.run.trip is not None

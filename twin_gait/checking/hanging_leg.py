@@ -69,17 +69,17 @@ class HangingLeg:
         """Joints in the order of all arrays of this class."""
         return tuple(JointName(name) for name in self.problem.table.joints)
 
-    @property
+    @cached_property
     def phases(self) -> tuple[str, ...]:
         """Names of the phases in the order of :meth:`column`."""
         return self.problem.table.phase_names
 
-    @property
+    @cached_property
     def gravity_shares(self) -> np.ndarray:
         """Share of gravity compensation of every phase, shape ``(n_phases,)``."""
         return np.asarray(self._rows[:, -1])
 
-    @property
+    @cached_property
     def _rows(self) -> np.ndarray:
         return np.asarray(self.problem.phase_rows[self.problem.sides.index(self.side)])
 
@@ -104,10 +104,15 @@ class HangingLeg:
         motor = plant.actuators[joint]
         return plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
 
+    @cached_property
+    def _indices(self) -> list[int]:
+        """Places of the joints in the plant and in the controller's model, whose pelvis is held too."""
+        return [self.plant.index(self.side, joint) for joint in self.joints]
+
     def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
-        q, indices = np.zeros(model.nv), _indices(model, self.side, self.joints)
-        q[indices] = angles
-        return q, indices
+        q = np.zeros(model.nv)
+        q[self._indices] = angles
+        return q, self._indices
 
     def finding(self, phase: str, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
         """A finding about a phase of this leg."""
@@ -166,12 +171,6 @@ class HangingLeg:
             window=experiment.sensors.window,
             delay=experiment.control.delay_ticks,
         )
-
-
-@lru_cache(maxsize=16)  # a leg is evaluated at thousands of postures
-def _indices(model: LegModel, side: Side, joints: tuple[JointName, ...]) -> list[int]:
-    """Return the positions of joints of a leg in ``q``."""
-    return [model.index(side, joint) for joint in joints]
 
 
 def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np.ndarray:

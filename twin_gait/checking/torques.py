@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,7 @@ class Jump(NamedTuple):
         return max(self.whole, self.tick / KNOCK) / self.limit
 
 
+@lru_cache(maxsize=32)  # several transitions lead into a phase, on several ways
 def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, list[float]]:
     """Ticks of the blend into a phase, from the one before the switch on, and its share in each."""
     table = leg.problem.table

@@ -210,7 +210,7 @@ class KnownTable(NamedTuple):
     data: Mapping[str, Any]
     table: table.GaitTable
 
-    def laid_over(self, data: dict[str, Any]) -> dict[str, Any]:
+    def apply_to(self, data: dict[str, Any]) -> dict[str, Any]:
         """Replace the parts of a mapping that are identical objects in this one by their converted values."""
         own, found = self.table, dict[str, Any]()
         parts = {"blending": own.blending, "scaling": own.scaling, "waive": own.waivers}
@@ -230,7 +230,7 @@ def gait_table_from_mapping(
 
     ``like``: a table converted before; parts that are identical objects in both are not converted again.
     """
-    entry: Any = validate(GaitTableFile, data if like is None else like.laid_over(data), source)
+    entry: Any = validate(GaitTableFile, data if like is None else like.apply_to(data), source)
     phases = {
         name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
     }

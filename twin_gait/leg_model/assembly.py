@@ -25,23 +25,39 @@ from twin_gait.vocabulary import JointName, PelvisGuide, Side
 LARGEST_LIMIT = 4.0 * math.pi  # [rad]
 
 
-def new_assembly(path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> "Assembly":
-    """Return a new copy of the device of a URDF; arguments and errors as of :class:`Assembly`."""
-    device = _device(path, urdf_text(path), tuple(legs.items()), pelvis, up_axis)
+# Arguments of :class:`Assembly`, with the text of the file so that an edited file is read again.
+Source = tuple[Path, str, tuple[tuple[Side, LegJoints], ...], PelvisGuide, str]
+
+
+def new_assembly(
+    path: Path,
+    legs: Mapping[Side, LegJoints],
+    pelvis: PelvisGuide,
+    up_axis: str,
+    sizes: wearer.DeviceSizes | None,
+) -> "Assembly":
+    """Return a new copy of the device of a URDF, fitted to some sizes unless they are None.
+
+    Other arguments and errors as of :class:`Assembly`.
+    """
+    source = path, urdf_text(path), tuple(legs.items()), pelvis, up_axis
+    device = _device(source) if sizes is None else _fitted(source, sizes)
     for warning in device.warnings:
         warnings.warn(warning, stacklevel=3)
-    assembly = copy.copy(device)
-    assembly.model = device.model.copy()
-    return assembly
+    return device.copy()
 
 
 @lru_cache(maxsize=16)  # a batch builds thousands of models of one device
-def _device(
-    path: Path, text: str, legs: tuple[tuple[Side, LegJoints], ...], pelvis: PelvisGuide, up_axis: str
-) -> "Assembly":
-    """Read a device; ``text`` of its file is an argument so that an edited file is read again."""
-    del text
+def _device(source: Source) -> "Assembly":
+    path, _, legs, pelvis, up_axis = source
     return Assembly(path, dict(legs), pelvis, up_axis)
+
+
+@lru_cache(maxsize=16)
+def _fitted(source: Source, sizes: wearer.DeviceSizes) -> "Assembly":
+    device = _device(source).copy()
+    device.fit(sizes)
+    return device
 
 
 class Assembly:
@@ -75,6 +91,12 @@ class Assembly:
         self.warnings = [*couplings, *doubts]
         if turned:
             self.model = self._lock_other_joints(self._read(turned))
+
+    def copy(self) -> "Assembly":
+        """Return an assembly with a model of its own."""
+        found = copy.copy(self)
+        found.model = self.model.copy()
+        return found
 
     def fit(self, sizes: wearer.DeviceSizes) -> None:
         """Set femur, tibia, waist and foot: places of joints and soles, and the device's own inertia.

@@ -79,11 +79,9 @@ class LegModel:
         self.urdf_path = find_urdf(urdf)
         self.pelvis, self.patient = PelvisGuide(pelvis), patient
         self.up_axis = up_axis
-        assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis)
-        self.legs = assembly.legs
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
-        if self.sizes is not None:
-            assembly.fit(self.sizes)
+        assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis, self.sizes)
+        self.legs = assembly.legs
         alone = joints.Bodies(bodies) is joints.Bodies.WEARER
         if patient is not None and bodies != joints.Bodies.DEVICE:
             assembly.put_on(patient, alone=alone)
@@ -166,10 +164,11 @@ class LegModel:
     def frame_positions(self, q: np.ndarray, frames: Sequence[str]) -> list[np.ndarray]:
         """Return the positions of some frames, each as :meth:`frame_position`."""
         pin.forwardKinematics(self.model, self.data, q)
+        found = []
         for frame in frames:
             if frame not in self._frames and not self.model.existFrame(frame):
                 known = ", ".join(item.name for item in self.model.frames)
                 raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")
-            self._frames.setdefault(frame, self.model.getFrameId(frame))
-        places = (pin.updateFramePlacement(self.model, self.data, self._frames[frame]) for frame in frames)
-        return [np.array(place.translation) for place in places]
+            index = self._frames.setdefault(frame, self.model.getFrameId(frame))
+            found.append(np.array(pin.updateFramePlacement(self.model, self.data, index).translation))
+        return found

@@ -35,6 +35,7 @@ WAIST_SIZES = (0.34, 0.38, 0.42)
 WAIST_CLEARANCE = 0.05  # of the two hip actuators beside the body [m]
 # Foot of the wearer for whom the foot of a URDF is drawn (an assumption; ours is, see urdf/README.md) [m].
 DRAWN_FOOT = FOOT_LENGTH * 1.75
+_IDENTITY = np.eye(3)
 
 
 class Segment(NamedTuple):
@@ -140,10 +141,10 @@ def segment_inertia(
     """
     mass = segment.mass * body_mass
     length = float(np.linalg.norm(axis))
-    along = np.outer(axis, axis) / (length * length)
+    along = axis[:, None] * axis / (length * length)
     transverse = (segment.transverse_radius * length) ** 2
     longitudinal = (segment.longitudinal_radius * length) ** 2
-    inertia = mass * (transverse * (np.eye(3) - along) + longitudinal * along)
+    inertia = mass * (transverse * (_IDENTITY - along) + longitudinal * along)
     return mass, segment.centre_of_mass * axis, inertia
 
 

@@ -48,7 +48,7 @@ _numbers: dict[type, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {}  # recor
 Pattern = tuple[tuple[str, Any, tuple[int, ...]], ...]  # name, code or pattern, and shape of each field
 
 
-def described(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
+def describe(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
     """Return the pattern of a record, which determines its dtype, and its values as NumPy takes them."""
     if type(sample) in _numbers:
         whole, read = _numbers[type(sample)]
@@ -63,10 +63,10 @@ def described(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
             continue
         inner: Any = _CODES.get(kind)
         if inner is None and shape:
-            entries_of = [described(item) for item in value]
+            entries_of = [describe(item) for item in value]
             inner, value = entries_of[0][0], [item for _, item in entries_of]
         elif inner is None:
-            inner, value = described(value)
+            inner, value = describe(value)
         pattern.append((name, inner, shape))
         values.append(value)
     return tuple(pattern), tuple(values)
@@ -83,18 +83,18 @@ def _dtype(pattern: Pattern) -> np.dtype[Any]:
 
 def dtype_of(sample: Any) -> np.dtype[Any]:
     """Return the dtype of a record; lists have the lengths of those of the instance."""
-    return _dtype(described(sample)[0])
+    return _dtype(describe(sample)[0])
 
 
 def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
     """Return an instance as a NumPy record, the entry of an array of shape ``(1,)``."""
-    pattern, values = described(sample)
+    pattern, values = describe(sample)
     return np.array([values], _dtype(pattern))
 
 
 def entries(sample: Any) -> tuple[Any, ...]:
     """Return the values of an instance in the order of its dtype, as NumPy takes them for a record."""
-    return described(sample)[1]
+    return describe(sample)[1]
 
 
 def is_record(sample: Any) -> bool:

@@ -126,7 +126,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
 def found_at(record: Any, path: str) -> Any:
     """What stands deep inside of a record, under fields and keys with dots between them."""
     for step in path.split("."):
-        record = record[step] if isinstance(record, Mapping) else getattr(record, step)
+        record = record[step] if isinstance(record, (dict, Mapping)) else getattr(record, step)
     return record
 
 
