@@ -75,7 +75,8 @@ def test_the_mutations_that_the_readme_counts_are_those_of_the_test_kit():
     rows = {name: [int(number) for number in re.findall(r"\d+", cells)] for name, cells in found}
     caught, made = sum(rows["all"][::2]), sum(rows["all"][1::2])
     proved, missed = sum(rows["equivalent"]), sum(rows["missed"])
-    assert f"{caught} of {made} caught, {proved} proved equivalent, {missed} missed" in README
+    shown = re.sub(r"<!--.*?-->", "", README)
+    assert f"{caught} of {made} caught, {proved} proved equivalent, {missed} missed" in shown
 
 
 def test_every_page_is_in_a_table_of_contents():

@@ -11,7 +11,7 @@ from twin_gait.gait.signals import OTHER_TIME, all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName
 
-NAMES = all_signal_names([JointName.HIP, JointName.KNEE])
+NAMES = all_signal_names((JointName.HIP, JointName.KNEE))
 TIME, ANGLE = NAMES.index("time_in_phase_s"), NAMES.index("hip.angle_deg")
 MILLISECONDS = np.arange(2000)
 

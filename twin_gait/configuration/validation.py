@@ -60,9 +60,10 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") 
     """
     refuse_two_units(changes, place)
     merged = dict(base)
+    # Most changes are of keys that are there, whose quantities need not be known.
+    same = {} if changes.keys() <= base.keys() else {quantity_of(name): name for name in base}
     for key, value in changes.items():
         if key not in merged:
-            same = {quantity_of(name): name for name in base}
             merged.pop(same.get(quantity_of(key), key), None)
         old = merged.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):

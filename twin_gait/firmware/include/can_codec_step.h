@@ -1,4 +1,5 @@
-/* The codec as a unit of the test: a step packs numbers into a frame, and unpacks another frame. */
+/* The codec as a unit of the test: a step packs numbers into a frame, and unpacks another frame.
+   Not a medical device. */
 #ifndef TWIN_GAIT_CAN_CODEC_STEP_H
 #define TWIN_GAIT_CAN_CODEC_STEP_H
 
