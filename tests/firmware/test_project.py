@@ -134,7 +134,7 @@ MISRA = Path(project.__file__).with_name("project_files") / "MISRA.md"
 @pytest.mark.parametrize(
     ("preset", "changes"),
     [
-        ("treadmill", ()),
+        pytest.param("treadmill", (), marks=pytest.mark.slow),
         ("treadmill_start_stop", (f"table={MODES_TABLE}", "modes=twin", "initial_mode=standing")),
     ],
 )

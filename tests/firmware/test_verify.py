@@ -74,6 +74,7 @@ def test_20_s_of_every_shipped_table_are_proven(name):
     assert_proven([(check["passed"], check["found"]) for check in checks])
 
 
+@pytest.mark.slow  # all checks at once; the tests below have each of them by itself
 def test_some_seconds_of_the_treadmill_are_proven(bench):
     require_tools("gcc", *TARGET_TOOLS)
     assert_proven([check(bench) for check in verifying.CHECKS.values()])

@@ -79,9 +79,16 @@ WALKS = {
     "delay": ("treadmill", ["control.delay_ms=3"]),
     "no blending": ("treadmill", ["table.blending.duration_ms=0"]),
 }
+LOOPS_OF_THEIR_OWN = "position", "delay"  # compiled for this test alone
 
 
-@pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS.keys())
+@pytest.mark.parametrize(
+    "walk",
+    [
+        pytest.param(walk, id=name, marks=[pytest.mark.slow] if name in LOOPS_OF_THEIR_OWN else [])
+        for name, walk in WALKS.items()
+    ],
+)
 def test_a_run_without_a_fault_stays_far_from_the_bound(walk):
     preset, changes = walk
     settings = ["duration_s=8", *changes, "control.safety.command_deviation_Nm=1e3"]

@@ -136,6 +136,7 @@ def own_robots(folder: Path) -> None:
     write_spec(folder / "spec.yaml", experiment="mine.yaml", settings=settings, measures=[], **entries)
 
 
+@pytest.mark.slow  # runs episodes of four models twice; the next test sees that the copies are compared
 def test_a_sweep_that_was_moved_has_its_own_files_with_it(tmp_path, monkeypatch):
     lab, out, moved = tmp_path / "lab", tmp_path / "out", tmp_path / "moved"
     own_robots(lab)
