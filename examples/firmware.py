@@ -12,6 +12,7 @@ docs/reference/firmware.md.
 # %%
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -61,14 +62,14 @@ def row_of(name: str, preset: str, *changes: str) -> dict[str, Any]:
 
 
 # %%
-def constants_of(experiment: str, step: int) -> list[dict[str, Any]]:
+def constants_of(experiment: str, units: Sequence[str], step: int = 1) -> list[dict[str, Any]]:
     """Count the changed constants of each unit that the test of a project notices, or the reasons why not."""
     rows = []
     with TemporaryDirectory() as name:
         folder = Path(name)
         command = [sys.executable, "-m", "twin_gait", "firmware", experiment, "--out", folder / "c"]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        for unit in ("joint_board", "gait_controller", "exoskeleton", "can_codec"):
+        for unit in units:
             found = Unit(folder / "c", unit, folder / unit)
             counts, unexplained = classified(found, step)
             print(
@@ -87,7 +88,10 @@ if __name__ == "__main__":
     form = form_of("firmware")
     chosen = {"bench_leg": ("bench_leg", "duration_s=3")} if form.quick else TABLES
     rows = [row_of(name, *words) for name, words in chosen.items()]
-    constants = constants_of("bench_leg", 50) if form.quick else constants_of("treadmill", 1)
+    if form.quick:
+        constants = constants_of("bench_leg", ("joint_board",), step=50)
+    else:
+        constants = constants_of("treadmill", ("joint_board", "gait_controller", "exoskeleton", "can_codec"))
     print(pd.DataFrame(rows).T.to_string(header=False))
     form.keep(
         {
