@@ -80,7 +80,7 @@ class _Board:
         self, ticks: int, *, speed: float = 0.0, current: float = 0.0, deviation: float = 0.0,
         target: float = 0.0,
     ) -> Rows:  # fmt: skip
-        """Return rows with a joint that stands, and a motor with a speed, a current and a demand."""
+        """Return rows with a joint at rest, and a motor with a speed, a current and a demand."""
         rows = self.moving(np.full(ticks + 2, self.middle))
         rows["current"][2:], rows["current_deviation"][2:] = current, deviation
         rows["voltage"][2:] = self.bounds.emf_constant * speed + self.bounds.model_resistance * current
@@ -123,7 +123,7 @@ class _Board:
             )
 
     def against_setpoint(self) -> Iterator[Rows]:
-        """Yield rows with a spring so stiff that the command lags behind its set point, beside the bound."""
+        """Yield rows with a spring so stiff that the command lags behind its set point, around the bound."""
         bounds = self.bounds
         speed = 0.6 * bounds.highest_speed
         for side in (1.0 - BESIDE, 1.0 + BESIDE):
@@ -379,15 +379,15 @@ def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) ->
     yield from Guards(unit, state, dtype, boards).episodes(EXOSKELETON_TICKS, 0)
 
 
-def _closing_angles(state: Any, told: float) -> Values:
+def _closing_angles(state: Any, command: float) -> Values:
     """Return angles near the first equilibrium angles at which no leg leaves its first phase.
 
-    They are the equilibrium angles if there are none. No load is measured then. ``told``: 1 to walk, 0 to
-    stand.
+    They are the equilibrium angles if there are none. No load is measured then. ``command``: 1 to walk,
+    0 to stand.
     """
     program, legs = state.program, state.legs
     joints = np.array(state.joints).reshape(len(legs), -1)
-    device = [math.nan] + [told] * (len(DEVICE_SIGNALS) - 1)
+    device = [math.nan] + [command] * (len(DEVICE_SIGNALS) - 1)
     steps = product((0.0, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3), repeat=len(legs))
     for offsets in [*sorted(steps, key=np.linalg.norm), (0.0,) * len(legs)]:
         angles = [
