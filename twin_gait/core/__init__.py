@@ -1,10 +1,10 @@
 """The laws, each once: pure typed functions on plain numbers and arrays.
 
-No law imports anything but :mod:`math` and :mod:`numpy`, keeps state, reads a clock or draws
-a random number. The reference engine calls these functions as plain Python, and the compiled engine compiles
-the very same ones, so there is no second copy of a law to drift. Exponentials, sines and cosines are those of
-:mod:`twin_gait.core.elementary`, squares are plain products: NumPy's and the C library's differ in the last
-bit from one version and machine to the next.
+A law imports only :mod:`math` and :mod:`numpy`, keeps no state, reads no clock and draws no random number.
+The reference engine calls these functions as plain Python, and the compiled engine compiles the same
+functions, so there is no second copy of a law that could differ. Exponentials, sines and cosines are those of
+:mod:`twin_gait.core.elementary`, and squares are plain products, because the functions of NumPy and of the C
+library differ in the last bit from one version and machine to the next.
 """
 
 import lazy_loader

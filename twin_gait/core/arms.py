@@ -1,15 +1,16 @@
-r"""An arm that holds a crutch, as a massless strut from the shoulder to the tip of the crutch.
+r"""An arm that holds a crutch, modelled as a massless strut from the shoulder to the tip of the crutch.
 
 The tip is a point mass. In the sagittal plane the arm can change the strut's length ℓ (elbow) and turn it
-against the trunk (shoulder): it pushes along the strut with P and turns it with the moment M, so that the tip
-feels
+against the trunk (shoulder): it pushes along the strut with the force P and turns it with the moment M, so
+that the force on the tip is
 
 .. math::
 
     f = P\,e + \frac{M}{\ell}\,n
 
-with e from the shoulder to the tip and n at right angles to it, forwards while the arm hangs. The trunk feels
-the opposite force on a line through the tip, which is :math:`-f` in the shoulder and :math:`-M` about it.
+with e from the shoulder to the tip and n perpendicular to it, forwards while the arm hangs. The opposite
+force acts on the trunk on a line through the tip, which is equivalent to :math:`-f` at the shoulder and
+:math:`-M` about it.
 """
 
 import math
@@ -22,7 +23,7 @@ from twin_gait.core.estimation import DelayLine
 
 @dataclass(slots=True)
 class Grip:
-    r"""What the muscles of an arm do; between two decisions of its owner it stays.
+    r"""Setpoints of the muscles of an arm, constant between two decisions of the crutch user.
 
     .. math::
 
@@ -34,8 +35,8 @@ class Grip:
         turn: Tonic moment :math:`M_0` in [N m].
         length: :math:`\ell_0` in [m].
         angle: :math:`\varphi_0` of the strut against the trunk in [rad]: 0 along it, forwards positive.
-        sine: Of the angle.
-        cosine: Of the angle.
+        sine: Sine of the angle.
+        cosine: Cosine of the angle.
         stiffness: k in [N] / [m].
         damping: b in [N s] / [m].
         turning_stiffness: κ at the tip in [N] / [m].
@@ -56,34 +57,34 @@ class Grip:
 
 @dataclass(slots=True)
 class Arm:
-    """An arm and its crutch.
+    """State and parameters of an arm and its crutch.
 
     Attributes:
-        place: Of the tip's way forwards in the coordinates; its height follows.
-        mass: Of the tip in [kg].
+        place: Index of the tip's forward coordinate; its height is the next coordinate.
+        mass: Mass of the tip in [kg].
         push_limit: Largest force with which the arm pushes the tip away in [N].
-        pull_limit: With which it draws it near in [N].
+        pull_limit: Largest force with which the arm pulls the tip towards the shoulder in [N].
         moment_limit: Largest moment of the shoulder in [N m].
         longest: Length of the strut with a straight arm in [m].
-        straight_stiffness: Of a straight arm, which the hand holds on to, in [N] / [m].
-        tip_stiffness: Of the rubber of the tip against shear, in [N] / [m].
-        tip_damping: Likewise in [N s] / [m].
-        anchor: Place on the ground where the tip sticks, in [m].
-        grip: What the muscles do.
-        length: Of the strut in [m], as it was last.
-        aside: Way of the tip from where the grip would have it, against n, in [m].
-        push: Force along the strut in [N]; likewise.
-        moment: Of the shoulder in [N m], which turns the tip forwards; likewise.
-        power: That the arm gives in [W]; likewise.
-        tip: Force of the ground on the tip; likewise.
-        doing: What the arm is about, as :mod:`twin_gait.worlds.arm_policy` numbers it.
-        since: Ticks since it began that.
-        first_angle: Angle of the strut from the vertical where a swing of it began, in [rad].
-        reach: Angle from the vertical to which it is swung, in [rad].
+        straight_stiffness: Stiffness of a straight arm, which the hand holds on to, in [N] / [m].
+        tip_stiffness: Shear stiffness of the rubber of the tip in [N] / [m].
+        tip_damping: Shear damping of the rubber of the tip in [N s] / [m].
+        anchor: Position on the ground where the tip sticks, in [m].
+        grip: Setpoints of the muscles.
+        length: Last computed length of the strut in [m].
+        aside: Last computed displacement of the tip from the position that the grip sets, against n, in [m].
+        push: Last computed force along the strut in [N].
+        moment: Last computed moment of the shoulder in [N m], which turns the tip forwards.
+        power: Last computed mechanical power of the arm in [W].
+        tip: Last computed force of the ground on the tip.
+        doing: Phase of the arm, as :mod:`twin_gait.worlds.arm_policy` numbers it.
+        since: Ticks since this phase began.
+        first_angle: Angle of the strut from the vertical at the start of its swing, in [rad].
+        reach: Angle from the vertical to which the strut is swung, in [rad].
         first_length: Length of the strut when the person began to push up, in [m].
-        felt: What is felt of a chair, as it was last.
-        felt_ahead: Way of the tip in front of the shoulder, on its way to the mind.
-        felt_load: Load on the tip, likewise.
+        felt: Last perceived state of a chair.
+        felt_ahead: Delayed distance of the tip in front of the shoulder, as the person perceives it.
+        felt_load: Delayed load on the tip, as the person perceives it.
     """
 
     place: int
@@ -114,12 +115,12 @@ class Arm:
 
 
 def held(value: float, low: float, high: float) -> float:
-    """A value within bounds."""
+    """Limit a value to the bounds ``low`` and ``high``."""
     return min(max(value, low), high)
 
 
 def turn_grip(grip: Grip, angle: float) -> None:
-    """Hold the strut at another angle against the trunk in [rad]."""
+    """Set the angle of the grip against the trunk in [rad]."""
     grip.angle = angle
     grip.sine, grip.cosine = sine_cosine(angle)
 
@@ -127,16 +128,16 @@ def turn_grip(grip: Grip, angle: float) -> None:
 def arm_force(
     arm: Arm, sine: float, cosine: float, ahead: float, up: float, forward: float, upward: float
 ) -> tuple[float, float]:
-    """Force of an arm on the tip of its crutch.
+    """Compute the force of an arm on the tip of its crutch.
 
     Args:
-        arm: Changed in place: what it does is kept.
-        sine: Of the pitch of the trunk, forwards positive.
-        cosine: Likewise.
-        ahead: Tip from the shoulder in [m], forwards positive.
-        up: Likewise upwards.
-        forward: Velocity of the tip as the trunk sees it, which turns, in [m] / [s].
-        upward: Likewise upwards.
+        arm: The arm; the computed length, force, moment and power are stored in it.
+        sine: Sine of the pitch of the trunk, forwards positive.
+        cosine: Cosine of the pitch of the trunk.
+        ahead: Distance of the tip from the shoulder in [m], forwards positive.
+        up: Distance of the tip from the shoulder in [m], upwards positive.
+        forward: Forward velocity of the tip relative to the turning trunk in [m] / [s].
+        upward: Upward velocity of the tip relative to the turning trunk in [m] / [s].
 
     Returns:
         Forward and upward force in [N].
@@ -144,7 +145,7 @@ def arm_force(
     grip = arm.grip
     length = math.sqrt(ahead * ahead + up * up)
     ex, ez = ahead / length, up / length
-    # Where the grip would have the strut: down along the trunk, turned forwards by its angle.
+    # Direction of the strut that the grip sets: down along the trunk, turned forwards by its angle.
     wanted_x, wanted_z = (cosine * grip.sine - sine * grip.cosine, -(sine * grip.sine + cosine * grip.cosine))
     aside = grip.length * (wanted_z * ex - wanted_x * ez)
     along_speed, aside_speed = forward * ex + upward * ez, upward * ex - forward * ez
@@ -163,16 +164,16 @@ def arm_force(
 def anchored_friction_force(
     arm: Arm, place: float, slip_velocity: float, normal_force: float, friction_coefficient: float
 ) -> float:
-    r"""Coulomb friction of a tip that can rest: a spring to where it stuck (Cundall and Strack 1979).
+    r"""Compute the Coulomb friction of a tip that can stick, as a spring to its anchor.
 
-    :math:`F_t = -(k s + c v)`, within :math:`\pm\mu F_n`, with the stretch s from the anchor;
-    :func:`dragged_anchor` lets the spring's end slide.
+    :math:`F_t = -(k s + c v)`, limited to :math:`\pm\mu F_n`, with the stretch s from the anchor (Cundall and
+    Strack 1979); :func:`dragged_anchor` lets the spring's end slide.
 
     Args:
-        arm: Whose rubber has k and c.
-        place: Of the tip in [m].
-        slip_velocity: Of the tip relative to the ground in [m] / [s].
-        normal_force: In [N].
+        arm: Arm with the shear stiffness k and damping c of the tip.
+        place: Position of the tip in [m].
+        slip_velocity: Velocity v of the tip relative to the ground in [m] / [s].
+        normal_force: Normal force in [N].
         friction_coefficient: :math:`\mu`.
 
     Returns:
@@ -184,9 +185,9 @@ def anchored_friction_force(
 
 
 def dragged_anchor(arm: Arm, place: float, normal_force: float, friction_coefficient: float) -> float:
-    """Where a tip sticks after it has moved: no farther away than friction can hold it from.
+    """Compute the anchor after the tip has moved: at most as far away as friction can hold the tip.
 
-    ``place`` of the tip in [m]; without a normal force in [N] the anchor is the place.
+    ``place``: position of the tip in [m]; without a normal force in [N] the anchor is this position.
     """
     reach = friction_coefficient * normal_force / arm.tip_stiffness
     return held(arm.anchor, place - reach, place + reach)

@@ -1,4 +1,4 @@
-"""How the parameters of a phase fade into those of the next."""
+"""Blending of the parameters of one phase into those of the next."""
 
 BLEND_NONE = 0
 BLEND_LINEAR = 1
@@ -6,10 +6,11 @@ BLEND_MINIMUM_JERK = 2
 
 
 def blend_share(progress: float, law: int) -> float:
-    """Share of the new value, 0 to 1, after a given part of the blending time, which is held at its ends.
+    """Compute the share of the new value, 0 to 1, at a given progress of the blending.
 
-    The minimum-jerk law is ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan, 1985): zero velocity and acceleration
-    at both ends. ``law``: one of the ``BLEND_*`` constants.
+    The minimum-jerk law is ``10 s³ - 15 s⁴ + 6 s⁵`` (Flash and Hogan, 1985): velocity and acceleration are
+    zero at both ends. ``progress``: elapsed part of the blending time; the share is constant outside 0 to 1.
+    ``law``: one of the ``BLEND_*`` constants.
     """
     if progress >= 1.0 or law == BLEND_NONE:
         return 1.0
@@ -21,5 +22,5 @@ def blend_share(progress: float, law: int) -> float:
 
 
 def blend(old: float, new: float, share: float) -> float:
-    """``old + share (new - old)``, with a share from :func:`blend_share`."""
+    """Compute ``old + share (new - old)`` with a share from :func:`blend_share`."""
     return old + share * (new - old)

@@ -1,29 +1,29 @@
-r"""A CAN bus between two ticks: queueing, arbitration, transmission, errors, loss, outages.
+"""A CAN bus between two ticks: queueing, arbitration, transmission, errors, loss, outages.
 
-Times are whole picoseconds since the start of the run, so that nothing rounds, however long it lasts: 63 bits
-are 106 days. What is random is a hash of a counter (:func:`draw`).
+Times are whole picoseconds since the start of the run, so that there is no rounding, however long the run: 63
+bits are 106 days. Random numbers are hashes of a counter (:func:`draw`).
 
-A frame is queued at its *release*, with what its node has to say in that tick; its *event*, from which the
-response time counts, is earlier by the jitter. A mailbox holds one frame: a new value takes the place of one
-that still waits, as in the transmit buffers that CAN controllers have for cyclic data. While the bus is free
+A frame is queued at its *release*, with the values that its node sends in that tick; its *event*, from which
+the response time counts, is earlier by the jitter. A mailbox holds one frame: a new value replaces one that
+is still waiting, as in the transmit buffers that CAN controllers have for cyclic data. While the bus is free
 the waiting frame with the lowest identifier is sent, and nothing interrupts it. A frame has arrived at the
-end of its interframe space, 3 bits after its end, and its receiver has it from the next tick on.
+end of its interframe space, 3 bits after its end, and its receiver can read it from the next tick on.
 
-Of the error confinement of the CAN specification 2.0 the counter of transmit errors is here, with bus-off and
-recovery, which takes 128 times 11 bits, as on an idle bus: a busy one would take longer. The counter of
-receive errors, the passive error flag, and the 8 bits that a node then waits are not.
+The error confinement of the CAN specification 2.0 is modelled by the counter of transmit errors, with bus-off
+and recovery, which takes 128 times 11 bits, as on an idle bus: on a busy bus it would take longer. The
+counter of receive errors, the passive error flag, and the 8 bits that a node then waits are not modelled.
 """
 
 from dataclasses import dataclass, field
 
 from twin_gait.core.can_frame import Header, frame_bits
 
-NEVER = 1 << 60  # [ps]
-NOBODY = -1  # no frame on the wire; all nodes of an outage
-EVERYTHING = 1 << 32  # what shares and draws count in
-SILENCE, REBOOT, BUS_OFF = range(3)  # kinds of outages
+NEVER = 1 << 60  # Time in [ps] that is never reached.
+NOBODY = -1  # No frame on the wire, or all nodes of an outage.
+EVERYTHING = 1 << 32  # Full scale of shares and random numbers.
+SILENCE, REBOOT, BUS_OFF = range(3)  # Kinds of outages.
 
-_ERROR_BITS = 31  # flags, delimiter and interframe space at most (Tindell and Burns 1994)
+_ERROR_BITS = 31  # Flags, delimiter and interframe space at most (Tindell and Burns 1994).
 _ERROR_STEP, _HIGHEST_ERRORS = 8, 255
 _RECOVERY_BITS = 128 * 11
 _WORD = 0xFFFFFFFF
@@ -31,101 +31,102 @@ _WORD = 0xFFFFFFFF
 
 @dataclass(slots=True)
 class Payload:
-    """What a frame carries."""
+    """Data of a frame with the times to which they belong."""
 
-    # Bytes 0 to 3 of the data and bytes 4 to 7, the first of them in the lowest bits.
+    # Bytes 0 to 3 of the data and bytes 4 to 7, the first byte of a half in the lowest bits.
     halves: list[int] = field(default_factory=lambda: [0, 0])
-    tick: int = 0  # In which it was queued.
-    event: int = 0  # For which it was queued, in [ps].
+    tick: int = 0  # Tick in which the data were queued.
+    event: int = 0  # Event for which the data were queued, in [ps].
 
 
 @dataclass(slots=True)
 class Frame:
-    """A cyclic frame: of its sender, in its mailbox, at its receiver."""
+    """A cyclic frame: state at its sender, in its mailbox, and at its receiver."""
 
-    header: Header  # Of its length and CRC.
-    sender: int  # Node that sends it.
-    receiver: int  # Node that it is for.
-    period: int  # Of its sender's clock in [ps].
+    header: Header  # Header with the length and CRC of the frame.
+    sender: int  # Index of the node that sends it.
+    receiver: int  # Index of the node that receives it.
+    period: int  # Period of the sender's clock in [ps].
     jitter: int  # Longest time from event to release in [ps].
-    key: int  # Of its draws, 32 bits.
-    event: int  # Next one in [ps].
-    release: int  # Next one in [ps].
-    # What the sender queues when the frame is released; its halves are written before.
+    key: int  # Key of the random numbers of the frame, 32 bits.
+    event: int  # Next event in [ps].
+    release: int  # Next release in [ps].
+    # Data that the sender queues when the frame is released; the halves are written before.
     outgoing: Payload = field(default_factory=Payload)
-    mailbox: Payload = field(default_factory=Payload)  # What waits, or was sent last.
-    waiting: bool = False  # Whether something waits.
-    received: Payload = field(default_factory=Payload)  # What arrived last.
-    arrived: int = 0  # Tick from which the receiver has it; 0 before anything came.
-    drawn: int = 0  # How many numbers were drawn.
+    mailbox: Payload = field(default_factory=Payload)  # Data that wait, or were sent last.
+    waiting: bool = False  # Whether data wait in the mailbox.
+    received: Payload = field(default_factory=Payload)  # Data that arrived last.
+    arrived: int = 0  # Tick from which the receiver can read them; 0 before the first arrival.
+    drawn: int = 0  # Number of random numbers drawn.
     worst_response: int = 0  # Longest time from event to arrival in [ps].
-    sent: int = 0  # Frames that the sender believes it has sent.
-    lost: int = 0  # Of these, those that did not arrive.
-    replaced: int = 0  # Payloads that a newer one took the place of before they were sent.
-    destroyed: int = 0  # Transmissions that ended in an error frame.
+    sent: int = 0  # Number of frames that the sender counts as sent.
+    lost: int = 0  # Number of sent frames that did not arrive.
+    replaced: int = 0  # Number of payloads that a newer one replaced before they were sent.
+    destroyed: int = 0  # Number of transmissions that ended in an error frame.
 
 
 @dataclass(slots=True)
 class Node:
     """The CAN controller of the central unit or of a board."""
 
-    transmit_errors: int = 0  # Its counter (TEC): 8 more for an error, 1 less for a success.
-    back: int = 0  # When it is back on the bus in [ps]; long ago if it is there.
-    bus_offs: int = 0  # How often it went bus-off.
+    transmit_errors: int = 0  # Transmit error counter (TEC): 8 more for an error, 1 less for a success.
+    back: int = 0  # Time in [ps] from which the node is on the bus; in the past if it is.
+    bus_offs: int = 0  # Number of times that the node went bus-off.
 
 
 @dataclass(slots=True)
 class Outage:
-    """Something that keeps a node, or all of them, off the bus."""
+    """Event that keeps a node, or all nodes, off the bus."""
 
-    # ``SILENCE`` of a broken wire, which a node lives through and then goes on; ``REBOOT``, after which its
-    # clock begins anew; ``BUS_OFF``, from which it recovers as from one of its own.
+    # ``SILENCE`` of a broken wire, during which a node keeps running and after which it continues;
+    # ``REBOOT``, after which its clock restarts; ``BUS_OFF``, from which it recovers as from an error-induced
+    # one.
     kind: int
-    node: int  # Which, or ``NOBODY`` in particular for the silence of the whole bus.
-    start: int  # In [ps].
-    end: int  # In [ps]; of no meaning for ``BUS_OFF``.
+    node: int  # Index of the node, or ``NOBODY`` for the silence of the whole bus.
+    start: int  # Start in [ps].
+    end: int  # End in [ps]; without meaning for ``BUS_OFF``.
 
 
 @dataclass(slots=True)
 class Bus:
-    """The bus with all that is on it."""
+    """State of the bus with its frames, nodes and outages."""
 
     tick: int  # Length of a tick in [ps].
     bit: int  # Length of a bit in [ps].
-    error_share: int  # Of the transmissions, that an error destroys, of ``EVERYTHING``.
-    loss_share: int  # Of the frames sent, that do not arrive, of ``EVERYTHING``.
-    recovers: bool  # Whether a node that went bus-off waits for its recovery, or stays off.
-    frames: list[Frame]  # By identifier, the lowest first.
+    error_share: int  # Share of transmissions that an error destroys, in units of 1 / ``EVERYTHING``.
+    loss_share: int  # Share of sent frames that do not arrive, in units of 1 / ``EVERYTHING``.
+    recovers: bool  # Whether a node that went bus-off recovers, or stays off.
+    frames: list[Frame]  # Frames sorted by identifier, the lowest first.
     nodes: list[Node]  # The central unit and the boards.
-    outages: list[Outage]  # By their start; the last one never starts.
-    next_outage: int = 0  # The first one that has not begun.
-    free: int = 0  # From when in [ps] another frame may begin.
-    on_wire: int = NOBODY  # The frame that is being sent, or ``NOBODY``.
-    wire: Payload = field(default_factory=Payload)  # What it carries.
-    broken: bool = False  # Whether an error destroys it.
-    busy: int = 0  # Time in [ps] in which the bus was in use.
+    outages: list[Outage]  # Outages sorted by their start; the last one never starts.
+    next_outage: int = 0  # Index of the first outage that has not begun.
+    free: int = 0  # Time in [ps] from which another frame may begin.
+    on_wire: int = NOBODY  # Index of the frame that is being sent, or ``NOBODY``.
+    wire: Payload = field(default_factory=Payload)  # Data of the frame that is being sent.
+    broken: bool = False  # Whether an error destroys the frame that is being sent.
+    busy: int = 0  # Total time in [ps] in which the bus was in use.
 
 
 def mixed(number: int) -> int:
-    """Bits of a number of 32 bits so mixed that each depends on all: Thomas Mueller's hash."""
+    """Mix the bits of a number of 32 bits so that each depends on all: Thomas Mueller's hash."""
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
     return (number >> 16) ^ number
 
 
 def draw(frame: Frame) -> int:
-    """Next random number of a frame, 0 to ``EVERYTHING`` - 1: a hash of its key and its count."""
+    """Draw the next random number of a frame, 0 to ``EVERYTHING`` - 1: a hash of its key and its count."""
     frame.drawn += 1
     return mixed(mixed(frame.drawn & _WORD) ^ frame.key)
 
 
 def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
-    """Whether a frame is released in a tick, so that what it carries is to be written before."""
+    """Check whether a frame is released in a tick, so that its data have to be written before."""
     return frame.release < (tick + 1) * bus.tick
 
 
 def advance(bus: Bus, tick: int) -> None:
-    """All that happens on the bus from the start of a tick to the next; what is due has been written."""
+    """Simulate the bus from the start of a tick to the next; the data of due frames have been written."""
     end = (tick + 1) * bus.tick
     while bus.outages[bus.next_outage].start < end:
         outage = bus.outages[bus.next_outage]
@@ -136,7 +137,7 @@ def advance(bus: Bus, tick: int) -> None:
 
 
 def _carry(bus: Bus, tick: int, until: int) -> None:
-    """Send what there is to send; a frame that ends at the very end has arrived."""
+    """Transmit waiting frames until a time in [ps]; a frame that ends exactly then has arrived."""
     while bus.free <= until:
         if bus.on_wire != NOBODY:
             _finish(bus, tick)
@@ -150,7 +151,7 @@ def _carry(bus: Bus, tick: int, until: int) -> None:
 
 
 def _begin(bus: Bus, tick: int, until: int) -> None:
-    """Begin with the frame that wins the arbitration, or wait for what comes next."""
+    """Start the transmission of the frame that wins the arbitration, or wait for the next event."""
     now, winner, following = bus.free, NOBODY, until
     for number in range(len(bus.frames)):
         frame = bus.frames[number]
@@ -184,10 +185,10 @@ def _copy(source: Payload, target: Payload) -> None:
 
 
 def _schedule(frame: Frame, event: int) -> None:
-    """Set the next event of a frame, and when it is released after that."""
+    """Set the next event of a frame, and its release after that."""
     frame.event = frame.release = event
     if frame.jitter > 0:
-        frame.release += frame.jitter * (draw(frame) >> 12) >> 20  # 20 bits: the product has its room
+        frame.release += frame.jitter * (draw(frame) >> 12) >> 20  # 20 random bits, so that the product fits.
 
 
 def _send(bus: Bus, number: int) -> None:
@@ -197,7 +198,7 @@ def _send(bus: Bus, number: int) -> None:
     bits = frame_bits(frame.header, bus.wire.halves)
     if bus.error_share > 0:
         drawn = draw(frame)
-        if drawn < bus.error_share:  # at a bit that is as likely as any other
+        if drawn < bus.error_share:  # The error occurs at a uniformly distributed bit.
             bus.broken = True
             bits = 1 + drawn * bits // bus.error_share + _ERROR_BITS
     bus.free += bits * bus.bit
@@ -220,7 +221,7 @@ def _finish(bus: Bus, tick: int) -> None:
 
 
 def _send_again(frame: Frame) -> None:
-    """Let what was destroyed on the wire wait once more, unless something newer does."""
+    """Queue a destroyed frame once more, unless newer data wait in its mailbox."""
     frame.destroyed += 1
     if frame.waiting:
         frame.replaced += 1
@@ -228,7 +229,7 @@ def _send_again(frame: Frame) -> None:
 
 
 def _deliver(bus: Bus, frame: Frame, tick: int) -> None:
-    """Give its receiver what was on the wire, if it is there and the frame is not lost."""
+    """Deliver the frame on the wire, unless its receiver is off the bus or the frame is lost."""
     away = bus.nodes[frame.receiver].back > bus.free
     if away or (bus.loss_share > 0 and draw(frame) < bus.loss_share):
         frame.lost += 1
@@ -239,7 +240,7 @@ def _deliver(bus: Bus, frame: Frame, tick: int) -> None:
 
 
 def _go_off(bus: Bus, number: int, now: int) -> None:
-    """Let a node go bus-off, for the time of its recovery or for good."""
+    """Set a node bus-off, for the time of its recovery or permanently."""
     node = bus.nodes[number]
     node.bus_offs += 1
     back = max(node.back, now + _RECOVERY_BITS * bus.bit) if bus.recovers else NEVER
@@ -247,7 +248,7 @@ def _go_off(bus: Bus, number: int, now: int) -> None:
 
 
 def _leave(bus: Bus, number: int, back: int) -> None:
-    """Take a node off the bus; it forgets its errors, and what it had to send is given up."""
+    """Take a node off the bus until a time; reset its error counter and discard its waiting frames."""
     node = bus.nodes[number]
     node.back, node.transmit_errors = back, 0
     for frame in bus.frames:
@@ -270,7 +271,7 @@ def _break(bus: Bus, outage: Outage) -> None:
         _leave(bus, outage.node, outage.end)
         for frame in bus.frames:
             if frame.sender == outage.node:
-                _schedule(frame, outage.end)  # its clock begins anew
+                _schedule(frame, outage.end)  # The clock of the node restarts.
     else:
         node = bus.nodes[outage.node]
         node.back = max(node.back, outage.end)

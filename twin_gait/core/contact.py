@@ -1,4 +1,4 @@
-"""Foot and ground, and the mechanical stops of the joints."""
+"""Contact of foot and ground, and the mechanical stops of the joints."""
 
 import math
 from collections.abc import Callable
@@ -6,28 +6,29 @@ from dataclasses import dataclass
 
 from twin_gait.core.elementary import hyperbolic_tangent
 
-LEAST_FORCE = 1e-6  # [N]; a lighter contact has no centre of pressure
-Pair = tuple[float, float]  # parts forwards and upwards
+LEAST_FORCE = 1e-6  # Normal force in [N] below which a contact has no centre of pressure.
+Pair = tuple[float, float]  # Forward and upward components.
 
 
 def contact_normal_force(
     penetration: float, penetration_rate: float, stiffness: float, dissipation: float
 ) -> float:
-    r"""Normal force of a contact point: Hunt and Crossley (1975), Hertz exponent.
+    r"""Compute the normal force of a contact point: Hunt and Crossley (1975), Hertz exponent.
 
     .. math::
 
         F_n = k\,\delta^{3/2}\,\max(0,\ 1 + \tfrac{3}{2} c\,\dot\delta)
 
-    It is smooth at touch-down and never pulls. With the factor 3/2, as in Simbody's ``HuntCrossleyForce``, a
-    slow fall at v has the coefficient of restitution :math:`e = 1 - c v`; at any speed, whatever mass and
-    stiffness, the energy of the way in and of the way out gives
+    The force is continuous at touch-down and never pulls. With the factor 3/2, as in Simbody's
+    ``HuntCrossleyForce``, a slow impact at velocity v has the coefficient of restitution :math:`e = 1 - c v`;
+    at any velocity, for any mass and stiffness, the energy balance of compression and restitution gives
 
     .. math::
 
         x\,(1 + e) = \ln\frac{1 + x}{1 - e\,x}, \qquad x = \tfrac{3}{2} c v
 
-    A mass m that stands on the point with W, :math:`\delta_0` deep, bounces about its place with
+    A mass m that rests on the point with the weight W at a penetration :math:`\delta_0` oscillates about its
+    equilibrium with
 
     .. math::
 
@@ -53,13 +54,13 @@ def contact_normal_force(
 def contact_friction_force(
     slip_velocity: float, normal_force: float, friction_coefficient: float, transition_velocity: float
 ) -> float:
-    r"""Regularised Coulomb friction of a contact point.
+    r"""Compute the regularised Coulomb friction of a contact point.
 
-    :math:`F_t = -\mu F_n \tanh(v / v_t)`: sliding is opposed, sticking is a slow creep.
+    :math:`F_t = -\mu F_n \tanh(v / v_t)`: friction opposes sliding; sticking is approximated by slow creep.
 
     Args:
-        slip_velocity: Velocity of the point relative to the ground (belt) in [m] / [s].
-        normal_force: In [N].
+        slip_velocity: Velocity v of the point relative to the ground (belt) in [m] / [s].
+        normal_force: Normal force in [N].
         friction_coefficient: :math:`\mu`.
         transition_velocity: :math:`v_t` in [m] / [s], positive.
 
@@ -74,11 +75,11 @@ def contact_friction_force(
 def mechanical_stop_torque(
     angle: float, velocity: float, lower: float, upper: float, stiffness: float, dissipation: float
 ) -> float:
-    r"""Torque of the mechanical stops of a joint.
+    r"""Compute the torque of the mechanical stops of a joint.
 
-    A one-sided spring with the same dissipation as the ground contact, so that the torque is
-    continuous at touch-down and never pulls the joint back to the stop:
-    :math:`\tau = k\,\delta\,\max(0, 1 + c\,\dot\delta)` towards the inside.
+    Each stop is a one-sided spring with the same dissipation as the ground contact, so that the torque is
+    continuous at touch-down and never pulls the joint towards the stop: :math:`\tau = k\,\delta\,\max(0, 1 +
+    c\,\dot\delta)` towards the inside.
 
     Args:
         angle: Joint angle in [rad].
@@ -102,16 +103,16 @@ def mechanical_stop_torque(
 
 @dataclass(slots=True)
 class Ground:
-    """The ground under the feet, or the belt.
+    """The ground under the feet, or the belt of a treadmill.
 
     Attributes:
-        belt_speed: Present one, backwards positive, in [m] / [s].
-        stiffness: In [N] / [m]^1.5.
-        dissipation: In [s] / [m].
+        belt_speed: Present speed of the belt, backwards positive, in [m] / [s].
+        stiffness: Contact stiffness in [N] / [m]^1.5.
+        dissipation: Contact dissipation in [s] / [m].
         friction_coefficient: Coulomb coefficient.
-        transition_velocity: Of the regularised friction in [m] / [s].
-        slope_sine: Of the angle by which the plane rises forwards; it contains the origin.
-        slope_cosine: Likewise.
+        transition_velocity: Transition velocity of the regularised friction in [m] / [s].
+        slope_sine: Sine of the angle by which the plane rises forwards; it contains the origin.
+        slope_cosine: Cosine of that angle.
     """
 
     belt_speed: float = 0.0
@@ -125,12 +126,12 @@ class Ground:
 
 @dataclass(slots=True)
 class Point:
-    """A point of a sole.
+    """A contact point of a sole.
 
     Attributes:
-        forward: Force on it in [N], level.
-        upward: Likewise, vertical.
-        height: Above the ground, at right angles to it, in [m].
+        forward: Force on the point in [N], horizontal component.
+        upward: Force on the point in [N], vertical component.
+        height: Height above the ground, perpendicular to it, in [m].
     """
 
     forward: float = 0.0
@@ -141,18 +142,18 @@ class Point:
 def ground_contact_force(
     ground: Ground, height: float, forward_velocity: float, vertical_velocity: float
 ) -> tuple[float, float]:
-    """Force of level ground, or a belt, on a point of the sole.
+    """Compute the force of level ground, or a belt, on a point of the sole.
 
     Args:
-        ground: Its parameters and the speed of the belt.
-        height: Of the point above it in [m]; negative is penetration.
-        forward_velocity: Of the point in the world in [m] / [s].
-        vertical_velocity: Of the point in [m] / [s], up positive.
+        ground: Parameters of the ground and the speed of the belt.
+        height: Height of the point above the ground in [m]; negative is penetration.
+        forward_velocity: Forward velocity of the point in the world in [m] / [s].
+        vertical_velocity: Vertical velocity of the point in [m] / [s], up positive.
 
     Returns:
         Forward and upward force on the point in [N].
     """
-    # Read before the branch: in vectors of points it would not be known whether it may be read at all.
+    # Read before the branch: the compiler does not vectorize a read that is conditional.
     stiffness, dissipation = ground.stiffness, ground.dissipation
     coefficient, transition_velocity = ground.friction_coefficient, ground.transition_velocity
     slip_velocity = forward_velocity + ground.belt_speed
@@ -164,20 +165,20 @@ def ground_contact_force(
 
 
 def along_slope(sine: float, cosine: float, forward: float, upward: float) -> tuple[float, float]:
-    r"""Parts of a vector along a plane that rises forwards by α, and at right angles to it.
+    r"""Resolve a vector into components along a plane that rises forwards by α, and perpendicular to it.
 
     .. math::
 
         x' = x \cos\alpha + z \sin\alpha, \qquad z' = z \cos\alpha - x \sin\alpha
 
     Args:
-        sine: Of α; with its sign changed this is the way back.
-        cosine: Likewise.
-        forward: Level part x.
-        upward: Vertical part z.
+        sine: Sine of α; with the opposite sign the function computes the inverse.
+        cosine: Cosine of α.
+        forward: Horizontal component x.
+        upward: Vertical component z.
 
     Returns:
-        Part along the plane, forwards positive, and part away from it, in the unit of the vector.
+        Component along the plane, forwards positive, and component away from it, in the unit of the vector.
     """
     return forward * cosine + upward * sine, upward * cosine - forward * sine
 
@@ -185,16 +186,16 @@ def along_slope(sine: float, cosine: float, forward: float, upward: float) -> tu
 def sloped_contact_force(
     sine: float, cosine: float, place: Pair, velocity: Pair, press: Callable[[float, float, float], Pair]
 ) -> tuple[float, float, float]:
-    """Force of a plane through the origin, or a belt along it, on a point of the sole.
+    """Compute the force of a plane through the origin, or a belt along it, on a point of the sole.
 
-    In the axes of the plane the law is that of level ground. Numbers or symbols of a kernel.
+    In the axes of the plane the law is that of level ground. Arguments are numbers or symbols of a kernel.
 
     Args:
-        sine: Of the angle by which the plane rises forwards.
-        cosine: Likewise.
-        place: Of the point in the world, forwards and upwards, in [m].
-        velocity: Likewise in [m] / [s].
-        press: Law of level ground: :func:`ground_contact_force` from height and velocities on.
+        sine: Sine of the angle by which the plane rises forwards.
+        cosine: Cosine of that angle.
+        place: Position of the point in the world, forwards and upwards, in [m].
+        velocity: Velocity of the point, forwards and upwards, in [m] / [s].
+        press: Law of level ground: :func:`ground_contact_force` as a function of height and velocities.
 
     Returns:
         Forward and upward force on the point in [N], and its height above the plane in [m].

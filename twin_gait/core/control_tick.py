@@ -1,7 +1,8 @@
-"""What the firmware does in one tick of 1 ms, joint by joint.
+"""Laws of one tick of the firmware of 1 ms, for one joint.
 
-Memory (last angles, rings) is handed in and changed in place; nothing is kept between calls. Angles are in
-[rad], ``period`` is the length of a tick in [s], and a reading what the sensor reads, noise included.
+The state (last angles, ring buffers) is passed in and changed in place; nothing is kept between calls. Angles
+are in [rad], ``period`` is the length of a tick in [s], and a reading is the output of the sensor, noise
+included.
 """
 
 import math
@@ -17,30 +18,30 @@ from twin_gait.core.actuator import (
 from twin_gait.core.blending import blend
 from twin_gait.core.estimation import first_order_step, quantise
 
-# Columns of the parameters of a phase as a gait table is resolved: four per joint, then the share of gravity
+# Columns of the resolved parameters of a phase of a gait table: four per joint, then the share of gravity
 # compensation.
 STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
 COLUMNS_PER_JOINT = 4
-_ROOM = 16  # windows of any length up to the next multiple share one compiled loop
+_ROOM = 16  # The ring is a multiple of this, so that windows up to the next multiple share a compiled loop.
 
 
 @dataclass(slots=True)
 class Encoder:
-    """Encoder of a joint with its two velocity estimates."""
+    """State of the encoder of a joint with its two velocity estimates."""
 
     resolution: float  # Angle of a count in [rad]; 0 for an ideal sensor.
-    angle: float  # Measured in [rad].
+    angle: float  # Measured angle in [rad].
     velocity_fast: float  # First-order estimate in [rad] / [s].
     velocity_slow: float  # Decimated and averaged estimate in [rad] / [s].
-    last_angle: float  # Of the tick before.
-    last_fast: float  # Fast velocity of the tick before.
-    decimated_angle: float  # Angle at the last slow sample.
-    window: int  # Slow samples that are averaged.
-    ring: list[float]  # Last slow samples in [rad] / [s], with room for more than the window.
+    last_angle: float  # Angle of the tick before in [rad].
+    last_fast: float  # Fast velocity estimate of the tick before in [rad] / [s].
+    decimated_angle: float  # Angle at the last slow sample in [rad].
+    window: int  # Number of slow samples that are averaged.
+    ring: list[float]  # Ring buffer of the last slow samples in [rad] / [s]; at least as long as the window.
 
 
 def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
-    """An encoder that is referenced at an angle, at rest; the resolution of an ideal one is 0."""
+    """Create an encoder at rest that is referenced at an angle; the resolution of an ideal encoder is 0."""
     room = -(-window // _ROOM) * _ROOM
     return Encoder(resolution, angle, 0.0, 0.0, 0.0, 0.0, 0.0, window, [0.0] * room)
 
@@ -48,11 +49,11 @@ def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
 def measure_joint(
     encoder: Encoder, tick: int, reading: float, period: float, fast_gain: float, decimation: int
 ) -> None:
-    """Encoder and the two velocity estimates of one tick; in tick 0 only the angle is read.
+    """Update encoder angle and the two velocity estimates for one tick; in tick 0 only the angle.
 
     ``velocity_fast`` is the 1 kHz encoder difference through a first-order filter. ``velocity_slow`` is the
-    thesis's: the difference over ``decimation`` ticks, averaged over the last samples in the ring (thesis
-    2.3.1; about 50 ms late).
+    estimate of the thesis: the difference over ``decimation`` ticks, averaged over the last samples in the
+    ring (thesis 2.3.1; about 50 ms late).
     """
     measure_angle(encoder, tick == 0, reading, period, fast_gain)
     if tick > 0 and tick % decimation == 0:
@@ -60,9 +61,9 @@ def measure_joint(
 
 
 def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, fast_gain: float) -> None:
-    """Encoder and fast velocity estimate of one tick; see :func:`measure_joint`.
+    """Update encoder angle and fast velocity estimate for one tick; see :func:`measure_joint`.
 
-    ``first``: whether only the angle is read, for want of one before.
+    ``first``: whether only the angle is read, because there is no earlier one.
     """
     angle = quantise(reading, encoder.resolution)
     fast = first_order_step(encoder.velocity_fast, (angle - encoder.angle) / period, fast_gain)
@@ -70,7 +71,7 @@ def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, 
     encoder.last_fast = encoder.velocity_fast
     if first:
         encoder.decimated_angle = angle
-        # However the joint stands, it has not jumped there.
+        # The first angle must not count as a jump.
         encoder.last_angle = angle if math.isfinite(angle) else encoder.last_angle
     else:
         encoder.velocity_fast = fast
@@ -78,7 +79,7 @@ def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, 
 
 
 def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
-    """Take a sample of the slow velocity estimate, and the mean over the window; interval in [s]."""
+    """Take a sample of the slow velocity estimate and average over the window; ``interval`` in [s]."""
     sample = (encoder.angle - encoder.decimated_angle) / interval
     encoder.decimated_angle = encoder.angle
     window = encoder.window
@@ -91,16 +92,16 @@ def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
 
 @dataclass(slots=True)
 class Setpoint:
-    """What a gait table asks of a joint."""
+    """Setpoint of a joint from a gait table."""
 
     stiffness: float  # k in [N m] / [rad].
     damping: float  # b in [N m s] / [rad].
     equilibrium: float  # θ0 in [rad].
-    gain: float  # G, of the friction compensation.
+    gain: float  # G, gain of the friction compensation.
 
 
 def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Setpoint) -> None:
-    """Fade the setpoint of a joint from where it was at the switch to that of the phase.
+    """Blend the setpoint of a joint from its value at the phase switch to that of the new phase.
 
     ``share``: from :func:`~twin_gait.core.blending.blend_share`. ``blended`` is changed in place.
     """
@@ -111,7 +112,7 @@ def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Set
 
 
 def copy_setpoint(source: Setpoint, target: Setpoint) -> None:
-    """Give a setpoint, ``target``, the values of another."""
+    """Copy the values of a setpoint to ``target``."""
     target.stiffness = source.stiffness
     target.damping = source.damping
     target.equilibrium = source.equilibrium
@@ -119,7 +120,7 @@ def copy_setpoint(source: Setpoint, target: Setpoint) -> None:
 
 
 def target_current(motor: Motor, command: float, torque_limit: float, current_limit: float) -> float:
-    """Current in [A] that the firmware asks the drive for: torque limit, conversion, current limit.
+    """Compute the firmware's target current in [A]: torque limit, conversion, current limit.
 
     ``command``: sum of the controller's torques in [N m].
     """
@@ -131,7 +132,7 @@ def target_current(motor: Motor, command: float, torque_limit: float, current_li
 def driven_motor(
     motor: Motor, current: float, joint_velocity: float, bus_voltage: float
 ) -> tuple[float, float]:
-    """What a motor gives when its drive is asked for a current: what the bus voltage allows at this speed.
+    """Compute current and torque of a motor for a target current, limited by the bus voltage at this speed.
 
     The current loop (20 kHz) is ideal within the tick. ``joint_velocity``: the true one, for the back-EMF.
     Returns the measured current in [A] and the motor torque at the joint, before the losses of the gear, in

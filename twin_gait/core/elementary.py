@@ -1,43 +1,45 @@
-r"""Exponential, hyperbolic tangent, sine and cosine of our own.
+"""Exponential, hyperbolic tangent, sine and cosine with the same bits on every machine.
 
-Those of the C library differ in the last bit from one version, processor and compiler to the next, and a
-vector of them from a scalar. These are additions, multiplications, a division and shifts of exponents, each
-rounded once as IEEE 754 says, so that plain Python, scalar and vector machine code give the same bits, and
-with them the logs. Nothing branches and nothing is looked up, so that a loop over them can be turned into
-vectors. They need a compiler that leaves the order alone and does not fuse a product and a sum: neither
-``fastmath`` nor ``contract``.
+The functions of the C library differ in the last bit from one version, processor and compiler to the next,
+and vector versions differ from scalar ones. The functions here consist of additions, multiplications, a
+division and shifts of exponents, each rounded once according to IEEE 754, so that plain Python, scalar and
+vector machine code give the same bits, and therefore the same logs. There are no branches and no table
+look-ups, so that a compiler can vectorize a loop over them. The compiler must keep the order of operations
+and must not fuse a product and a sum: neither ``fastmath`` nor ``contract``.
 
-Two steps have another body in machine code, :func:`power_of_two` and :func:`whole_number`: there they are a
-shift and a look at the bits (:data:`twin_gait.simulation.compiling.ON_BITS`).
+Two functions have another body in machine code, :func:`power_of_two` and :func:`whole_number`: a shift, and a
+reinterpretation of the bits (:data:`twin_gait.simulation.compiling.ON_BITS`).
 
-Every coefficient is a number of its own here, not computed: it belongs to the function's bits.
+Every coefficient is a literal number, not computed, because it determines the bits of the function.
 tests/core/test_elementary.py derives them anew and bounds the errors against mpmath.
 """
 
 import math
 
-# To this a number below 2^51 adds its nearest whole number in the lowest bits; less this, it is that number.
+# The sum of this and a number below 2^51 has the nearest whole number in its lowest bits; the sum minus this
+# is that whole number.
 _SHIFT = 6755399441055744.0  # 1.5 2^52
 
 _PER_LN2 = 1.4426950408889634
-# ln 2 in two parts. The first has 33 bits: a whole number of up to 20 bits times it is exact.
+# ln 2 in two parts. The first has 33 bits: its product with a whole number of up to 20 bits is exact.
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
-# Where the power of two is 0, and where it is infinite.
+# Arguments at which the power of two is 0, and at which it is infinite.
 _LEAST, _MOST = -709.0, 709.8
 _FINITE = 709.4
-# (e^r - 1 - r - r²/2 - r³/6) / r⁴ at the outer eight of eleven Chebyshev nodes of |r| <= 1.0005 ln(2)/2; with
-# it, the relative error of e^r is below 1e-17.
+# Polynomial for (e^r - 1 - r - r²/2 - r³/6) / r⁴, fitted at the outer eight of eleven Chebyshev nodes of
+# |r| <= 1.0005 ln(2)/2; with it, the relative error of e^r is below 1e-17.
 _E3, _E4, _E5 = 0.16666666666666666, 0.04166666666660752, 0.008333333333329354
 _E6, _E7, _E8 = 0.0013888888925296498, 0.00019841269868069235, 2.4801510589825806e-05
 _E9, _E10, _E11 = 2.7557261277151255e-06, 2.7624430419539746e-07, 2.5103397436602313e-08
 
-# r (e^r + 1) / (e^r - 1) = 2 + R2 r² + ..., |r| <= ln(2)/2, by fdlibm's minimax polynomial (Sun Microsystems
-# 1993, e_exp.c); its error is below 2.1e-18.
+# fdlibm's minimax polynomial (Sun Microsystems 1993, e_exp.c) for r (e^r + 1) / (e^r - 1) = 2 + R2 r² + ...,
+# |r| <= ln(2)/2; its error is below 2.1e-18.
 _R2, _R4, _R6 = 1.66666666666666019037e-01, -2.77777777770155933842e-03, 6.61375632143793436117e-05
 _R8, _R10 = -1.65339022054652515390e-06, 4.13813679705723846039e-08
 
 _PER_QUARTER = 0.6366197723675814  # 2/π
-# π/2 in three parts. The first two have 38 bits: a whole number of up to 15 bits times either is exact.
+# π/2 in three parts. The first two have 38 bits: their products with a whole number of up to 15 bits are
+# exact.
 _QUARTER_HIGH, _QUARTER_MIDDLE = 1.5707963267923333, 2.5633441515839558e-12
 _QUARTER_LOW = 1.0562999066987428e-23
 # Sine and cosine on |r| <= π/4 by fdlibm's minimax polynomials (Sun Microsystems 1993, k_sin.c and k_cos.c).
@@ -46,15 +48,15 @@ _S9, _S11, _S13 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.589
 _C4, _C6, _C8 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
 _C10, _C12, _C14 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
 
-# From here on the hyperbolic tangent is 1.
+# Argument from which on the hyperbolic tangent is 1.
 _SATURATED = 22.0
 
 
 def power_of_two(shifted: float) -> float:
-    """Two to the power of a whole number, exactly.
+    """Compute two to the power of a whole number, exactly.
 
-    ``shifted``: the whole number, from -1023 to 1024, added to 1.5 2^52. Returns the power; 0 at -1023,
-    infinity at 1024, NaN of NaN.
+    ``shifted``: the whole number, from -1023 to 1024, added to 1.5 2^52. Returns the power; 0 for -1023,
+    infinity for 1024, NaN for NaN.
     """
     number = shifted - _SHIFT
     if number != number:
@@ -65,17 +67,17 @@ def power_of_two(shifted: float) -> float:
 
 
 def whole_number(shifted: float) -> int:
-    """The whole number in the lowest bits of a sum with 1.5 2^52; only its own lowest bits count.
+    """Extract the whole number from the lowest bits of a sum with 1.5 2^52; only its lowest bits are exact.
 
-    ``shifted``: the sum; of what is not finite any number is returned.
+    ``shifted``: the sum; if it is not finite, an arbitrary number is returned.
     """
     return int(shifted - _SHIFT) if math.isfinite(shifted) else 0
 
 
 def _grown(x: float) -> tuple[float, float]:
-    r"""Growth and scale :math:`e^r - 1,\ 2^n` with :math:`x = n \ln 2 + r`, :math:`|r| \le \ln(2)/2`.
+    r"""Compute growth and scale :math:`e^r - 1,\ 2^n` with :math:`x = n \ln 2 + r`, :math:`|r| \le \ln(2)/2`.
 
-    The rounding of r is kept: only what is small is computed from the rounded r.
+    The rounding error of r is kept: only the small terms are computed from the rounded r.
     """
     shifted = x * _PER_LN2 + _SHIFT
     number = shifted - _SHIFT
@@ -91,7 +93,7 @@ def _grown(x: float) -> tuple[float, float]:
 
 
 def exponential(x: float) -> float:
-    """Exponential function, within 1 unit in the last place.
+    """Compute the exponential function, within 1 unit in the last place.
 
     ``x``: any number; NaN gives NaN. Returns :math:`e^x`; 0 below -708.74, where it would be less than
     1.6e-308, and infinity above 709.43, where it would be more than 1.2e308.
@@ -103,10 +105,10 @@ def exponential(x: float) -> float:
 
 
 def settled_share(x: float) -> float:
-    """Share by which an exponential has settled, however small it is.
+    """Compute the share by which an exponential has settled, :math:`1 - e^{-x}`, accurately for small x.
 
-    ``x``: time in time constants, or whatever else counts in them; NaN gives NaN. Returns :math:`1 - e^{-x}`,
-    within 1 unit in the last place, and within 2 where it is negative; held at -1.2e308 below -709.4.
+    ``x``: time in time constants, or any other dimensionless quantity; NaN gives NaN. The result is within 1
+    unit in the last place, and within 2 where it is negative; it is constant at -1.2e308 below -709.4.
     """
     x = -_FINITE if x < -_FINITE else x
     x = -_LEAST if x > -_LEAST else x
@@ -115,7 +117,7 @@ def settled_share(x: float) -> float:
 
 
 def hyperbolic_tangent(x: float) -> float:
-    r"""Hyperbolic tangent, within 3 units in the last place.
+    r"""Compute the hyperbolic tangent, within 3 units in the last place.
 
     With :math:`2|x| = n \ln 2 + r`, :math:`s = 2^n` and the even function :math:`R = r\,(e^r + 1)/(e^r - 1)`
 
@@ -143,12 +145,12 @@ def hyperbolic_tangent(x: float) -> float:
 
 
 def sine_cosine(angle: float) -> tuple[float, float]:
-    r"""Sine and cosine, both within 1.5 units in the last place up to 50 000 rad.
+    r"""Compute sine and cosine, both within 1.5 units in the last place up to 50 000 rad.
 
-    With :math:`\varphi = n\,\pi/2 + r`, :math:`|r| \le \pi/4`, they are those of r, by quadrant. Beyond
-    50 000 rad, 8 000 turns, the products with n are rounded, and the results are those of an angle that is
-    off by as much as two roundings of its own; beyond :math:`10^9` rad they mean nothing and may lie outside
-    [-1, 1]. A run that gets there has diverged long before.
+    With :math:`\varphi = n\,\pi/2 + r`, :math:`|r| \le \pi/4`, they follow from sine and cosine of r, by
+    quadrant. Beyond 50 000 rad, 8 000 turns, the products with n are rounded, and the results are those of an
+    angle with an error of two roundings of its own; beyond :math:`10^9` rad they are meaningless and may lie
+    outside [-1, 1]. A run that reaches such an angle has diverged long before.
 
     ``angle``: :math:`\varphi` in [rad]; NaN and infinity give NaN. Returns the sine and cosine, exactly odd
     and even.

@@ -1,13 +1,14 @@
-"""Constants of :mod:`twin_gait.core.elementary` for 32-bit numbers, by the names of those that they replace.
+"""Constants of :mod:`twin_gait.core.elementary` for 32-bit numbers, by the names that they replace.
 
-The polynomials stay, each coefficient rounded. What depends on the length of a number is another:
+The polynomials stay the same, with each coefficient rounded. The constants that depend on the length of a
+number differ:
 
-- what a number is added to so that its nearest whole number stands in the lowest bits;
-- the parts of ln 2 and π/2, all but the last with so few bits that a whole number times one is exact: one of
-  up to 9 bits with ln 2, and of up to 11 with π/2;
-- the ends: where the power of two is 0 and where it is infinite, and where the hyperbolic tangent is 1.
+- the number that is added so that the nearest whole number is in the lowest bits;
+- the parts of ln 2 and π/2, all but the last with so few bits that the product with a whole number is exact:
+  a whole number of up to 9 bits for ln 2, and of up to 11 bits for π/2;
+- the limits: where the power of two is 0, where it is infinite, and where the hyperbolic tangent is 1.
 
-tests/firmware/test_elementary_single.py derives them anew and bounds the errors against mpmath.
+tests/firmware/test_elementary_single.py derives the constants anew and bounds the errors against mpmath.
 """
 
 SINGLE: dict[str, float] = {

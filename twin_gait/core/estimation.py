@@ -1,17 +1,17 @@
-"""Encoder and the two velocity estimates of the firmware, and samples that come late."""
+"""Encoder, low-pass filter of the velocity estimate, and samples that arrive late."""
 
 import math
 from dataclasses import dataclass
 
 from twin_gait.core.elementary import settled_share
 
-_ROOM = 16  # delays up to the next multiple share one compiled loop
+_ROOM = 16  # The buffer is a multiple of this, so that delays up to the next multiple share a compiled loop.
 
 
 def quantise(angle: float, resolution: float) -> float:
-    """Angle in [rad] as an encoder reports it, whose count is ``resolution``; 0 or less is an ideal one.
+    """Round an angle in [rad] to a whole number of encoder counts of ``resolution``.
 
-    A whole number of counts; NaN, a reading that is missing, passes through.
+    A resolution of 0 or less is an ideal encoder. NaN, a missing reading, passes through.
     """
     if resolution <= 0.0 or angle != angle:
         return angle
@@ -19,9 +19,9 @@ def quantise(angle: float, resolution: float) -> float:
 
 
 def first_order_gain(period: float, time_constant: float) -> float:
-    r"""Gain :math:`\alpha = 1 - e^{-T/\tau}` in (0, 1] of the discrete first-order low-pass filter.
+    r"""Compute the gain of the discrete first-order low-pass filter.
 
-    Times in [s]; a time constant of zero means no filter.
+    :math:`\alpha = 1 - e^{-T/\tau}` in (0, 1]. Times are in [s]; a time constant of zero means no filter.
     """
     if time_constant <= 0.0:
         return 1.0
@@ -29,28 +29,28 @@ def first_order_gain(period: float, time_constant: float) -> float:
 
 
 def first_order_step(estimate: float, sample: float, gain: float) -> float:
-    """Output of the first-order low-pass filter after one more sample."""
+    """Update the output of the first-order low-pass filter with one more sample."""
     return estimate + gain * (sample - estimate)
 
 
 @dataclass(slots=True)
 class DelayLine:
-    """Samples that are under way."""
+    """Samples that arrive after a fixed delay."""
 
-    delay: int  # How many samples later one is used.
-    samples: list[float]  # Taken in turn, with room for more than the delay.
+    delay: int  # Delay in samples.
+    samples: list[float]  # Ring buffer of the samples; longer than the delay.
 
 
 def new_delay_line(delay: int, first: float = 0.0) -> DelayLine:
-    """A delay line of so many samples, 0 or more, that is full of one sample."""
+    """Create a delay line of the given delay in samples, 0 or more, filled with one value."""
     return DelayLine(delay, [first] * ((delay // _ROOM + 1) * _ROOM))
 
 
 def delayed_sample(line: DelayLine, number: int, sample: float) -> float:
-    """Put a sample in at one end and take the one that is due out at the other.
+    """Write a sample into the delay line and return the sample that is due.
 
-    ``number``: of the sample, from 0 on. Returns the sample whose number is smaller by the delay; what the
-    line was full of if there was none yet.
+    ``number``: number of the sample, from 0 on. Returns the sample whose number is smaller by the delay, or
+    the initial value if there was no such sample yet.
     """
     size = line.delay + 1
     line.samples[number % size] = sample

@@ -1,40 +1,41 @@
-"""Faults between the true state and what the controller sees, or between command and motor.
+"""Faults between the true state and the controller's measurements, or between command and motor.
 
-``joint`` and ``leg`` are numbers, ``tick`` is the present one, ``period`` its length in [s], ``faults`` are
-those of the episode.
+``joint`` and ``leg`` are indices, ``tick`` is the present tick, ``period`` its length in [s], and ``faults``
+are those of the episode.
 """
 
 import math
 from dataclasses import dataclass
 
-# Kinds of faults, as the array numbers them.
+# Kinds of faults.
 ENCODER_FREEZE, ENCODER_JUMP, ENCODER_MISSING, ENCODER_DRIFT, ENCODER_OFFSET = range(5)
 MOTOR_DEAD, MOTOR_STUCK, CONTROLLER_RUNAWAY, FOOT_LOAD_STUCK, SUPPLY_DIP = range(5, 10)
 
 NO_FAULT = -1
-JUMP_TICKS = 5  # a jump is a glitch of so many ticks; what lasts is an offset
-DIP_TICKS = 500  # length of a dip of the supply
-LEAST_BUS_VOLTAGE = 1.0  # [V]; the capacitors of the bus are never quite empty
+JUMP_TICKS = 5  # Length of a jump, which is a glitch; a lasting error is an offset.
+DIP_TICKS = 500  # Length of a dip of the supply.
+LEAST_BUS_VOLTAGE = 1.0  # Lower limit in [V]; the capacitors of the bus are never completely empty.
 
 
 @dataclass(slots=True)
 class Fault:
     """A fault of an episode."""
 
-    kind: int  # See above.
-    place: int  # A joint, a leg, or of no meaning for the supply.
+    kind: int  # One of the kinds above.
+    place: int  # Index of the joint or leg; without meaning for the supply.
     start_tick: int  # First tick with the fault.
-    # In SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque in [N m] of a
-    # stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
+    # Magnitude in SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque in
+    # [N m] of a stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
     magnitude: float
 
 
 def faulty_angle(
     joint: int, tick: int, period: float, faults: list[Fault], reading: float, last_reading: float
 ) -> float:
-    """What a joint's encoder reads under its faults in [rad]; NaN if it is missing.
+    """Compute the reading of a joint's encoder in [rad] under its faults; NaN if it is missing.
 
-    ``reading``: of the healthy encoder. ``last_reading``: what it read in the tick before.
+    ``reading``: reading of the healthy encoder. ``last_reading``: reading of the tick before, faults
+    included.
     """
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -52,9 +53,9 @@ def faulty_angle(
 
 
 def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load: float) -> float:
-    """What the load sensor of a foot reads under its faults, in the unit of the load.
+    """Compute the reading of a foot's load sensor under its faults, in the unit of the load.
 
-    ``load``: of the healthy sensor. ``last_load``: what it read in the tick before.
+    ``load``: reading of the healthy sensor. ``last_load``: reading of the tick before, faults included.
     """
     for fault in faults:
         stuck = fault.kind == FOOT_LOAD_STUCK and fault.place == leg
@@ -64,7 +65,7 @@ def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load
 
 
 def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) -> float:
-    """Torque in [N m] that a controller gone wrong adds: a ramp."""
+    """Compute the torque in [N m] that a defective controller adds: a ramp."""
     torque = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -74,7 +75,7 @@ def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) ->
 
 
 def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
-    """Row of the fault of a joint's drive that is at work, the first one of several, or ``NO_FAULT``."""
+    """Find the index of the active fault of a joint's drive, the first of several, or return ``NO_FAULT``."""
     for row in range(len(faults)):
         fault = faults[row]
         broken = fault.kind == MOTOR_DEAD or fault.kind == MOTOR_STUCK
@@ -84,7 +85,7 @@ def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
 
 
 def supply_drop(tick: int, faults: list[Fault]) -> float:
-    """Voltage in [V] that the supply lacks, 0 without a dip."""
+    """Compute the voltage in [V] by which the faults reduce the supply; 0 without a dip."""
     drop = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
@@ -94,10 +95,10 @@ def supply_drop(tick: int, faults: list[Fault]) -> float:
 
 
 def dipped_bus_voltage(voltage: float, drop: float, highest_back_emf: float) -> float:
-    """Bus voltage in [V] in a dip of the supply.
+    """Compute the bus voltage in [V] in a dip of the supply.
 
     Turning motors charge the bus through the diodes of their bridges, so that it does not fall below the
-    highest back-EMF of all motors; what feeds the bus is cut off, so nothing but its capacitors takes that
+    highest back-EMF of all motors. The supply is cut off, so only the capacitors of the bus absorb that
     current.
     """
     return max(voltage - drop, highest_back_emf, LEAST_BUS_VOLTAGE)

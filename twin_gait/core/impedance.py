@@ -1,4 +1,4 @@
-"""The virtual spring and damper laid over the compensated joint."""
+"""The virtual spring and damper of a joint, in addition to the compensation of friction and gravity."""
 
 import math
 
@@ -6,7 +6,7 @@ import math
 def impedance_torque(
     angle: float, velocity: float, stiffness: float, damping: float, equilibrium_angle: float
 ) -> float:
-    r"""Torque in [N m] of the virtual spring-damper, positive in the direction of increasing angle.
+    r"""Compute the torque in [N m] of the virtual spring-damper, positive in increasing angle.
 
     Equation (2.17) of the thesis with the damping of its chapter 5, as a torque *on the joint*, to which
     (2.18) adds :math:`G\,T_{fr}`:
@@ -17,13 +17,14 @@ def impedance_torque(
 
 
 def damping_from_ratio(damping_ratio: float, stiffness: float, inertia: float) -> float:
-    r"""Damping in [N m s] / [rad] that gives a joint the damping ratio ζ: :math:`b = 2\,\zeta\,\sqrt{k\,I}`.
+    r"""Compute the damping in [N m s] / [rad] that gives a joint a damping ratio.
 
-    ``inertia``: I, effective joint inertia with armature, in [kg m²].
+    :math:`b = 2\,\zeta\,\sqrt{k\,I}` with the ``damping_ratio`` ζ, the ``stiffness`` k in [N m] / [rad] and
+    the ``inertia`` I, the effective joint inertia with armature, in [kg m²].
     """
     return 2.0 * damping_ratio * math.sqrt(stiffness * inertia)
 
 
 def damping_ratio_of(damping: float, stiffness: float, inertia: float) -> float:
-    r"""Damping ratio :math:`\zeta = b / (2\sqrt{k I})` of a joint, the inverse of the above."""
+    r"""Compute the damping ratio :math:`\zeta = b / (2\sqrt{k I})`, the inverse of the above."""
     return damping / (2.0 * math.sqrt(stiffness * inertia))

@@ -1,4 +1,4 @@
-"""What an inertial unit on a link reports, and the acceleration or the pitch that follows from it."""
+"""Readings of an inertial unit on a link, and the acceleration or the pitch estimated from them."""
 
 import math
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from twin_gait.core.estimation import first_order_step
 def tangential_specific_force(
     acceleration: float, angle: float, lever: float, gravity: float, horizontal_angle: float
 ) -> float:
-    r"""Specific force in [m] / [s²] along the path of an accelerometer on a turning link.
+    r"""Compute the specific force in [m] / [s²] along the path of an accelerometer on a turning link.
 
-    :math:`f_t = r\,\dot\omega - g \cos(\theta - \theta_h)`, positive in increasing angle, with the ``lever``
-    r from the axis in [m] and the angle θ_h at which the link is level.
+    :math:`f_t = r\,\dot\omega - g \cos(\theta - \theta_h)`, positive in the direction of increasing angle,
+    with the ``lever`` r from the axis in [m] and the angle θ_h at which the link is level.
 
-    An accelerometer measures the specific force, not gravity: on a link that falls freely it reads less than
-    the acceleration by the share of gravity that lies along its path.
+    An accelerometer measures the specific force, which excludes gravity: on a link that falls freely it reads
+    less than the acceleration by the share of gravity that acts along its path.
     """
     _, cosine = sine_cosine(angle - horizontal_angle)
     return lever * acceleration - gravity * cosine
@@ -25,10 +25,10 @@ def tangential_specific_force(
 def angular_acceleration(
     specific_force: float, angle: float, lever: float, gravity: float, horizontal_angle: float
 ) -> float:
-    r"""Angular acceleration in [rad] / [s²] from an accelerometer, gravity taken out by a measured angle.
+    r"""Compute the angular acceleration in [rad] / [s²] from an accelerometer and a measured angle.
 
-    :math:`\dot\omega = [f_t + g \cos(\theta - \theta_h)] / r`, the inverse of
-    :func:`tangential_specific_force` where the angle is the true one.
+    :math:`\dot\omega = [f_t + g \cos(\theta - \theta_h)] / r`: the angle serves to remove gravity. This is
+    the inverse of :func:`tangential_specific_force` if the angle is the true one.
     """
     _, cosine = sine_cosine(angle - horizontal_angle)
     return (specific_force + gravity * cosine) / lever
@@ -36,20 +36,20 @@ def angular_acceleration(
 
 @dataclass(slots=True)
 class TrunkUnit:
-    """An inertial unit on a trunk, and the pitch that its filter has found."""
+    """Inertial unit on a trunk, with the pitch estimate of its filter."""
 
-    height: float  # Of the unit above the hips, along the trunk, in [m].
-    behind: float  # Behind the line from hips to shoulders in [m].
-    gyroscope_bias: float  # What it reads in excess in [rad] / [s].
-    accelerometer_bias: float  # What the axis forwards reads in excess in [m] / [s²].
-    gain: float  # Of the correction, from :func:`~twin_gait.core.estimation.first_order_gain`.
-    pitch: float  # Estimate in [rad], forwards positive.
+    height: float  # Height of the unit above the hips, along the trunk, in [m].
+    behind: float  # Distance behind the line from hips to shoulders in [m].
+    gyroscope_bias: float  # Bias of the angular rate in [rad] / [s].
+    accelerometer_bias: float  # Bias of the forward axis in [m] / [s²].
+    gain: float  # Gain of the correction, from :func:`~twin_gait.core.estimation.first_order_gain`.
+    pitch: float  # Pitch estimate in [rad], forwards positive.
 
 
 def trunk_specific_force(
     unit: TrunkUnit, pitch: float, rate: float, turning: float, forward: float, upward: float, gravity: float
 ) -> tuple[float, float]:
-    r"""Specific force in [m] / [s²] in an inertial unit on a trunk, forwards and up along the trunk.
+    r"""Compute the specific force in [m] / [s²] at an inertial unit, forwards and up along the trunk.
 
     With the unit h above and d behind the hips, which accelerate with :math:`(a_x, a_z)` (``forward``,
     ``upward``), and the pitch θ (``rate``, ``turning``), forwards positive,
@@ -68,7 +68,9 @@ def trunk_specific_force(
 
 
 def follow_pitch(unit: TrunkUnit, rate: float, ahead: float, up: float, period: float) -> None:
-    r"""One step of the complementary filter: the gyroscope integrated, drawn to where gravity seems to be.
+    r"""Update the pitch estimate by one step of the complementary filter.
+
+    The filter integrates the gyroscope and corrects the estimate towards the measured direction of gravity:
 
     .. math::
 
@@ -76,11 +78,11 @@ def follow_pitch(unit: TrunkUnit, rate: float, ahead: float, up: float, period: 
         \hat\theta \leftarrow \hat\theta^- + \alpha
             \frac{-f_x \cos\hat\theta^- - f_z \sin\hat\theta^-}{\sqrt{f_x^2 + f_z^2}}
 
-    The fraction is the sine of the way to the pitch at which a trunk at rest would feel this force, so that
-    small errors fade with the time constant of the gain (the passive complementary filter of Mahony, Hamel
-    and Pflimlin 2008, in the plane); the acceleration of the trunk is taken for gravity meanwhile. Readings
-    ``rate``, ``ahead`` and ``up`` come without their biases; in free fall there is no direction and no
-    correction.
+    The fraction is the sine of the difference to the pitch at which a trunk at rest would measure this force,
+    so that small errors decay with the time constant of the gain (the passive complementary filter of Mahony,
+    Hamel and Pflimlin 2008, in the plane). The filter does not distinguish the acceleration of the trunk from
+    gravity. The readings ``rate``, ``ahead`` and ``up`` come without their biases; in free fall there is no
+    direction and no correction. ``period``: T in [s].
     """
     pitch = unit.pitch + period * (rate + unit.gyroscope_bias)
     sine, cosine = sine_cosine(pitch)

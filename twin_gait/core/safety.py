@@ -1,11 +1,11 @@
-"""The safety monitor between controller and motor, and the hold that a trip leads to.
+"""The safety monitor between controller and motor, and the hold after a trip.
 
-The monitor sees what a firmware sees: encoder angles with their velocity estimate, currents and voltages of
-the drives, commands, phases and the bus voltage. A trip is never taken back.
+The monitor uses only signals that a firmware measures: encoder angles with their velocity estimate, currents
+and voltages of the drives, commands, phases and the bus voltage. A trip is permanent.
 
-The drive knows the voltage that it puts on the winding and the current that it measures; with the model of
-the motor this gives a speed that needs no encoder (the back-EMF). The encoder is compared with it, and the
-hold brakes on it, so that no broken encoder can drive the leg.
+The drive applies a known voltage to the winding and measures the current; with the model of the motor this
+gives a speed that needs no encoder (from the back-EMF). The monitor compares the encoder with this speed, and
+the hold brakes with it, so that a broken encoder cannot drive the leg.
 """
 
 import math
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from twin_gait.core.control_tick import Encoder
 
-# Causes of a trip, as the log and the engines number them.
+# Causes of a trip, as numbered in the log and in the engines.
 NO_TRIP, MISSING_TRIP, JUMP_TRIP, FROZEN_TRIP, MODEL_TRIP, SPEED_TRIP, RANGE_TRIP, COMMAND_TRIP = range(8)
 TORQUE_TRIP, CURRENT_TRIP, HEAT_TRIP, DRIVE_TRIP, PHASE_TRIP, LOAD_TRIP = range(8, 14)
 SUPPLY_TRIP, OPERATOR_TRIP, BUS_TRIP, SETPOINT_TRIP = range(14, 18)
@@ -21,49 +21,49 @@ SUPPLY_TRIP, OPERATOR_TRIP, BUS_TRIP, SETPOINT_TRIP = range(14, 18)
 
 @dataclass(slots=True)
 class Bounds:
-    """What the monitor holds the measurements of a joint against."""
+    """Limits of the monitor for the measurements of a joint."""
 
     lower: float  # Lowest angle in [rad].
     upper: float  # Highest angle in [rad].
-    highest_speed: float  # In [rad] / [s].
+    highest_speed: float  # Largest speed in [rad] / [s].
     stop_distance_factor: float  # Half the inverse of the braking deceleration in [s²] / [rad].
     angle_step: float  # Largest change of the angle in a tick in [rad].
-    frozen_speed: float  # Speed of the motor at which an encoder that stands still is broken in [rad] / [s].
-    frozen_ticks: int  # How long it may.
-    model_gain: float  # Period over the time constant in which the residual is forgotten.
+    frozen_speed: float  # Motor speed above which a constant encoder reading is a fault in [rad] / [s].
+    frozen_ticks: int  # Number of such ticks that leads to a trip.
+    model_gain: float  # Period over the time constant with which the residual decays.
     model_deviation: float  # Largest residual in [rad].
-    highest_torque: float  # Command in [N m] that may be exceeded for a while.
-    torque_ticks: int  # How long.
+    highest_torque: float  # Command in [N m] that may be exceeded for a limited time.
+    torque_ticks: int  # Number of ticks above it that leads to a trip.
     highest_command: float  # Largest plausible command in [N m].
-    command_deviation: float  # Largest deviation of the command from its set point in [N m].
+    command_deviation: float  # Largest deviation of the command from its setpoint in [N m].
     command_gain: float  # Gain of the filter of that deviation: period over its time constant.
-    highest_current: float  # In [A].
+    highest_current: float  # Largest current in [A].
     heating: float  # Period over winding time constant and squared continuous current in 1 / [A²].
     cooling: float  # Period over winding time constant.
-    drive_deviation: float  # Largest difference of current and target in [A].
-    drive_ticks: int  # How long it may be larger.
+    drive_deviation: float  # Largest difference between measured and target current in [A].
+    drive_ticks: int  # Number of ticks with a larger difference that leads to a trip.
     emf_constant: float  # Back-EMF at the joint in [V s] / [rad].
-    model_resistance: float  # Of winding and inverter as the monitor assumes it in [Ω].
+    model_resistance: float  # Resistance of winding and inverter that the monitor assumes in [Ω].
 
 
 @dataclass(slots=True)
 class Watched:
-    """What the monitor remembers of a joint and its drive."""
+    """State of the monitor for a joint and its drive."""
 
     motor_speed: float = 0.0  # Joint speed that the drive infers in [rad] / [s].
-    residual: float = 0.0  # See :func:`model_residual`, in [rad].
-    heat: float = 0.0  # See :func:`winding_heat`.
-    motor_current: float = 0.0  # Measured in [A].
-    current_deviation: float = 0.0  # Of the measured current from what the drive should give in [A].
+    residual: float = 0.0  # Residual of the encoder in [rad]; see :func:`model_residual`.
+    heat: float = 0.0  # Heat of the winding; see :func:`winding_heat`.
+    motor_current: float = 0.0  # Measured current in [A].
+    current_deviation: float = 0.0  # Measured minus expected current of the drive in [A].
     commanded: float = 0.0  # Command of the last tick in [N m].
-    command_deviation: float = 0.0  # Filtered deviation of the commands from their set points in [N m].
-    frozen_streak: int = 0  # Consecutive ticks in which the encoder stood still while the motor turned.
+    command_deviation: float = 0.0  # Filtered deviation of the commands from their setpoints in [N m].
+    frozen_streak: int = 0  # Consecutive ticks with a constant encoder reading while the motor turned.
     torque_streak: int = 0  # Consecutive ticks with a command above the limit.
     drive_streak: int = 0  # Consecutive ticks with a current that deviates.
 
 
 def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:
-    r"""Joint speed in [rad] / [s] that a drive infers from voltage U and current I of its winding.
+    r"""Estimate the joint speed in [rad] / [s] from voltage U and current I of the drive's winding.
 
     :math:`\hat\omega = \frac{U - \hat R I}{K_e\,\tau}`
 
@@ -74,16 +74,16 @@ def motor_speed(voltage: float, current: float, emf_constant: float, model_resis
 
 
 def model_residual(residual: float, change: float, speed: float, period: float, gain: float) -> float:
-    r"""Angle in [rad] by which the encoder runs away from the motor's model, slowly forgotten.
+    r"""Update the angle in [rad] by which the encoder deviates from the motor's model; it decays slowly.
 
-    :math:`r_k = (1 - \alpha)\,r_{k-1} + \Delta\theta_k - \hat\omega_{k-1} T` with the encoder's change in
-    this tick and the speed that the drive inferred in the tick before.
+    :math:`r_k = (1 - \alpha)\,r_{k-1} + \Delta\theta_k - \hat\omega_{k-1} T` with the change of the encoder
+    in this tick and the speed that the drive estimated in the tick before.
     """
     return residual + (change - speed * period) - gain * residual
 
 
 def stopping_angle(angle: float, velocity: float, distance_factor: float) -> float:
-    r"""Angle in [rad] at which a joint stands still if it is braked from now on.
+    r"""Compute the angle in [rad] at which a joint comes to rest if it is braked from now on.
 
     The stop distance at present speed is :math:`\omega^2 / (2 a)`, in the direction of motion; the factor is
     :math:`1 / (2 a)` with the braking deceleration a, in [s²] / [rad].
@@ -92,7 +92,7 @@ def stopping_angle(angle: float, velocity: float, distance_factor: float) -> flo
 
 
 def winding_heat(heat: float, current: float, heating: float, cooling: float) -> float:
-    r"""Warm the winding for one tick: the RMS thermal model of a motor, I²t.
+    r"""Update the heat of the winding by one tick of the RMS thermal model of a motor, I²t.
 
     :math:`h_k = h_{k-1} + \frac{T}{\tau_w}\left(\frac{I^2}{I_N^2} - h_{k-1}\right)`
 
@@ -103,10 +103,10 @@ def winding_heat(heat: float, current: float, heating: float, cooling: float) ->
 
 
 def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: float) -> int:
-    """Compare what is measured on one joint with its bounds: the cause of a trip, or ``NO_TRIP``.
+    """Compare the measurements of one joint with its bounds; return the cause of a trip or ``NO_TRIP``.
 
-    Commands, currents and speeds that the monitor remembers are those of the tick before. NaN is outside
-    every bound. Residual, heat and streaks that are watched change in place.
+    The commands, currents and speeds in ``watched`` are those of the tick before. NaN is outside every bound.
+    Residual, heat and streaks in ``watched`` are changed in place.
     """
     angle, velocity = encoder.angle, encoder.velocity_fast
     speed, current = watched.motor_speed, watched.motor_current
@@ -147,17 +147,20 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
 
 
 def command_is_plausible(command: float, highest: float) -> bool:
-    """Whether a command in [N m] may go to the drive; NaN may not."""
+    """Check whether a command in [N m] is small enough to be sent to the drive; NaN is not."""
     return abs(command) <= highest
 
 
 def hold_torque(speed: float, damping: float) -> float:
-    r"""Torque in [N m] that brakes a held joint at the inferred speed, :math:`-b_h \hat\omega`."""
+    r"""Compute the torque in [N m] that brakes a joint at the estimated speed, :math:`-b_h \hat\omega`."""
     return -damping * speed
 
 
 def support_share(ticks: int, lowering_ticks: int) -> float:
-    """Share of the leg's weight that the hold carries, ticks after the trip: fading from 1 linearly to 0."""
+    """Compute the share of the leg's weight that the hold carries, a number of ticks after the trip.
+
+    The share decreases linearly from 1 to 0 over ``lowering_ticks``.
+    """
     if ticks >= lowering_ticks:
         return 0.0
     return 1.0 - ticks / lowering_ticks

@@ -1,8 +1,8 @@
-"""Types of a schedule: the steps of a tick in their order, and over which parts of an episode they run.
+"""Types of a schedule: the steps of a tick in their order, and the parts of an episode they run over.
 
-A step is a function of one episode, or of one joint, leg, sole or limb of it; the names of its arguments say
-which records it takes. A schedule is a tuple of steps and of the groups below, which may be nested. It says
-nothing about how many episodes run at once: that is up to :mod:`twin_gait.simulation.executors`.
+A step is a function of one episode, or of one joint, leg, sole or limb of it; the names of its arguments
+select the records that are passed to it. A schedule is a tuple of steps and of the groups below, which may be
+nested. It does not define how many episodes run at once: that is up to :mod:`twin_gait.simulation.executors`.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ Schedule: TypeAlias = tuple[Any, ...]  # Steps, groups, and other schedules.
 class Over:
     """Steps of every joint, leg, sole or limb, one after the other."""
 
-    parts: str  # Name of the parts.
+    parts: str  # Name of the parts, such as ``joints``.
     steps: Schedule
 
 
@@ -32,7 +32,7 @@ class When:
 
 @dataclass(frozen=True)
 class Some:
-    """Steps of all episodes if a test holds for any of them; they do nothing in the other episodes."""
+    """Steps that run for all episodes if a test is true for any of them; no effect in the other episodes."""
 
     test: Step
     steps: Schedule
@@ -40,7 +40,7 @@ class Some:
 
 @dataclass(frozen=True)
 class Rare:
-    """Steps of the episodes for which a test holds, one episode after the other."""
+    """Steps for the episodes for which a test is true, one episode after the other."""
 
     test: Step
     steps: Schedule
@@ -48,14 +48,14 @@ class Rare:
 
 @dataclass(frozen=True)
 class OneByOne:
-    """Steps that cannot become vector code: one episode after the other."""
+    """Steps that cannot become vector code and run one episode after the other."""
 
     steps: Schedule
 
 
 @dataclass(frozen=True)
 class Block:
-    """A function of all episodes at once, with loops of its own over them."""
+    """A function of all episodes at once, with its own loops over them."""
 
     function: Step
 
@@ -86,12 +86,12 @@ def when(condition: str, *steps: Any, otherwise: Schedule = ()) -> When:
 
 
 def some(test: Step, *steps: Any) -> Some:
-    """Group steps that run for all episodes if a test holds for any of them."""
+    """Group steps that run for all episodes if a test is true for any of them."""
     return Some(test, steps)
 
 
 def rare(test: Step, *steps: Any) -> Rare:
-    """Group steps that run for the few episodes for which a test holds."""
+    """Group steps that run for the few episodes for which a test is true."""
     return Rare(test, steps)
 
 

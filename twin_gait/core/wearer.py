@@ -1,4 +1,4 @@
-"""What the wearer does at a joint: passive moments, spasticity and voluntary effort.
+"""Torques of the wearer at a joint: passive moments, spasticity and voluntary effort.
 
 All torques act on the joint and are positive in the direction of flexion.
 """
@@ -11,7 +11,7 @@ _DEGREES = 180.0 / math.pi
 
 
 def passive_hip_torque(hip: float, knee: float) -> float:
-    r"""Passive elastic moment of the hip in [N m] at flexions in [rad], after Riener and Edrich (1999).
+    r"""Compute the passive elastic moment of the hip in [N m] at flexions in [rad].
 
     .. math::
 
@@ -28,7 +28,7 @@ def passive_hip_torque(hip: float, knee: float) -> float:
 
 
 def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
-    r"""Passive elastic moment of the knee in [N m] after Riener and Edrich (1999).
+    r"""Compute the passive elastic moment of the knee in [N m] at angles in [rad].
 
     .. math::
 
@@ -36,7 +36,8 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
             - e^{-3.971 + 0.0004\,\varphi_a + 0.0495\,\varphi_k - 0.0128\,\varphi_h} - 4.820
             + e^{2.220 - 0.150\,\varphi_k}
 
-    with angles in degrees; the paper counts plantarflexion positive, here dorsiflexion is.
+    with angles in degrees (Riener and Edrich, 1999); the paper counts plantarflexion as positive, this
+    function dorsiflexion.
     """
     fh, fk, fa = _DEGREES * hip, _DEGREES * knee, _DEGREES * ankle
     two_joint = exponential(1.800 + 0.0460 * fa - 0.0352 * fk + 0.0217 * fh)
@@ -46,10 +47,12 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
 
 
 def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float) -> float:
-    r"""Torque in [N m] of a spastic muscle that catches when it is stretched faster than ω_c.
+    r"""Compute the torque in [N m] of a spastic muscle, which resists a stretch that is faster than ω_c.
 
     :math:`\tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| >
     \omega_c`
+
+    ``stretch_reflex_threshold``: ω_c in [rad] / [s]. ``gain``: g in [N m s] / [rad].
     """
     excess = abs(velocity) - stretch_reflex_threshold
     if excess <= 0.0:
@@ -58,9 +61,9 @@ def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float
 
 
 def posture_place(angle: float, lowest: float, step: float, entries: int) -> tuple[int, float]:
-    """Where an angle falls on an even grid, for linear interpolation; held beyond its ends.
+    """Find the grid interval of an angle on an even grid, for linear interpolation; constant beyond its ends.
 
-    Returns the number of the entry below, and the share of the next one.
+    Returns the index of the entry below, and the share of the next one.
     """
     place = (angle - lowest) / step
     if place <= 0.0:
