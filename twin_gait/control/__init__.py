@@ -1,4 +1,4 @@
-"""The controller of a joint, behind one interface, and what its monitor says."""
+"""The controller of the legs, behind one interface, and the trips of the safety monitor."""
 
 import lazy_loader
 

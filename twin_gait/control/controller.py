@@ -1,8 +1,9 @@
-"""A controller of the legs: what each phase asks of the joints, a memory, and what it does in a tick.
+"""A controller of the legs: setpoints for each phase, a memory, and a function that runs in each tick.
 
-The gait controller (:mod:`twin_gait.control.gait_controller`) fades into the setpoints of a phase and writes
-them, with what is fed forward, into the demand of each joint. A controller with a tick changes these demands
-before the boards hear them. It keeps nothing but its memory, which is part of the record of an episode.
+The gait controller (:mod:`twin_gait.control.gait_controller`) blends into the setpoints of a phase and writes
+them, with the feed-forward torques, into the demand of each joint. A controller with a tick changes these
+demands before the boards receive them. Its only state is its memory, which is part of the record of an
+episode.
 """
 
 import inspect
@@ -21,26 +22,27 @@ from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName, Side
 
 TickFunction = Callable[[Any, Any, int, float], None]
-PATH_SAMPLES = 101  # of a cycle, every percent
-_TRAILING_START = 0.5  # of the cycle, where the trailing leg begins
+PATH_SAMPLES = 101  # Number of samples of a cycle: one for every percent.
+_TRAILING_START = 0.5  # Share of the cycle at which the trailing leg begins.
 _DEMANDED = ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target")
 
 
 @dataclass(slots=True)
 class Path:
-    """A walk that is followed, or against which the tracking error is measured; it may be a memory."""
+    """A walk as a reference to be followed or for the tracking error; it may be a controller's memory."""
 
-    # over the cycle from foot contact in [rad], by sample (``PATH_SAMPLES``) and joint of a leg
+    # Angles over the cycle from foot contact in [rad], by sample (``PATH_SAMPLES``) and joint of a leg.
     angles: list[list[float]]
-    cycle_ticks: int  # ticks of a cycle
-    starts: list[float]  # share of the cycle at which each leg begins
+    cycle_ticks: int  # Duration of a cycle in ticks.
+    starts: list[float]  # Share of the cycle at which each leg begins.
 
 
 def cycle_place(progress: float, samples: int) -> tuple[int, float]:
-    """Where an instant of the gait cycle falls among evenly spaced samples of a path that closes.
+    """Find the samples of a closed path, evenly spaced over the gait cycle, between which an instant lies.
 
-    Whole cycles of the progress do not matter; the last sample is the first of the next cycle. Returns the
-    number of the sample before the instant, and the share of the next one.
+    ``progress``: the instant in cycles; whole cycles have no effect. ``samples``: number of samples; the last
+    one is the first of the next cycle. Returns the index of the sample before the instant, and the share of
+    the next one.
     """
     place = (progress - int(progress)) * (samples - 1)
     before = min(int(place), samples - 2)
@@ -49,20 +51,20 @@ def cycle_place(progress: float, samples: int) -> tuple[int, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a controller knows before the walk."""
+    """Information that a controller receives before the walk."""
 
-    sides: tuple[Side, ...]  # the legs, in the order of the device's
-    joints: tuple[str, ...]  # names of the joints of a leg, in their order
-    phases: tuple[str, ...]  # names of the phases by number
-    leading: Side  # leg that begins with the gait cycle
-    speed: float  # of walking in [m] / [s], as near to it as healthy walking is known
-    height: float  # of the wearer in [m]
-    inertia: InertiaAt  # effective inertia of a joint in [kg m²], from leg, posture and the joint's name
+    sides: tuple[Side, ...]  # Legs, in the order of the device's legs.
+    joints: tuple[str, ...]  # Names of the joints of a leg, in their order.
+    phases: tuple[str, ...]  # Names of the phases by number.
+    leading: Side  # Leg that begins with the gait cycle.
+    speed: float  # Walking speed in [m] / [s], limited to the range for which healthy walking is known.
+    height: float  # Height of the wearer in [m].
+    inertia: InertiaAt  # Effective inertia of a joint in [kg m²], from leg, posture and the joint's name.
 
     @property
     def reference(self) -> Path:
         """Healthy walking at this speed and height (Koopman et al. 2014)."""
-        # With the measures comes pandas, which an experiment is read without.
+        # The import is local because it loads pandas, which is not needed to read an experiment.
         from twin_gait.measures.reference import reference_curve, reference_cycle_time
 
         percent = np.linspace(0.0, 100.0, PATH_SAMPLES)
@@ -77,27 +79,28 @@ class Plan:
 
 @dataclass(slots=True)
 class NoMemory:
-    """What a controller keeps that keeps nothing."""
+    """Memory of a controller without state."""
 
-    unused: int = 0  # no record is empty
+    unused: int = 0  # Unused field, because a compiled record cannot be empty.
 
 
 class Controller:
-    """A controller of the legs; one of its own derives from this class and changes what it wants to.
+    """A controller of the legs; the user's own controllers derive from this class and override parts of it.
 
-    As it stands it is impedance control: every joint has the setpoints of the gait table.
+    The base class is impedance control: every joint has the setpoints of the gait table.
 
     Attributes:
-        mode: Value of ``control.mode`` that stands for it; empty for a controller that does not ship.
-        tick: What it does in a tick of 1 ms, or None: a static method that takes its memory, the device, the
-            number of the tick and its length in [s]. Of the device it reads ``legs`` (``phase``, the
-            ``entry_tick`` in which it began, ``load`` over body weight) and ``joints``, leg by leg
-            (``measurement.angle`` in [rad], ``measurement.velocity`` in [rad] / [s]). In the ``demand`` of a
-            joint stand the setpoint and what is fed forward, see
-            :class:`twin_gait.control.joint_board.Demand`; it changes them in place. After a trip of the
-            safety monitor it is not called.
-        by_phases: Whether it is the phases that move the legs on; the monitor limits the time in one then.
-        unprinted: Why the firmware does not have it, with key, value and way out; empty if it does.
+        mode: Value of ``control.mode`` that selects it; empty for a controller that does not ship.
+        tick: Function that runs in each tick of 1 ms, or None: a static method that takes its memory, the
+            device, the number of the tick and its length in [s]. It reads from the device ``legs``
+            (``phase``, the ``entry_tick`` in which the phase was entered, ``load`` as a fraction of body
+            weight) and ``joints``, leg by leg (``measurement.angle`` in [rad], ``measurement.velocity`` in
+            [rad] / [s]). The ``demand`` of a joint contains the setpoint and the feed-forward torques, see
+            :class:`twin_gait.control.joint_board.Demand`; the function changes them in place. It is not
+            called after a trip of the safety monitor.
+        by_phases: Whether the phases move the legs on; if they do, the monitor limits the time in a phase.
+        unprinted: Reason why the firmware does not include it, with key, value and alternative; empty if it
+            does.
     """
 
     mode = ""
@@ -107,53 +110,56 @@ class Controller:
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name in messages."""
         return type(self).__name__
 
     def refusal(self, joints: tuple[JointName, ...]) -> str:
-        """Why it cannot drive some joints, with key and way out; empty if it can."""
+        """Check whether the controller can drive some joints.
+
+        Returns an error message with key and alternative; empty if it can.
+        """
         return ""
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-        """Setpoints of a leg by phase.
+        """Return the setpoints of a leg by phase.
 
-        ``rows``: what the gait table says: k, b, θ0, G of each joint and the gravity share, shape
+        ``rows``: values of the gait table: k, b, θ0, G of each joint and the gravity share, shape
         ``(n_phases, n_columns)``; may be changed in place. Returns the same shape.
         """
         return rows
 
     def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
-        """Angles in [rad] at which the joints of each leg have to begin; none leaves that to the world."""
+        """Return the initial angles in [rad] of the joints of each leg; empty if the world sets them."""
         return {}
 
     def walk(self, plan: Plan) -> Path:
-        """The walk against which assistance that adapts measures the tracking error."""
+        """Return the walk against which adaptive assistance measures the tracking error."""
         return plan.reference
 
     def memory(self, plan: Plan) -> Any:
-        """What it keeps, as it begins: a dataclass with slots, of numbers, such dataclasses and lists."""
+        """Create the initial memory: a dataclass with slots, of numbers, such dataclasses and lists."""
         return NoMemory()
 
     def constants(self) -> dict[str, int]:
-        """Constants that a loop is bound to, by name; what they rule out is not compiled."""
+        """Return the build flags of a loop by name; code that they rule out is not compiled."""
         return {"CONTROLLED": self.tick is not None}
 
     def functions(self) -> dict[str, TickFunction]:
-        """Functions that a loop is bound to, by name."""
+        """Return the functions that a loop is specialized for, by name."""
         return {} if self.tick is None else {"controller_tick": self.tick}
 
 
 class UncompiledControllerError(ParameterError):
-    """numba cannot compile the tick of a controller."""
+    """Error that numba cannot compile the tick of a controller."""
 
 
 def mistake(name: str, expected: str, got: str) -> ParameterError:
-    """What to raise of a controller that is not as it should be."""
+    """Create the error for a controller that does not fulfil the interface."""
     return ParameterError(f"controller {name!r}: expected {expected}, got {got}")
 
 
 def require_controller(controller: Any) -> None:
-    """Refuse, by a ParameterError, what is no controller, or whose tick does not take what it is handed."""
+    """Check that an object is a controller and its tick has the right arguments; if not, ParameterError."""
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
         got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
@@ -169,7 +175,7 @@ def require_controller(controller: Any) -> None:
 
 
 def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-    """Setpoints of a leg; a ParameterError if they are not finite or of another shape."""
+    """Return the setpoints of a leg; raise ParameterError if they are not finite or of another shape."""
     shape, given = rows.shape, controller.setpoints(plan, side, rows)
     try:
         found = np.asarray(given, dtype=float)
@@ -182,10 +188,11 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
 
 
 def checked(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]) -> TickFunction:
-    """A tick whose demands and memory are looked at.
+    """Wrap a tick so that its demands and memory are checked.
 
-    ``float_in``: names a field of whole numbers that holds a float. ParameterError if there is one, if the
-    tick returns something or demands no number; what is not finite is for the monitor.
+    ``float_in``: function that returns the name of an integer field that holds a float, or None. The wrapper
+    raises ParameterError if there is one, if the tick returns something, or if a demand is not a number;
+    values that are not finite are left to the monitor.
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
@@ -201,14 +208,14 @@ def checked(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]
 
 
 def require_no_answer(name: str, answer: Any) -> None:
-    """Refuse, by a ParameterError, a tick that returns something, which nobody would read."""
+    """Check that a tick returns None, because a result would not be used; raise ParameterError if not."""
     if answer is not None:
         expected = "a tick that changes demands in place and returns nothing"
         raise mistake(name, expected, reprlib.repr(answer))
 
 
 def require_whole_numbers(name: str, field: str | None) -> None:
-    """Refuse, by a ParameterError, a memory with a float in a field of whole numbers; None says none has."""
+    """Raise ParameterError for a float in an integer field of a memory; None means that there is none."""
     if field is not None:
         expected = f"a whole number in {field}, which its class declares as int"
         raise mistake(name, expected, "a float; declare it as float")

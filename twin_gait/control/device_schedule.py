@@ -1,4 +1,4 @@
-"""Schedule of the device: what boards and gait controller do in a tick, in their order.
+"""Schedule of the device: the steps of boards and gait controller in a tick, in their order.
 
 The simulation runs it with sensors, bus and motors in between (:mod:`twin_gait.simulation.schedule`); the
 units of the firmware are printed from it (:mod:`twin_gait.firmware.units`).
@@ -45,19 +45,19 @@ from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.core.schedule import joints, legs, one_by_one, rare, some, when
 
-# Build flags that conditions of this schedule may name.
+# Build flags that conditions of this schedule may use.
 FLAGS = {
     name: getattr(gait_controller, name) for name in ("LEGS", "INERTIA_WANTED", "CONTROLLED", "SUPERVISED")
 }
 
 
 def control_gravity(q: list[float], bodies: list[float], gravity: float, torque: list[float]) -> None:
-    """Compute the gravity torques of the controller's model into ``torque``; replaced by the kernel."""
+    """Compute the controller model's gravity torques into ``torque``; replaced by the kernel."""
     raise NotImplementedError
 
 
 def control_inertia(q: list[float], a: list[float], bodies: list[float], torque: list[float]) -> None:
-    """Compute the inertia torques of the model, armature included, likewise."""
+    """Compute the model's inertia torques, armature included, into ``torque``; replaced by the kernel."""
     raise NotImplementedError
 
 
@@ -72,7 +72,7 @@ def sample_velocity(board: BoardState, rates: Rates, tick: int) -> None:
 
 
 def walks(controller: ControllerState) -> bool:
-    """Return whether the monitor has not tripped."""
+    """Check that the monitor has not tripped."""
     return controller.trip.tick < 0
 
 
@@ -87,7 +87,7 @@ def choose_transition(controller: ControllerState, number: int) -> None:
 
 
 def has_chosen(leg: ControlledLeg) -> bool:
-    """Return whether a leg takes a transition in this tick."""
+    """Check whether a leg takes a transition in this tick."""
     return leg.chosen != NO_TRANSITION
 
 
@@ -98,14 +98,14 @@ def take_transition(controller: ControllerState, number: int, tick: int) -> None
 
 
 def take_posture(controller: ControllerState, number: int, tick: int) -> None:
-    """Enter the phase into which a new mode sends a leg, if there is one."""
+    """Enter the phase of a leg that a new mode requires, if there is one."""
     posture = sent_to(controller, number)
     if posture != NO_POSTURE:
         enter_phase(controller, number, posture, tick)
 
 
 def is_fading(leg: ControlledLeg, tick: int) -> bool:
-    """Return whether the parameters of a leg have not arrived at those of its phase."""
+    """Check whether the parameters of a leg are still being blended into those of its phase."""
     return tick - leg.entry_tick <= leg.blend_ticks[leg.phase]
 
 
@@ -123,19 +123,19 @@ def compute_inertia(controller: ControllerState) -> None:
 
 
 def take_demand(controller: ControllerState, board: BoardState, number: int) -> None:
-    """Copy what the gait controller demands to the board of a joint."""
+    """Copy the gait controller's demand to the board of a joint."""
     copy_demand(controller.joints[number].demand, board.demand)
 
 
 def is_implausible(board: BoardState) -> bool:
-    """Return whether the command of a board may not be given to its drive."""
+    """Check whether the command of a board is implausible, so that it must not be sent to its drive."""
     return board.command.cause != NO_TRIP
 
 
 def hold_all(controller: ControllerState, board: BoardState, limits: Limits, number: int, tick: int) -> None:
     """Trip on an implausible command, and hold the joint instead.
 
-    The demand was that of a walk, so that no weight is carried in this tick.
+    The demand of this tick was computed for walking, so no weight is carried in this tick.
     """
     joint = controller.joints[number]
     trip(controller, tick, board.command.cause, number)
@@ -146,7 +146,7 @@ def hold_all(controller: ControllerState, board: BoardState, limits: Limits, num
 
 
 def command_current(board: BoardState, limits: Limits) -> None:
-    """Set the current of a drive to that of its command."""
+    """Set the target current of a drive from its command."""
     set_current(board, limits, board.command.torque)
 
 
@@ -163,7 +163,7 @@ WATCH_DRIVES = when("watching", joints(watch_drive))
 WATCH = when("watching", watch_supply, legs(watch_leg), rare(has_cause, trip_on_causes))
 # Gait controller: the operating modes.
 SUPERVISE = when("SUPERVISED", one_by_one(supervise, legs(take_posture)))
-# Gait controller: the state machines of both legs on one snapshot, and the fade of their parameters.
+# Gait controller: the state machines of both legs on one snapshot, and the blending of their parameters.
 WALK = some(
     walks,
     legs(begin_tick),
@@ -178,6 +178,6 @@ FEED_FORWARD = (
 # Gait controller: the controller that changes the demands.
 CHANGE = when("CONTROLLED", rare(walks, change_demands))
 DECIDE = (WATCH, SUPERVISE, WALK, *FEED_FORWARD, CHANGE)
-# Both, joint after joint: a trip on the command of one is known before the next one is commanded.
+# Board and gait controller, joint after joint: a trip on one command takes effect before the next command.
 HOLD = rare(is_implausible, hold_all)
 COMMAND = (joints(demand, take_demand, ask, check, HOLD, command_current),)

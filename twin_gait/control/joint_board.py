@@ -1,7 +1,7 @@
-"""The board of a joint: what its firmware does in a tick of 1 ms, between encoder, gait controller and drive.
+"""The board of a joint: its firmware in a tick of 1 ms, between encoder, gait controller and drive.
 
-The device has one for each joint, and one gait controller (:mod:`twin_gait.control.gait_controller`) for all
-of them. The simulation and the C firmware run these functions in the order of
+The device has one board for each joint, and one gait controller (:mod:`twin_gait.control.gait_controller`)
+for all of them. The simulation and the C firmware run these functions in the order of
 :mod:`twin_gait.control.device_schedule`.
 """
 
@@ -29,86 +29,88 @@ from twin_gait.parameters import FrictionParameters
 
 @dataclass(slots=True)
 class Rates:
-    """How the firmware samples."""
+    """Sampling configuration of the firmware."""
 
     period: float  # Length of a tick in [s].
-    fast_gain: float  # Of the fast velocity filter.
-    decimation: int  # Ticks between two slow samples.
-    blend_law: int  # Of the setpoints, see :mod:`twin_gait.core.blending`.
+    fast_gain: float  # Gain of the fast velocity filter.
+    decimation: int  # Number of ticks between two slow samples.
+    blend_law: int  # Blending law of the setpoints, see :mod:`twin_gait.core.blending`.
 
 
 @dataclass(slots=True)
 class Limits:
-    """What bounds the command, and how long the gait controller bears something."""
+    """Limits of the command, and timeouts of the gait controller and the boards."""
 
-    torque: float  # Of the command in [N m].
-    current: float  # Of the drives in [A].
-    phase_ticks: int  # Longest time in a phase.
-    frozen_load_ticks: int  # Longest time for which a load may stand still.
-    controller_silence: int  # Longest time in ticks for which a board bears not to hear the gait controller.
-    board_silence: int  # For which the gait controller bears not to hear a board.
-    lowering_ticks: int  # In which a held leg is lowered.
-    hold_damping: float  # Of a held joint in [N m s] / [rad].
+    torque: float  # Limit of the command in [N m].
+    current: float  # Limit of the drives in [A].
+    phase_ticks: int  # Longest time in a phase in ticks.
+    frozen_load_ticks: int  # Longest time in ticks for which a load may be constant while the hip turns.
+    controller_silence: int  # Timeout in ticks for messages of the gait controller at a board.
+    board_silence: int  # Timeout in ticks for messages of a board at the gait controller.
+    lowering_ticks: int  # Number of ticks in which a held leg is lowered.
+    hold_damping: float  # Damping of a held joint in [N m s] / [rad].
 
 
 @dataclass(slots=True)
 class Measurement:
-    """What a board tells the gait controller in a tick."""
+    """Measurements that a board sends to the gait controller in a tick."""
 
-    angle: float = 0.0  # Measured in [rad].
-    last_angle: float = 0.0  # Of the tick before.
-    velocity: float = 0.0  # Fast estimate in [rad] / [s].
-    last_velocity: float = 0.0  # Of the tick before.
-    motor_speed: float = 0.0  # Joint speed that the drive infers in [rad] / [s].
-    cause: int = NO_TRIP  # Of a trip that the board has found, see :mod:`twin_gait.core.safety`.
+    angle: float = 0.0  # Measured angle in [rad].
+    last_angle: float = 0.0  # Angle of the tick before in [rad].
+    velocity: float = 0.0  # Fast velocity estimate in [rad] / [s].
+    last_velocity: float = 0.0  # Fast velocity estimate of the tick before in [rad] / [s].
+    motor_speed: float = 0.0  # Joint speed that the drive estimates in [rad] / [s].
+    cause: int = NO_TRIP  # Cause of a trip that the board has found, see :mod:`twin_gait.core.safety`.
 
 
 @dataclass(slots=True)
 class Demand:
-    """What the gait controller asks of a board."""
+    """Demand of the gait controller for a board."""
 
     stiffness: float = 0.0  # k in [N m] / [rad].
     damping: float = 0.0  # b in [N m s] / [rad].
     equilibrium: float = 0.0  # θ0 in [rad].
-    gain: float = 0.0  # G, of the friction compensation.
-    gravity: float = 0.0  # Compensation in [N m]; of a held joint what is still carried.
-    inertia: float = 0.0  # Compensation in [N m].
-    target: float = 0.0  # Torque that is added in [N m].
-    held: bool = False  # Whether the joint is braked and let down instead.
+    gain: float = 0.0  # G, gain of the friction compensation.
+    gravity: float = 0.0  # Gravity compensation in [N m]; for a held joint the part that is still carried.
+    inertia: float = 0.0  # Inertia compensation in [N m].
+    target: float = 0.0  # Additional torque in [N m].
+    held: bool = False  # Whether the joint is braked and lowered instead.
 
 
 @dataclass(slots=True)
 class Command:
-    """What a board makes of a demand in a tick, in the walk or in the hold, and asks of its drive."""
+    """Command of a board for its drive in a tick, computed from the demand, in the walk or in the hold."""
 
     impedance: float = 0.0  # Torque of spring and damper, or of the brake, in [N m].
-    friction: float = 0.0  # Compensation in [N m].
-    torque: float = 0.0  # Sum of these and of what is fed forward, before limits, in [N m].
-    target_current: float = 0.0  # That the drive is asked for in [A].
-    drive_off: bool = False  # Whether the drive is cut off for good, since it has not obeyed.
-    cause: int = NO_TRIP  # Of a trip, if no drive may be asked for what is demanded.
+    friction: float = 0.0  # Friction compensation in [N m].
+    torque: float = 0.0  # Sum of these and of the feed-forward torques, before limits, in [N m].
+    target_current: float = 0.0  # Target current of the drive in [A].
+    # Whether the drive is permanently switched off because it did not follow its target.
+    drive_off: bool = False
+    cause: int = NO_TRIP  # Cause of a trip if the command is implausible.
 
 
 @dataclass(slots=True)
 class BoardState:
-    """Everything that a board keeps."""
+    """State of a board."""
 
-    encoder: Encoder  # With its velocity estimates.
-    motor: Motor  # Motor and gear as the board knows them.
-    friction_model: FrictionParameters  # Of the compensator.
-    bounds: Bounds  # Of the monitor.
-    watched: Watched = field(default_factory=Watched)  # What the monitor remembers.
-    demand: Demand = field(default_factory=Demand)  # Last heard from the gait controller.
-    command: Command = field(default_factory=Command)  # Of this tick.
+    encoder: Encoder  # Encoder with its velocity estimates.
+    motor: Motor  # Motor and gear as modelled in the board.
+    friction_model: FrictionParameters  # Friction model of the compensator.
+    bounds: Bounds  # Bounds of the monitor.
+    watched: Watched = field(default_factory=Watched)  # State of the monitor.
+    demand: Demand = field(default_factory=Demand)  # Last demand received from the gait controller.
+    command: Command = field(default_factory=Command)  # Command of this tick.
     model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N m].
-    cause: int = NO_TRIP  # First one of a trip that the board has found itself.
-    alone_ticks: int = 0  # For how long it has held its joint without the gait controller, then for good.
-    carried: float = 0.0  # Torque in [N m] that was fed forward as that began.
-    silent_ticks: int = 0  # Since the gait controller was heard.
+    cause: int = NO_TRIP  # First cause of a trip that the board has found itself.
+    # Ticks for which it has held its joint without the gait controller; this is never reset.
+    alone_ticks: int = 0
+    carried: float = 0.0  # Gravity torque in [N m] at the start of that hold.
+    silent_ticks: int = 0  # Ticks since the last message of the gait controller.
 
 
 def model_friction(board: BoardState) -> None:
-    """Friction of the compensator's model, which changes only with the slow velocity."""
+    """Update the torque of the compensator's friction model, which changes only with the slow velocity."""
     velocity, law = board.encoder.velocity_slow, board.friction_model
     board.model_friction = rotational_friction_torque(
         velocity, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
@@ -116,22 +118,22 @@ def model_friction(board: BoardState) -> None:
 
 
 def watch_drive(board: BoardState, rates: Rates) -> None:
-    """Note the cause of a trip that is found on joint and drive; cut off a drive that does not obey."""
+    """Store the cause of a trip found on joint and drive; switch off a drive that ignores its target."""
     deviation, gain = command_deviation(board), board.bounds.command_gain
     board.watched.command_deviation = first_order_step(board.watched.command_deviation, deviation, gain)
     cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
     board.cause = cause if board.cause == NO_TRIP else board.cause
-    # Whatever else was found first.
+    # This is independent of any cause found earlier.
     broken = board.watched.drive_streak >= board.bounds.drive_ticks
     board.command.drive_off = board.command.drive_off or broken
 
 
 def command_deviation(board: BoardState) -> float:
-    """Compute the deviation of the last command from its set point at the present measurement in [N m].
+    """Compute the deviation in [N m] of the last command from its setpoint at the present measurement.
 
     This second computation reads the encoder a tick after the first one, so that it shares no sample with it.
     In normal operation the deviation is the change of the spring and damper torque in a tick; a sudden change
-    by ΔT adds at most ΔT times ``command_gain`` to the filtered deviation. A held joint has no set point, and
+    by ΔT adds at most ΔT times ``command_gain`` to the filtered deviation. A held joint has no setpoint, and
     a deviation of 0.
     """
     if board.demand.held:
@@ -141,7 +143,7 @@ def command_deviation(board: BoardState) -> float:
 
 
 def report(board: BoardState, measurement: Measurement) -> None:
-    """Tell what was measured, and the first cause of a trip; ``measurement`` is changed in place."""
+    """Write the measurements and the first cause of a trip to ``measurement``, in place."""
     encoder = board.encoder
     measurement.angle = encoder.angle
     measurement.last_angle = encoder.last_angle
@@ -152,7 +154,7 @@ def report(board: BoardState, measurement: Measurement) -> None:
 
 
 def copy_measurement(source: Measurement, target: Measurement) -> None:
-    """Give a measurement the values of another; ``target`` is changed in place."""
+    """Copy the values of a measurement to ``target``."""
     target.angle = source.angle
     target.last_angle = source.last_angle
     target.velocity = source.velocity
@@ -162,7 +164,7 @@ def copy_measurement(source: Measurement, target: Measurement) -> None:
 
 
 def copy_demand(source: Demand, target: Demand) -> None:
-    """Give a demand the values of another; ``target`` is changed in place."""
+    """Copy the values of a demand to ``target``."""
     target.stiffness = source.stiffness
     target.damping = source.damping
     target.equilibrium = source.equilibrium
@@ -174,7 +176,7 @@ def copy_demand(source: Demand, target: Demand) -> None:
 
 
 def copy_command(source: Command, target: Command) -> None:
-    """Give a command the values of another; ``target`` is changed in place."""
+    """Copy the values of a command to ``target``."""
     target.impedance = source.impedance
     target.friction = source.friction
     target.torque = source.torque
@@ -192,12 +194,12 @@ def spring_torque(board: BoardState) -> float:
 
 
 def total_torque(demand: Demand, impedance: float, friction: float) -> float:
-    """Compute the sum of two torques of a board and of the torques that are fed forward, all in [N m]."""
+    """Compute the sum of two torques of a board and of the feed-forward torques, all in [N m]."""
     return impedance + friction + demand.gravity + demand.inertia + demand.target
 
 
 def ask(board: BoardState) -> None:
-    """Impedance on friction compensation, or the brake of a held joint."""
+    """Compute impedance torque and friction compensation of the command, or the brake of a held joint."""
     asked, demand = board.command, board.demand
     if demand.held:
         asked.impedance, asked.friction = hold_torque(board.watched.motor_speed, demand.damping), 0.0
@@ -207,13 +209,13 @@ def ask(board: BoardState) -> None:
 
 
 def sum_up(board: BoardState) -> None:
-    """Sum the torques of the command up."""
+    """Compute the total torque of the command."""
     asked = board.command
     asked.torque = total_torque(board.demand, asked.impedance, asked.friction)
 
 
 def check(board: BoardState, watching: bool) -> None:
-    """Sum the command up, and note the cause of a trip if the drive may not be asked for it."""
+    """Compute the total torque of the command, and set the cause of a trip if it is implausible."""
     sum_up(board)
     asked = board.command
     wild = watching and not board.demand.held
@@ -222,10 +224,13 @@ def check(board: BoardState, watching: bool) -> None:
 
 
 def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None:
-    """Take what the gait controller demands over the bus; hold the joint alone where that cannot be."""
+    """Receive a demand of the gait controller over the bus; hold the joint alone after a timeout or trip.
+
+    ``demand``: demand of the last message. ``heard``: whether a message has arrived in this tick.
+    """
     board.silent_ticks = 0 if heard else board.silent_ticks + 1
     if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
-        board.cause = BUS_TRIP  # so that the gait controller, if it hears the board, does not walk on
+        board.cause = BUS_TRIP  # The cause also stops the gait controller if it receives it.
     if board.cause != NO_TRIP:
         hold_alone(board, limits)
     elif heard:
@@ -233,7 +238,7 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
 
 
 def obey(board: BoardState, limits: Limits, watching: bool) -> None:
-    """Command what is demanded; hold the joint at once if that is wild."""
+    """Compute the command from the demand; hold the joint at once if the command is implausible."""
     ask(board)
     check(board, watching)
     if board.command.cause != NO_TRIP:
@@ -241,7 +246,7 @@ def obey(board: BoardState, limits: Limits, watching: bool) -> None:
 
 
 def refuse(board: BoardState, limits: Limits) -> None:
-    """Hold the joint alone instead of commanding what is wild, and carry no weight that is."""
+    """Hold the joint alone instead of an implausible command, without a weight that is implausible itself."""
     board.cause = board.command.cause
     if not command_is_plausible(board.demand.gravity, board.bounds.highest_command):
         board.demand.gravity = 0.0
@@ -251,7 +256,7 @@ def refuse(board: BoardState, limits: Limits) -> None:
 
 
 def hold_alone(board: BoardState, limits: Limits) -> None:
-    """Demand of oneself to brake, and to carry less and less of what was fed forward last."""
+    """Set the board's own demand: brake, and carry a decreasing share of the last gravity torque."""
     if board.alone_ticks == 0:
         board.carried = board.demand.gravity
     share = support_share(board.alone_ticks, limits.lowering_ticks)
@@ -260,10 +265,10 @@ def hold_alone(board: BoardState, limits: Limits) -> None:
 
 
 def demand_rest(demand: Demand, limits: Limits, angle: float, support: float, weight: float) -> None:
-    """Demand that a joint is braked and let down slowly.
+    """Set a demand to brake a joint and lower it slowly.
 
-    ``angle``: where it is held, in [rad]. ``support``: share of the weight that is still carried. ``weight``:
-    torque in [N m].
+    ``angle``: angle at which the joint is held, in [rad]. ``support``: share of the weight that is still
+    carried. ``weight``: torque in [N m].
     """
     demand.stiffness, demand.damping, demand.gain = 0.0, limits.hold_damping, 0.0
     demand.equilibrium = angle
@@ -273,15 +278,16 @@ def demand_rest(demand: Demand, limits: Limits, angle: float, support: float, we
 
 
 def set_current(board: BoardState, limits: Limits, torque: float) -> None:
-    """Ask the drive for the current of a torque in [N m], within the limits; NaN asks for none."""
+    """Set the drive's target current for a torque in [N m], within the limits; NaN gives 0."""
     current = target_current(board.motor, torque, limits.torque, limits.current)
     board.command.target_current = 0.0 if board.command.drive_off or torque != torque else current
 
 
 def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:
-    """Keep for the monitor what the drive did in this tick.
+    """Store the state of the drive in this tick for the monitor.
 
-    Winding's voltage in [V], current in [A], ``deviation`` of it from what the drive should give in [A].
+    ``voltage`` of the winding in [V], ``current`` in [A], and ``deviation`` of the current from its expected
+    value in [A].
     """
     watched, bounds = board.watched, board.bounds
     watched.commanded = board.command.torque

@@ -1,7 +1,7 @@
-"""Record of a controller of the user's own, and the controller that it stands for.
+"""Record of a user's own controller, and restoring the controller from it.
 
-A run folder names the class and has the source text for a reader, but this text is never executed: the class
-is imported from the user's path, and only if the source found there is the recorded one.
+A run folder contains the name of the class and the source text for a reader, but this text is never executed:
+the class is imported from the user's path, and only if the source found there is the recorded one.
 """
 
 import hashlib
@@ -22,25 +22,25 @@ from twin_gait.control.controller import Controller
 from twin_gait.exceptions import ParameterError
 
 _PACKAGE = __name__.partition(".")[0]
-_RUN_FILES = ("experiment.yaml", "summary.json")  # by which a run folder is recognised
+_RUN_FILES = ("experiment.yaml", "summary.json")  # Files that identify a run folder.
 _PLAIN = (bool, int, float, str, type(None))
-_TUPLE, _ARRAY = "__tuple__", "__array__"  # keys of values that YAML does not have
+_TUPLE, _ARRAY = "__tuple__", "__array__"  # Keys for types that YAML does not have.
 
 
 @dataclass(frozen=True, kw_only=True)
 class OwnController:
-    """Record of a controller that was given to ``simulate``."""
+    """Record of a controller that was passed to ``simulate``."""
 
-    name: str  # name in messages
-    module: str  # module of the class
-    class_name: str  # name of the class in the module
-    other_modules: tuple[str, ...] = ()  # further modules of the user that have base classes or the tick
-    source: str = ""  # text of these modules
-    source_sha256: str = ""  # SHA-256 of the text
+    name: str  # Name in messages.
+    module: str  # Module of the class.
+    class_name: str  # Name of the class in the module.
+    other_modules: tuple[str, ...] = ()  # Further modules of the user that have base classes or the tick.
+    source: str = ""  # Source text of these modules.
+    source_sha256: str = ""  # SHA-256 of the text.
     # Values of the instance by name; None if a file cannot hold them.
     attributes: Mapping[str, Any] | None = field(default_factory=dict)
-    attributes_sha256: str = ""  # SHA-256 of values that a file cannot hold; empty if there is none
-    constants: Mapping[str, Any] = field(default_factory=dict)  # numbers of the classes and modules
+    attributes_sha256: str = ""  # SHA-256 of values that a file cannot hold; empty if there is none.
+    constants: Mapping[str, Any] = field(default_factory=dict)  # Numbers of the classes and modules.
 
     @property
     def summary(self) -> dict[str, str]:
@@ -50,7 +50,7 @@ class OwnController:
 
 
 def record_of(controller: Controller) -> OwnController:
-    """Record a controller as it is now, before a run."""
+    """Record the present state of a controller, before a run."""
     kind, modules = type(controller), _modules_of(controller)
     attributes, digest = None, ""
     try:
@@ -72,10 +72,10 @@ def record_of(controller: Controller) -> OwnController:
 
 
 def restored(record: OwnController) -> Controller:
-    """Import the class of a record and make the controller anew.
+    """Import the class of a record and create the controller again.
 
-    Raises ParameterError if the class cannot be imported, has another source, or cannot be made exactly as it
-    was.
+    Raises ParameterError if the class cannot be imported, has another source, or cannot be created with
+    exactly the recorded attributes.
     """
     modules = (record.module, *record.other_modules)
     if record.module == "__main__" or "<locals>" in record.class_name:
@@ -144,7 +144,7 @@ def _sha256(text: str) -> str:
 
 
 def _joined(texts: Mapping[str, str]) -> str:
-    """Join the texts of modules; that of a single one stays as it is in its file."""
+    """Join the texts of modules; the text of a single module is unchanged."""
     if len(texts) == 1:
         return next(iter(texts.values()))
     return "".join(f"# module {name}\n{text}" for name, text in texts.items())
@@ -155,7 +155,7 @@ def _text_of(spec: ModuleSpec | None) -> str:
     if spec is None or spec.loader is None:
         return ""
     loader: Any = spec.loader
-    if not hasattr(loader, "get_source"):  # that of a tool which changes what it loads
+    if not hasattr(loader, "get_source"):  # The loader of a tool that modifies code.
         loader = SourceFileLoader(spec.name, spec.origin or "")
     try:
         return loader.get_source(spec.name) or ""
@@ -173,7 +173,7 @@ def _loaded_text(name: str) -> str:
 
 
 def _text_of_methods(kind: type[Any]) -> str:
-    """Return what is known of the source of a class without a file, as in a notebook: its functions."""
+    """Return the source of the functions of a class without a file, as in a notebook."""
     found = []
     for item in vars(kind).values():
         try:
@@ -255,7 +255,7 @@ def _decoded(value: Any) -> Any:
 
 
 def _constants(kind: type[Any], modules: tuple[str, ...]) -> dict[str, Any]:
-    """Return the numbers that a class has as attributes, and its modules as names in capital letters."""
+    """Return the numeric attributes of a class, and the numeric constants in capitals of its modules."""
     found = {
         f"{item.__qualname__}.{name}": value
         for item in reversed([*_own_classes(kind)])

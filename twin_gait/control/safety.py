@@ -1,4 +1,4 @@
-"""Causes of a trip and what is noted of it."""
+"""Causes and record of a trip of the safety monitor."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from twin_gait.vocabulary import Coded, JointName, Side
 
 
 class TripCause(Coded):
-    """Why the monitor tripped; ``code`` is also its number in :mod:`twin_gait.core.safety`."""
+    """Cause of a trip of the monitor; ``code`` is also its number in :mod:`twin_gait.core.safety`."""
 
     NONE = "none"
     ENCODER_MISSING = "encoder_missing"
@@ -30,7 +30,7 @@ class TripCause(Coded):
 
 
 class SafetyState(Coded):
-    """What the monitor does."""
+    """State of the monitor."""
 
     WATCHING = "watching"
     HOLD = "hold"
@@ -40,10 +40,10 @@ _ELSEWHERE = {TripCause.OPERATOR: "operator", TripCause.BUS: "gait controller"}
 
 
 class Trip(NamedTuple):
-    """A trip of the monitor, from which the leg does not come back by itself."""
+    """A trip of the monitor; the leg does not leave the hold by itself."""
 
     tick: int  # First tick of the hold.
-    cause: TripCause  # Why.
+    cause: TripCause  # Cause of the trip.
     side: Side | None  # Leg of the cause, or None for the supply, the operator or the gait controller.
     joint: JointName | None  # Joint of the cause, or None for these, a foot or a phase.
 
@@ -54,12 +54,12 @@ class Trip(NamedTuple):
 
     @property
     def place(self) -> str:
-        """Where, in words: ``left knee``, ``right leg``, ``supply``, ``operator`` or ``gait controller``."""
+        """Origin in words: ``left knee``, ``right leg``, ``supply``, ``operator`` or ``gait controller``."""
         if self.side is None:
             return _ELSEWHERE.get(self.cause, "supply")
         return f"{self.side} {self.joint or 'leg'}"
 
     @property
     def text(self) -> str:
-        """In words: ``encoder frozen, left knee``, or ``operator``, who is cause and place in one."""
+        """Cause and origin in words: ``encoder frozen, left knee``, or ``operator``, which is both in one."""
         return ", ".join(dict.fromkeys((str(self.cause).replace("_", " "), self.place)))

@@ -1,46 +1,47 @@
-"""The supervisor: which operating mode the device is in, and what a mode has the legs do.
+"""The supervisor: selects the operating mode of the device, and the command of each mode for the legs.
 
-It runs a table of modes (:mod:`twin_gait.gait.modes`) by the same evaluator as the legs run their gait
-table. In a tick it takes the request that is made, if any, and what is measured; it goes to another mode, or
-notes that the request is refused. After a trip of the safety monitor it is in the mode of the hold.
+It runs a table of modes (:mod:`twin_gait.gait.modes`) with the same guard evaluator as the legs use for their
+gait table. In each tick it reads the request, if there is one, and the measured signals; it changes the mode,
+or marks the request as rejected. After a trip of the safety monitor it is in the hold mode.
 """
 
 from dataclasses import dataclass
 
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, guard_holds, next_transition
 
-NO_REQUEST = 0  # of requests, whose codes count from 1
+NO_REQUEST = 0  # Code for no request; the codes of requests count from 1.
 NO_POSTURE = -1
 
 
 @dataclass(slots=True)
 class ModeCommand:
-    """What a mode sets."""
+    """Commands that a mode sets."""
 
-    posture: int  # Phase that both legs enter with it, ``NO_POSTURE`` for none.
-    walk: float  # 1 if the legs are told to walk, 0 to stand.
-    step: float  # 1 if they are told to take a step, 0 to wait.
+    posture: int  # Phase that both legs enter with the mode, ``NO_POSTURE`` for none.
+    walk: float  # 1 for the command to walk, 0 to stand.
+    step: float  # 1 for the command to take a step, 0 to wait.
 
 
 @dataclass(slots=True)
 class Supervisor:
-    """Everything that the supervisor keeps."""
+    """State of the supervisor."""
 
     program: GuardProgram  # Transitions of the table of modes with their guards.
-    modes: list[ModeCommand]  # What each sets.
-    hold: int  # Mode after a trip.
-    swing: int  # Bit mask of the legs' phases in swing.
-    signals: list[float]  # What the guards read: of the left leg, of the right one, then of the device.
-    debounce: list[int]  # Consecutive ticks with an open guard, by transition.
-    mode: int = 0  # Present mode.
-    entry_tick: int = 0  # Tick in which it was entered.
-    request: int = NO_REQUEST  # That is made in this tick, ``NO_REQUEST`` for none.
-    refused: int = NO_REQUEST  # The same if nothing has answered it.
+    modes: list[ModeCommand]  # Commands of each mode.
+    hold: int  # Index of the mode after a trip.
+    swing: int  # Bit mask of the swing phases of the legs.
+    # Signals that the guards read: those of the left leg, of the right leg, then of the device.
+    signals: list[float]
+    debounce: list[int]  # Consecutive ticks with a true guard, for each transition.
+    mode: int = 0  # Index of the present mode.
+    entry_tick: int = 0  # Tick in which the mode was entered.
+    request: int = NO_REQUEST  # Request in this tick, ``NO_REQUEST`` for none.
+    refused: int = NO_REQUEST  # Request that was rejected in this tick, ``NO_REQUEST`` for none.
     entered: bool = False  # Whether a mode has been entered in this tick.
 
 
 def choose_mode(supervisor: Supervisor, tick: int, tripped: bool) -> None:
-    """Go to another mode if a transition is due, or to the hold; note a request that is refused."""
+    """Change to another mode if a transition is due, or to the hold; mark a request that is rejected."""
     supervisor.refused = supervisor.request
     supervisor.entered = False
     if tripped:
@@ -57,14 +58,14 @@ def advance_mode(supervisor: Supervisor, tick: int) -> None:
     chosen = next_transition(program, supervisor.mode, ticks, signals, asked, supervisor.debounce)
     if chosen != NO_TRANSITION:
         rule = program.transitions[chosen]
-        # What would have been taken anyway is no answer.
+        # A transition that would also have been taken without the request does not count as its result.
         if not guard_holds(program, rule.first_node, rule.end_node, signals, NO_REQUEST - 1):
             supervisor.refused = NO_REQUEST
         enter_mode(supervisor, rule.target, tick)
 
 
 def enter_mode(supervisor: Supervisor, mode: int, tick: int) -> None:
-    """Be in a mode from now on."""
+    """Set the present mode, and reset the debounce counters."""
     supervisor.mode = mode
     supervisor.entry_tick = tick
     supervisor.entered = True

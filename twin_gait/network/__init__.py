@@ -1,1 +1,1 @@
-"""The CAN network of the device: its DBC file, and frames of what a walk does."""
+"""The CAN network of the device: its DBC file, and the frames of a run."""

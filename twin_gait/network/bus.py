@@ -1,4 +1,4 @@
-"""The CAN bus of the device before anything has been sent."""
+"""The initial state of the device's CAN bus."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,30 +9,27 @@ from twin_gait.network.dbc import Message
 from twin_gait.parameters import BOARDS, CCU, NODES, NetworkParameters, OutageKind
 from twin_gait.parameters import Outage as OutageParameters
 
-SETPOINT, MEASUREMENT = "setpoint", "measurement"  # the two frames of a board
-_PICOSECONDS = 1e12  # in a second
-_ROOM = 8  # outages in a record: of this many or a multiple, so that few loops are compiled
+SETPOINT, MEASUREMENT = "setpoint", "measurement"  # The two frames of a board.
+_PICOSECONDS = 1e12  # Number of picoseconds in a second.
+_ROOM = 8  # The number of outages in a record is a multiple of this, so that few loops are compiled.
 
 
 def picoseconds(time: float) -> int:
-    """A time as the bus counts it.
-
-    ``time``: in [s]. Returns [ps]; ``NEVER`` for an infinite one.
-    """
+    """Convert a time in [s] to whole picoseconds; an infinite time becomes ``NEVER``."""
     return round(time * _PICOSECONDS) if math.isfinite(time) else NEVER
 
 
 def cyclic_messages(messages: Mapping[str, Message], boards: Sequence[str] = BOARDS) -> list[Message]:
-    """Set points and measurements of some boards: the frames of a bus, the lowest identifier first."""
+    """Return the setpoint and measurement frames of some boards, the lowest identifier first."""
     found = [messages[f"{board}_{kind}"] for kind in (SETPOINT, MEASUREMENT) for board in boards]
     return sorted(found, key=lambda message: message.identifier)
 
 
 def new_bus(network: NetworkParameters, messages: Sequence[Message], seed: int, tick: float) -> Bus:
-    """The bus at the start of a run.
+    """Create the bus at the start of a run.
 
-    ``network``: its parameters. ``messages``: its frames, from :func:`cyclic_messages`. ``seed``: of all
-    draws. ``tick``: length of a tick in [s].
+    ``network``: parameters of the bus. ``messages``: its frames, from :func:`cyclic_messages`. ``seed``: seed
+    of all random numbers. ``tick``: length of a tick in [s].
     """
     never = Outage(OutageKind.SILENCE.code, NOBODY, NEVER, NEVER)
     outages = sorted((_outage(item) for item in network.outages), key=lambda item: item.start)
@@ -50,7 +47,7 @@ def new_bus(network: NetworkParameters, messages: Sequence[Message], seed: int, 
 
 
 def _frame(network: NetworkParameters, message: Message, seed: int) -> Frame:
-    """A frame of a board, which sends it, or hears it from the central unit."""
+    """Create a frame that a board sends to the central unit, or receives from it."""
     board, _, kind = message.name.rpartition("_")
     sender, receiver = (CCU, board) if kind == SETPOINT else (board, CCU)
     phase = picoseconds(network.phase.get(sender, 0.0))

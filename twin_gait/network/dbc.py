@@ -17,29 +17,29 @@ if TYPE_CHECKING:
     from cantools.database.can.signal import Signal as DbcSignal
 
 PACKAGED_DBC = "twin.dbc"
-_WORD = 32  # bits of a half of a frame
+_WORD = 32  # Number of bits of a half of a frame.
 
 
 @dataclass(frozen=True, kw_only=True)
 class Message:
     """A frame of the network and its layout."""
 
-    name: str  # For example ``left_hip_setpoint``.
-    identifier: int  # Of 11 bits; the lowest one pending is sent first.
-    length: int  # In bytes.
-    cycle: float  # In [s]; 0 for one that is sent when there is something to say.
+    name: str  # Name, for example ``left_hip_setpoint``.
+    identifier: int  # Identifier of 11 bits; the lowest pending one is sent first.
+    length: int  # Length in bytes.
+    cycle: float  # Period in [s]; 0 for a message that is sent on demand.
     # Layouts by name, in the order of :data:`~twin_gait.network.messages.MESSAGES`.
     signals: Mapping[str, SignalLayout]
-    # The code of each value by its name, of signals that have a table of values.
+    # Codes by the names of their values, for signals that have a table of values.
     codes: Mapping[str, Mapping[str, int]]
 
     @property
     def layout(self) -> list[SignalLayout]:
-        """Layouts as :func:`twin_gait.core.can_codec.pack_frame` takes them."""
+        """Layouts in the form that :func:`twin_gait.core.can_codec.pack_frame` takes."""
         return list(self.signals.values())
 
     def bounds(self, signal: str) -> tuple[float, float]:
-        """Least and largest number that a signal can say, in its unit."""
+        """Return the smallest and the largest number that a signal can represent, in its unit."""
         item = self.signals[signal]
         return item.lowest * item.scale + item.offset, item.highest * item.scale + item.offset
 
@@ -60,9 +60,9 @@ def find_dbc(path_or_name: str | Path) -> Path:
 def load_messages(path_or_name: str | Path = PACKAGED_DBC) -> dict[str, Message]:
     """Read all messages of the device from a DBC file.
 
-    ``path_or_name``: of a file, or the name of the one that ships. Returns messages by name, all of
-    :data:`~twin_gait.network.messages.MESSAGES`; what else is in the file is left alone. Raises
-    ParameterFileError if a message or a signal is missing, or laid out so that the codec cannot hold it.
+    ``path_or_name``: path of a file, or the name of the one that ships. Returns messages by name, all of
+    :data:`~twin_gait.network.messages.MESSAGES`; other messages of the file are ignored. Raises
+    ParameterFileError if a message or a signal is missing, or if the codec does not support its layout.
     Raises MissingOptionalDependency if cantools is not installed.
     """
     path = find_dbc(path_or_name)
@@ -78,11 +78,11 @@ def _messages_of(path: Path) -> Iterable[DbcMessage]:
     except ImportError as error:
         raise MissingOptionalDependency("cantools", "can", "the CAN network") from error
     try:
-        text = read_bytes(path).decode("cp1252", errors="replace")  # as cantools decodes a DBC file
+        text = read_bytes(path).decode("cp1252", errors="replace")  # cantools uses this encoding, too.
         database = cantools.database.load_string(text, database_format="dbc")
     except (OSError, UnicodeDecodeError, cantools.Error) as error:
         raise ParameterFileError(path, "", f"is no DBC file ({error})") from error
-    return database.messages  # type: ignore[union-attr]  # a DBC file has no diagnostics
+    return database.messages  # type: ignore[union-attr]  # A DBC file has no diagnostics.
 
 
 def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
@@ -125,7 +125,7 @@ def _signal(path: Path, message: str, item: DbcSignal) -> SignalLayout:
         start=start,
         mask=2 * top - 1,
         sign=top if item.is_signed else 0,
-        missing=0 if lowest <= spare <= highest else spare,  # 0: no torque, off
+        missing=0 if lowest <= spare <= highest else spare,  # Code 0 means no torque, or off.
         scale=float(item.scale),
         offset=float(item.offset),
         lowest=float(lowest),

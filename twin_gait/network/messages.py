@@ -1,21 +1,22 @@
-"""What the nodes of the device tell each other: the messages and the signals that a DBC file lays out.
+"""Messages between the nodes of the device and their signals, which a DBC file lays out.
 
-The star of the thesis (2.1.2): central control unit, a board at each of the four motors, battery and inertial
-unit, and the monitor (2.4) of whoever watches. It prints neither bit rate nor layout.
+The topology is the star of the thesis (2.1.2): central control unit, a board at each of the four motors,
+battery and inertial unit, and the monitor (2.4) of the operator. The thesis prints neither bit rate nor
+layout.
 """
 
 from collections.abc import Mapping
 
 from twin_gait.parameters import BOARDS
 
-COUNTS = 4  # of the counter of a frame, two bits
+COUNTS = 4  # Number of values of the counter of a frame, which has two bits.
 
-# Signals with their units, in the order in which numbers are handed to the codec.
+# Signals with their units, in the order in which the codec receives the numbers.
 MEASUREMENT = {
     "angle": "rad",
-    "velocity": "rad/s",  # the fast estimate
+    "velocity": "rad/s",  # The fast estimate.
     "current": "A",
-    "foot_load": "bw",  # body weights; 0 from the board of a hip
+    "foot_load": "bw",  # Sole load as a fraction of body weight; 0 from the board of a hip.
     "trip_cause": "",
     "counter": "",
 }
@@ -34,8 +35,8 @@ MESSAGES: Mapping[str, Mapping[str, str]] = {
     "gait_state": GAIT_STATE,
     **{f"{board}_command": COMMAND for board in BOARDS},
 }
-ON_DEMAND = "_command"  # how the names of messages end that have no cycle
-# Codes that programs on both ends of the bus go by.
+ON_DEMAND = "_command"  # Suffix of the names of messages that have no cycle.
+# Codes that programs on both ends of the bus share.
 CODES: Mapping[str, tuple[str, ...]] = {
     "state": ("off", "hold", "run"),
     "control": ("walk", "friction_control", "torque_control", "impedance_control"),

@@ -1,4 +1,4 @@
-"""The controllers that ship: a module each, or of a few alike, and their names are the modes."""
+"""The controllers that ship: one module for each, or for a few similar ones; their names are the modes."""
 
 from collections.abc import Iterator
 from importlib import import_module

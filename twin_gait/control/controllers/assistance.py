@@ -1,4 +1,4 @@
-"""A share of the impedance that another controller asks for: fixed, or as much as is needed."""
+"""A share of the impedance of another controller: fixed, or adapted to the tracking error."""
 
 import math
 from collections.abc import Mapping
@@ -10,23 +10,22 @@ from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
 from twin_gait.vocabulary import JointName
 
-# What a loop is bound to: whether the shares change from stride to stride, and the other controller has a
-# tick.
+# Build flags: whether the shares change from stride to stride, and whether the other controller has a tick.
 ADAPTS = ASSISTED_ACTS = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssistanceParameters(Parameters):
-    """How much of the impedance the legs are given.
+    """Share of the impedance that the legs receive.
 
     Attributes:
-        share: Of k and b per joint, 0 to 1 (TwinCare's assistance); where adaptive, at the start.
+        share: Share of k and b per joint, 0 to 1 (TwinCare's assistance); if adaptive, the initial share.
         adaptive: Whether the share of each joint changes from stride to stride, see
             :func:`~twin_gait.control.controllers.assistance.adapted_assistance`.
-        forgetting: f (assumption: assistance halves in seven strides without an error).
-        gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
-        allowance: e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
-        least: α_min (assumption).
+        forgetting: Forgetting factor f (assumption: assistance halves in seven strides without an error).
+        gain: Gain g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
+        allowance: Error deadband e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
+        least: Minimum assistance α_min (assumption).
     """
 
     share: Annotated[Mapping[JointName, Ratio], SHARE, Inline()] = field(
@@ -40,17 +39,17 @@ class AssistanceParameters(Parameters):
 
     @property
     def is_full(self) -> bool:
-        """Whether the impedance is given as it is."""
+        """Whether all shares are fixed at 1, so that the impedance is unchanged."""
         return not self.adaptive and all(share == 1.0 for share in self.share.values())
 
 
 def adapted_assistance(settings: AssistanceParameters, assistance: float, error: float) -> float:
-    r"""Assistance level for the next stride, after the tracking error of the last one.
+    r"""Compute the assistance level for the next stride from the tracking error of the last one.
 
     :math:`\alpha_{n+1} = f\,\alpha_n + g\,\max(0, e_n - e_0), \qquad \alpha_{min} \le \alpha \le 1`
 
-    with the mean absolute error e_n in [rad]. Assistance decays by the factor f and comes back where tracking
-    is worse than the allowance, after J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement
+    with the mean absolute error e_n in [rad]. Assistance decays by the factor f and increases again if the
+    error is larger than the allowance, after J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement
     training as an optimization problem, IEEE ICORR (2005) 307-312.
     """
     excess = max(0.0, error - settings.allowance)
@@ -60,38 +59,38 @@ def adapted_assistance(settings: AssistanceParameters, assistance: float, error:
 
 @dataclass(slots=True)
 class AssistedJoint:
-    """A joint that is assisted."""
+    """State of the assistance of a joint."""
 
-    share: float  # of k and b that it is given
-    tracking: float = 0.0  # sum of the absolute errors of the stride in [rad]
+    share: float  # Share of k and b that the joint receives.
+    tracking: float = 0.0  # Sum of the absolute tracking errors of the stride in [rad].
 
 
 @dataclass(slots=True)
 class AssistedLeg:
-    """The stride of a leg that is assisted."""
+    """State of the stride of an assisted leg."""
 
-    stride_ticks: int  # length of the last stride
-    stride_start: int = 0  # tick in which its stride began
+    stride_ticks: int  # Length of the last stride in ticks.
+    stride_start: int = 0  # Tick in which the present stride began.
 
 
 @dataclass(slots=True)
 class AssistanceMemory:
-    """What assistance keeps."""
+    """State of the assistance."""
 
-    other: object  # memory of the controller whose impedance is shared
-    assisted: list[AssistedJoint]  # leg by leg: left hip, left knee, right hip, …
-    strides: list[AssistedLeg]  # of the legs; none where the shares stay
-    path: Path  # against which the error is measured; none where the shares stay
+    other: object  # Memory of the controller whose impedance is scaled.
+    assisted: list[AssistedJoint]  # Joints, leg by leg: left hip, left knee, right hip, …
+    strides: list[AssistedLeg]  # Strides of the legs; empty if the shares are fixed.
+    path: Path  # Reference of the tracking error; empty if the shares are fixed.
     settings: AssistanceParameters
 
 
 def assisted_tick(memory: Any, device: Any, tick: int, period: float) -> None:
-    """Tick of the other controller; see :class:`twin_gait.control.Controller`."""
+    """Run the tick of the other controller; see :class:`twin_gait.control.Controller`."""
     raise NotImplementedError
 
 
 def assist(memory: AssistanceMemory, device: ControllerState, tick: int, period: float) -> None:
-    """Let the other controller act, adapt the shares at the end of a stride, and apply them."""
+    """Run the other controller, adapt the shares at the end of a stride, and apply them."""
     if ASSISTED_ACTS:
         assisted_tick(memory.other, device, tick, period)
     if ADAPTS:
@@ -107,12 +106,12 @@ def assist(memory: AssistanceMemory, device: ControllerState, tick: int, period:
 
 
 class Assistance(Controller):
-    """A share of the impedance that another controller asks for; in all else it is that controller."""
+    """A share of the impedance of another controller, which provides everything else."""
 
     tick = staticmethod(assist)
 
     def __init__(self, parameters: AssistanceParameters, other: Controller) -> None:
-        """Take ``parameters`` for the shares, and all that is not said here from the other controller."""
+        """Take the shares from ``parameters``, and everything not defined here from the other controller."""
         self.parameters, self.other = parameters, other
         for name in ("by_phases", "refusal", "setpoints", "start", "walk"):
             setattr(self, name, getattr(other, name))
@@ -121,11 +120,11 @@ class Assistance(Controller):
 
     @property
     def name(self) -> str:
-        """That of the other controller."""
+        """Name of the other controller."""
         return self.other.name
 
     def memory(self, plan: Plan) -> AssistanceMemory:
-        """That of the other controller, the shares, and the walk against which the error is measured."""
+        """Return the memory of the other controller, the shares, and the reference of the tracking error."""
         settings = self.parameters
         path = self.walk(plan) if settings.adaptive else Path([], 0, [])
         shares = [settings.share.get(JointName(name), 1.0) for _ in plan.sides for name in plan.joints]
@@ -134,12 +133,12 @@ class Assistance(Controller):
         return AssistanceMemory(self.other.memory(plan), assisted, strides, path, settings)
 
     def constants(self) -> dict[str, int]:
-        """With whether the shares adapt."""
+        """Return the build flags, including whether the shares adapt."""
         acts = self.other.tick is not None
         return {**super().constants(), "ADAPTS": self.parameters.adaptive, "ASSISTED_ACTS": acts}
 
     def functions(self) -> dict[str, TickFunction]:
-        """With the tick of the other controller."""
+        """Return the functions, including the tick of the other controller."""
         other = {} if self.other.tick is None else {"assisted_tick": self.other.tick}
         return {**super().functions(), **other}
 
@@ -159,13 +158,13 @@ def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, 
 
 
 def _end_stride(memory: AssistanceMemory, number: int, tick: int) -> None:
-    """Adapt the shares of one leg to the errors of the stride that has ended."""
+    """Adapt the shares of one leg to the errors of its last stride."""
     stride = memory.strides[number]
     duration = tick - stride.stride_start
     for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
         joint = memory.assisted[place]
         joint.share = adapted_assistance(memory.settings, joint.share, joint.tracking / duration)
         joint.tracking = 0.0
-    if stride.stride_start > 0:  # the first stride may have begun half-way
+    if stride.stride_start > 0:  # The first stride may be incomplete.
         stride.stride_ticks = duration
     stride.stride_start = tick

@@ -1,4 +1,4 @@
-"""Springs and dampers of the gait table, or less than that."""
+"""Controllers with the springs and dampers of the gait table, or with a part of them."""
 
 import numpy as np
 
@@ -8,42 +8,42 @@ from twin_gait.vocabulary import Side
 
 
 class Impedance(Controller):
-    """The phases of the gait table."""
+    """Impedances of the phases of the gait table."""
 
     mode = "impedance"
 
 
 class Transparent(Controller):
-    """G and gravity shares of the table, no impedance."""
+    """Friction compensation and gravity shares of the table, without impedance."""
 
     mode = "transparent"
     by_phases = False
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-        """The table's without springs and dampers."""
+        """Set the stiffness and damping of the table to zero."""
         for column in (STIFFNESS, DAMPING):
             rows[:, column:-1:COLUMNS_PER_JOINT] = 0.0
         return rows
 
 
 class Gravity(Transparent):
-    """Gravity carried in full and G of the table, no impedance (TWIN's gravity mode)."""
+    """Full gravity compensation and the table's friction compensation, no impedance (TWIN's gravity mode)."""
 
     mode = "gravity"
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-        """As transparent, with the weight of the leg."""
+        """Set the share of gravity compensation to 1, and the impedance to zero."""
         rows[:, -1] = 1.0
         return super().setpoints(plan, side, rows)
 
 
 class Constant(Controller):
-    """One impedance for the whole stride: the mean of the table's."""
+    """One impedance for the whole stride: the mean of the table's phases."""
 
     mode = "constant"
     by_phases = False
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-        """The mean over the phases in each of them."""
+        """Replace the setpoints of every phase by their mean over the phases."""
         rows[:] = rows.mean(axis=0)
         return rows

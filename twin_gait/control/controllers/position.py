@@ -1,4 +1,4 @@
-"""A stiff spring that follows a predetermined path (TWIN's walk mode)."""
+"""Position tracking: a stiff spring that follows a predetermined path (TWIN's walk mode)."""
 
 import math
 from collections.abc import Mapping
@@ -21,20 +21,23 @@ from twin_gait.parameters.quantities import (
 )
 from twin_gait.vocabulary import JointName, Side
 
-# The path of position tracking. TWIN's own is not published; this one is an assumption: the healthy walk,
-# changed until the default wearer walked on it, guided vertically and with an ankle orthosis of 200 Nm/rad
-# that is slack at 0°, each number for the reason beside it. With that orthosis the soft harness does as well;
-# with the preset's the default wearer walks on it only if guided vertically.
+# The path of position tracking. TWIN's own path is not published; this one is an assumption: the healthy
+# walk, modified until the default wearer walked on it, guided vertically and with an ankle orthosis of
+# 200 N·m/rad that is slack at 0°; the reason for each number is given with it. With that orthosis the soft
+# harness is sufficient, too; with the preset's orthosis the default wearer walks on this path only if guided
+# vertically.
 #
-# The knee's motor has to accelerate its own rotor, 3.3 kg m² at the joint, with 60 N m: 18 rad/s² at most.
-# The healthy knee at 1.5 km/h asks for more than 50; two harmonics of it in a tenth more time ask for 12.
+# The knee's motor has to accelerate its own rotor, 3.3 kg·m² at the joint, with 60 N·m: 18 rad/s² at most.
+# The healthy knee at 1.5 km/h needs more than 50; its first two harmonics with a 10 % longer stride time need
+# 12.
 PATH_JOINTS = (JointName.HIP, JointName.KNEE)
 PATH_HARMONICS = 2
-PATH_SLOWNESS = 1.1  # of the healthy stride time
-HIP_EXCURSION = 1.1  # of the healthy one: the belt is as fast, so that slower steps have to be longer
-HIP_OFFSET = math.radians(3.0)  # puts the middle of the step forward, so that the foot clears the belt
-# Two harmonics flatten the knee's peak and overextend it. It has to bend far enough for the toe to clear the
-# belt, and at its straightest to stay farther from the stop at -4° than the monitor's stop distance.
+PATH_SLOWNESS = 1.1  # Ratio to the healthy stride time.
+HIP_EXCURSION = 1.1  # Ratio to the healthy excursion: at the same belt speed slower steps have to be longer.
+HIP_OFFSET = math.radians(3.0)  # Offset that moves the step forward, so that the foot clears the belt.
+# Two harmonics flatten the knee's peak and overextend it. The knee has to bend far enough for the toe to
+# clear the belt, and its smallest angle has to be farther from the stop at -4° than the monitor's stop
+# distance.
 KNEE_LOWEST, KNEE_HIGHEST = math.radians(8.0), math.radians(55.0)
 
 DAMPING_RATIOS = Range(0.0, 10.0, above=True, reason="without damping a joint rings")
@@ -45,11 +48,11 @@ class PathParameters(Parameters):
     """Spring and damper that follow the predetermined path in the mode ``position``.
 
     Attributes:
-        stiffness: In [N m] / [rad], per joint (assumption: the hip stiffer than in any phase of the shipped
-            table, so that the default wearer follows to 2°; the knee to 6° with 4 N m/deg, where the limits
-            cut 2 % of the ticks; with 7 it would be 4° and four times as many).
-        damping_ratio: ζ of the joint on this spring.
-        friction_compensation_gain: G.
+        stiffness: Stiffness k in [N m] / [rad], per joint (assumption: the hip stiffer than in any phase of
+            the shipped table, so that the default wearer follows to 2°; the knee to 6° with 4 N·m/deg, where
+            the limits saturate in 2 % of the ticks; with 7 it would be 4° and four times as many).
+        damping_ratio: Damping ratio ζ of the joint on this spring.
+        friction_compensation_gain: Gain G of the friction compensation.
         gravity_compensation: Share of gravity compensation.
     """
 
@@ -62,7 +65,7 @@ class PathParameters(Parameters):
 
 
 def follow(memory: Path, device: ControllerState, tick: int, period: float) -> None:
-    """Move the equilibrium angles along the path, and let the dampers move with it."""
+    """Move the equilibrium angles along the path, and make the dampers act on the velocity relative to it."""
     angles, cycle = memory.angles, memory.cycle_ticks
     spacing = cycle * period / (len(angles) - 1)
     for number in range(len(device.legs)):
@@ -79,7 +82,7 @@ def follow(memory: Path, device: ControllerState, tick: int, period: float) -> N
 class Position(Controller):
     """Position tracking."""
 
-    path: PathParameters = field(default_factory=PathParameters)  # spring and damper
+    path: PathParameters = field(default_factory=PathParameters)  # Spring and damper.
 
     mode = "position"
     tick = staticmethod(follow)
@@ -87,14 +90,17 @@ class Position(Controller):
     unprinted = "control.mode: position follows a path, which is not printed; set impedance"
 
     def refusal(self, joints: tuple[JointName, ...]) -> str:
-        """It has a path for hip and knee alone, found on TWIN, and needs a spring for each."""
+        """Check that the joints are hip and knee, for which the path was found, and that each has a spring.
+
+        Returns an error message, empty if the controller can drive the joints.
+        """
         if joints != PATH_JOINTS:
             return f"control.mode: position has a path for {', '.join(PATH_JOINTS)}; take another mode"
         missing = [joint for joint in joints if joint not in self.path.stiffness]
         return f"control.path.stiffness.{missing[0]}: position needs a spring for it" if missing else ""
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
-        """The same spring in every phase; θ0 comes with the tick."""
+        """Set the same spring in every phase; θ0 changes with the tick."""
         path, posture = self.path, dict.fromkeys(plan.joints, 0.0)
         rows[:] = 0.0
         for number, name in enumerate(plan.joints):
@@ -107,24 +113,25 @@ class Position(Controller):
         return rows
 
     def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
-        """Where the path does.
+        """Return the initial angles of the path.
 
-        Anything else is a step of the command as large as the spring is stiff, at which the monitor trips.
+        From any other angle the command would start with a step in proportion to the stiffness, at which the
+        monitor trips.
         """
         path = self.walk(plan)
         return {side: _posture(path, start) for side, start in zip(plan.sides, path.starts, strict=True)}
 
     def walk(self, plan: Plan) -> Path:
-        """The path."""
+        """Return the path of position tracking."""
         return device_walk(plan.reference)
 
     def memory(self, plan: Plan) -> Path:
-        """The path."""
+        """Return the path as the memory of the controller."""
         return self.walk(plan)
 
 
 def device_walk(healthy: Path) -> Path:
-    """A walk that the motors can follow, made of the healthy one; see the constants of this module."""
+    """Modify the healthy walk to one that the motors can follow; see the constants of this module."""
     hip, knee = _few_harmonics(np.array(healthy.angles)).T
     middle = hip[:-1].mean()
     hip = middle + HIP_OFFSET + HIP_EXCURSION * (hip - middle)
@@ -135,7 +142,7 @@ def device_walk(healthy: Path) -> Path:
 
 
 def _few_harmonics(curves: np.ndarray) -> np.ndarray:
-    """The first harmonics of curves that close, shape ``(PATH_SAMPLES, n)``."""
+    """Keep only the first harmonics of closed curves, shape ``(PATH_SAMPLES, n)``."""
     spectrum = np.fft.rfft(curves[:-1], axis=0)
     spectrum[PATH_HARMONICS + 1 :] = 0.0
     smooth = np.fft.irfft(spectrum, n=len(curves) - 1, axis=0)
