@@ -552,7 +552,7 @@ def test_every_signal_has_words_and_a_unit() -> None:
         "foot load > 3 BW",
         "time in phase > 3 s",
         "trunk pitch > 3°",
-        "told to walk > 0.5",
+        "walk command > 0.5",
     ]
 
 

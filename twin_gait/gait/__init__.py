@@ -1,4 +1,4 @@
-"""Phases, the gait table, its guards, and the state machine."""
+"""Phases, the gait table, its guards, and the state machine of a leg."""
 
 import lazy_loader
 

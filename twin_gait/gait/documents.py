@@ -1,9 +1,10 @@
 """A gait table as Markdown: state-transition table and truth table.
 
-A truth table says which transition a phase takes for every combination of truth of its conditions: the
-comparisons and memberships in the guards of its exits, and what is counted in ticks (minimum duration,
-time-out, debounce). Guards are read here in three values, true, false and not yet known; the evaluator in
-:mod:`twin_gait.core.guards` is not asked, so that each can be tested against the other.
+A truth table lists the transition that is taken for every combination of truth values of the conditions of a
+phase: the comparisons and memberships in the guards of its exits, and the conditions counted in ticks
+(minimum duration, timeout, debounce). Guards are evaluated here in three values, true, false and not yet
+known; the evaluator in :mod:`twin_gait.core.guards` is not used, so that each can be tested against the
+other.
 """
 
 import itertools
@@ -16,42 +17,42 @@ from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembersh
 from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK, StateTable
 
-# A truth table with more conditions or rows is not read by anyone.
+# Limits beyond which a truth table is too long to be readable.
 MOST_CONDITIONS, MOST_ROWS = 12, 64
 
 
 class Stay(NamedTuple):
-    """The leg has been in the phase for at least so many ticks."""
+    """Condition that the leg has been in the phase for at least so many ticks."""
 
     ticks: int
 
 
 class Held(NamedTuple):
-    """The guard of a transition has been true on so many consecutive ticks."""
+    """Condition that the guard of a transition has been true for so many consecutive ticks."""
 
     transition: int
     held_ticks: int
 
 
 Condition = Comparison | PhaseMembership | Stay | Held
-Truths = Mapping[Condition, bool]  # of those conditions that are known
+Truths = Mapping[Condition, bool]  # Truth values of the conditions that are known.
 
 
 class TruthRow(NamedTuple):
     """One row of a truth table."""
 
-    truths: Truths  # truth of the conditions that matter; the others may be either
-    transition: int | None  # index of the transition that is taken, or None
+    truths: Truths  # Truth values of the conditions that matter; the others may be either.
+    transition: int | None  # Index of the transition that is taken, or None.
 
 
 class PhaseLogic:
-    """The exits of one phase as a function of the truth of their conditions.
+    """The exits of one phase as a function of the truth values of their conditions.
 
     Attributes:
         phase: Name of the phase.
         needs: For each exit, by its index and in order of priority, the conditions that it reads: minimum
-            duration, guard, debounce, time-out.
-        conditions: All of them in the order in which they appear.
+            duration, guard, debounce, timeout.
+        conditions: All conditions in the order in which they appear.
     """
 
     def __init__(self, table: StateTable, phase: str) -> None:
@@ -66,7 +67,7 @@ class PhaseLogic:
         self.conditions = tuple(dict.fromkeys(item for items in self.needs.values() for item in items))
 
     def outcome(self, known: Truths) -> tuple[int | None, bool]:
-        """First exit that is not closed, or None, and whether it is known to be open."""
+        """Return the first exit that is not false, or None, and whether it is known to be true."""
         for index, needs in self.needs.items():
             waits = [known.get(item) for item in needs if isinstance(item, (Stay, Held))]
             due = _joined([*waits, _truth(self._table.transitions[index].guard, known)], False)
@@ -75,10 +76,10 @@ class PhaseLogic:
         return None, True
 
     def rows(self, chosen: Truths | None = None) -> list[TruthRow]:
-        """Truth table with as few conditions in each row as decide it.
+        """Compute the truth table with as few conditions in each row as determine its result.
 
-        It branches on a condition of the first exit that may open. Combinations that no measurements can
-        have are left out.
+        The method branches on a condition of the first exit that may be taken, and omits combinations that
+        are impossible for measurements.
 
         Returns rows that exclude each other and cover every combination that measurements can have.
         """
@@ -94,7 +95,7 @@ class PhaseLogic:
         return without[0] if without[0] == without[-1] else true + false
 
     def possible(self, truths: Truths) -> bool:
-        """Whether conditions can have these truths together."""
+        """Check whether conditions can have these truth values together."""
         phases: set[str | None] = {None, *self._table.members}
         bounds = [Bound(ZERO, TIME, 0.0)]
         for item, value in truths.items():
@@ -121,14 +122,14 @@ def _needs(table: StateTable, index: int) -> list[Condition]:
 
 
 def _truth(guard: Guard, known: Truths) -> bool | None:
-    """Truth of a guard; None while it depends on conditions that are not known."""
+    """Evaluate a guard; None while it depends on conditions that are not known."""
     if isinstance(guard, (AllOf, AnyOf)):
         return _joined([_truth(inner, known) for inner in guard.guards], isinstance(guard, AnyOf))
     return known.get(guard)
 
 
 def _joined(truths: Sequence[bool | None], decisive: bool) -> bool | None:
-    """Truth that one ``decisive`` part settles, and the others only together; None while it is open."""
+    """Combine truth values: one ``decisive`` value determines the result; None while it is undetermined."""
     if decisive in truths:
         return decisive
     return None if None in truths else not decisive
@@ -139,15 +140,18 @@ def _without(row: TruthRow, condition: Condition) -> TruthRow:
 
 
 def number(value: float, digits: int = 10) -> str:
-    """Write a number without noise in its last digits and with a true minus sign.
+    """Format a number without noise in its last digits and with a true minus sign.
 
-    Ten digits keep what a file gives and drop what a conversion of units adds.
+    Ten digits keep the digits of a file and remove those that a conversion of units adds.
     """
     return f"{value:.{digits}g}".replace("-", "−")
 
 
 def transition_table(table: StateTable) -> str:
-    """State-transition table in Markdown: a row per transition, the exits of a phase in order of priority."""
+    """Format the state-transition table in Markdown.
+
+    There is a row for each transition, and the exits of a phase are in order of priority.
+    """
 
     def shown(value: float) -> str:
         return number(value) if value else ""
@@ -167,7 +171,7 @@ def transition_table(table: StateTable) -> str:
 
 
 def truth_table(table: StateTable) -> str:
-    """Truth table of every phase in Markdown."""
+    """Format the truth table of every phase in Markdown."""
     parts = [
         f"# Truth tables of {_text(table.name)}\n",
         "T is true, F is false, – either. The rows of a phase exclude each other and cover every "
@@ -207,7 +211,7 @@ def _condition(table: StateTable, condition: Condition) -> str:
 
 
 def _grid(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table whose source is aligned too."""
+    """Format a Markdown table with an aligned source."""
     cells = [[_text(cell) for cell in row] for row in (heading, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(heading))]
     lines = [
@@ -219,6 +223,6 @@ def _grid(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _text(cell: str) -> str:
-    """Text that cannot end a table cell or a line, nor be HTML; names come from a user's file."""
+    """Escape text so that it cannot end a table cell or a line, nor be HTML; names may come from a user."""
     line = " ".join(cell.split()).replace("|", "\\|")
     return line if line.startswith("`") else line.replace("<", "&lt;")

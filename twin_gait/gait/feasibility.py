@@ -1,10 +1,10 @@
-"""Signals that open or close guards: a choice of bounds on differences, ``upper - lower <= limit``.
+"""Find signals for which guards are true or false, as bounds on differences, ``upper - lower <= limit``.
 
-Every condition of a gait table has this form: one signal against a threshold, the difference of two, or a
-set of phases of the other leg. The tree of a guard leaves choices (which condition of an ``all`` is
-missing, which one of an ``any`` opens it); they are tried in turn. A set of bounds has a solution exactly
-if no cycle of them adds up to less than zero, or to zero with a strict bound in it, which shortest paths
-decide (Floyd and Warshall). Nothing is sampled, and "impossible" is a proof, up to the rounding of sums.
+Every condition of a gait table has this form: one signal against a threshold, the difference of two, or a set
+of phases of the other leg. The tree of a guard leaves choices (which condition of an ``all`` is false, which
+one of an ``any`` is true); they are tried in turn. A set of bounds has a solution if and only if no cycle of
+them adds up to less than zero, or to zero with a strict bound in it, which is decided by shortest paths
+(Floyd and Warshall). Nothing is sampled, and "impossible" is a proof, up to the rounding of sums.
 """
 
 from __future__ import annotations
@@ -18,37 +18,37 @@ from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, mapped
 from twin_gait.gait.signals import OTHER, signal_of
 
-ZERO = ""  # the number zero, against which single signals are bounded
-STRICT_MARGIN = 1e-12  # a solution keeps this distance from strict limits, relative to them or to 1
-SHARES = (1.0, 1e-2, 1e-4, 0.0)  # of the comfortable distance, the largest that is possible is kept
+ZERO = ""  # Name of the number zero, against which single signals are bounded.
+STRICT_MARGIN = 1e-12  # Distance of a solution from strict limits, relative to them or to 1.
+SHARES = (1.0, 1e-2, 1e-4, 0.0)  # Shares of the comfortable distance; the largest feasible one is kept.
 MOST_BRANCHES = 20_000
 
-Phases = tuple[str | None, ...]  # of the other leg; None stands for a leg that is not there
+Phases = tuple[str | None, ...]  # Phases of the other leg; None represents an absent leg.
 
 
 @dataclass(frozen=True)
 class Bound:
-    """``upper - lower < limit`` (strict) or ``<= limit``."""
+    """The inequality ``upper - lower < limit`` (strict) or ``<= limit``."""
 
-    upper: str  # name of a number, or ``ZERO``
-    lower: str  # name of a number, or ``ZERO``
-    limit: float  # the limit
-    strict: bool = False  # whether the limit itself is excluded
-    room: float = 0.0  # comfortable distance from the limit, asked for in part or in whole; 0 for none
-    whole: bool = False  # whether the difference is a whole number
+    upper: str  # Name of a number, or ``ZERO``.
+    lower: str  # Name of a number, or ``ZERO``.
+    limit: float  # Limit of the difference.
+    strict: bool = False  # Whether the limit itself is excluded.
+    room: float = 0.0  # Comfortable distance from the limit, kept in part or in whole; 0 for none.
+    whole: bool = False  # Whether the difference is a whole number.
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Numbers that it reads, without ``ZERO``."""
+        """Names of the numbers in the bound, without ``ZERO``."""
         return tuple(name for name in (self.upper, self.lower) if name != ZERO)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Whether numbers keep it."""
+        """Check whether numbers fulfil the bound."""
         difference = values.get(self.upper, 0.0) - values.get(self.lower, 0.0)
         return difference < self.limit if self.strict else difference <= self.limit
 
     def tightened(self, share: float) -> float:
-        """Limit less a share of the comfortable distance."""
+        """Return the limit minus a share of the comfortable distance."""
         if self.whole:
             near = round(self.limit)
             limit = near if math.isclose(near, self.limit, abs_tol=1e-6) else self.limit
@@ -59,19 +59,19 @@ class Bound:
         return self.limit - max(share * self.room, margin)
 
     def at(self, name: str, value: float) -> Bound:
-        """The same with one number known."""
+        """Return the bound with one number replaced by its value."""
         if name == self.upper:
             return replace(self, upper=ZERO, limit=self.limit - value).at(name, value)
         return replace(self, lower=ZERO, limit=self.limit + value) if name == self.lower else self
 
 
 def equal(name: str, other: str, value: float) -> list[Bound]:
-    """Bounds that pin a difference to a value."""
+    """Return two bounds that fix a difference to a value."""
     return [Bound(name, other, value), Bound(other, name, -value)]
 
 
 def bound_of(atom: Comparison, true: bool) -> Bound:
-    """A comparison, or its negation, as a bound in the units of the table."""
+    """Convert a comparison, or its negation, to a bound in the units of the table."""
     room = signal_of(atom.signal).room
     if (atom.operator == "<") is true:
         return Bound(atom.signal, atom.minus or ZERO, atom.threshold, strict=true, room=room)
@@ -79,9 +79,10 @@ def bound_of(atom: Comparison, true: bool) -> Bound:
 
 
 def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | None:
-    """Numbers that keep all bounds, each as near to zero as those before it allow; None if there are none.
+    """Find numbers that fulfil all bounds; None if there are none.
 
-    ``share``: share of the comfortable distance that is kept from each limit.
+    Each number is as close to zero as those before it allow. ``share``: share of the comfortable distance
+    that is kept from each limit.
     """
     names = list(dict.fromkeys([ZERO, *(name for item in bounds for name in (item.upper, item.lower))]))
     paths = {a: {b: 0.0 if a == b else math.inf for b in names} for a in names}
@@ -109,7 +110,7 @@ def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | Non
 
 
 class Requirement(NamedTuple):
-    """A guard and the truth that it shall have."""
+    """A guard and its required truth value."""
 
     guard: Guard
     true: bool = True
@@ -122,7 +123,7 @@ class Way(NamedTuple):
     bounds: tuple[Bound, ...] = ()
 
 
-# Bounds that give a comparison its truth; None if nothing can.
+# Function that returns bounds for a required truth value of a comparison; None if it is impossible.
 BoundsOf = Callable[[Comparison, bool], Sequence[Bound] | None]
 
 
@@ -132,11 +133,12 @@ def ways(
     bounds_of: BoundsOf,
     possible: Callable[[Sequence[Bound]], bool],
 ) -> Iterator[Way]:
-    """All ways to fulfil requirements, one after the other; a way that contradicts itself is not followed.
+    """Yield all ways to fulfil requirements, one after the other; contradictory ways are not followed.
 
-    ``start``: phases of the other leg and bounds that hold anyway. Without another leg (``(None,)``) no
-    comparison that reads it is open. ``requirements``: what has to be open or closed. Yields the ways. Raises
-    GaitTableError if there are more than ``MOST_BRANCHES`` choices to try.
+    ``start``: phases of the other leg and bounds that are always valid. Without another leg (``(None,)``) no
+    comparison that reads it is true. ``requirements``: guards with their required truth values.
+    ``bounds_of``: function that converts a comparison to bounds. ``possible``: function that checks whether
+    bounds have a solution. Raises GaitTableError if there are more than ``MOST_BRANCHES`` choices to try.
     """
     left = iter(range(MOST_BRANCHES))
 
@@ -189,13 +191,13 @@ Solution = tuple[Way, dict[str, float]]
 
 
 def solutions(start: Way, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Iterator[Solution]:
-    """All ways to fulfil requirements, with signals far from their thresholds; see :func:`ways`."""
+    """Yield all ways to fulfil requirements, with signals far from their thresholds; see :func:`ways`."""
     for way in ways(start, requirements, bounds_of, _kept(SHARES[-1])):
         yield way, next(found for share in SHARES if (found := solve(way.bounds, share)) is not None)
 
 
 def most_comfortable(start: Way, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Solution | None:
-    """Of all ways to fulfil requirements the one furthest from all thresholds, or None; as :func:`ways`."""
+    """Return the way to fulfil requirements that is furthest from all thresholds, or None; :func:`ways`."""
     feasible = next(ways(start, requirements, bounds_of, _kept(SHARES[-1])), None)
     for share in SHARES if feasible else ():
         for way in ways(start, requirements, bounds_of, _kept(share)):
@@ -206,9 +208,10 @@ def most_comfortable(start: Way, requirements: Sequence[Requirement], bounds_of:
 def translated(
     guard: Guard, rename: Callable[[str], str], member: Callable[[PhaseMembership], bool] | None = None
 ) -> Guard:
-    """A guard over other signals, for example those that the other leg has for its own.
+    """Rename the signals of a guard, for example to those of the other leg.
 
-    ``member``: truth of a membership where it is known; None to leave memberships as they are.
+    ``member``: function that returns the truth of a membership if it is known; None to leave memberships
+    unchanged.
     """
 
     def changed(atom: Comparison | PhaseMembership) -> Guard:

@@ -1,8 +1,8 @@
 """Guards of a gait table: their grammar and their tree.
 
-A guard is a strict linear inequality over one measured signal or the difference of two, a phase
-membership of the other leg, or ``all`` / ``any`` of guards. Thresholds are converted to SI here,
-once; :mod:`twin_gait.core.guards` evaluates what comes out.
+A guard is a strict linear inequality over one measured signal or the difference of two, a phase membership of
+the other leg, or ``all`` / ``any`` of guards. :mod:`twin_gait.gait.program` converts thresholds to SI once;
+:mod:`twin_gait.core.guards` evaluates the result.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from twin_gait.gait.signals import all_signal_names, mode_signal_names, signal_o
 class Comparison:
     """A strict inequality ``signal [- minus] (< or >) threshold`` in the units of the table."""
 
-    signal: str  # name of the signal, for example ``other.hip.angle_deg``
-    minus: str | None  # name of a signal that is subtracted, or None
-    operator: str  # ``"<"`` or ``">"``
-    threshold: float  # in the unit that the signal's name carries
+    signal: str  # Name of the signal, for example ``other.hip.angle_deg``.
+    minus: str | None  # Name of a signal that is subtracted, or None.
+    operator: str  # Operator, ``"<"`` or ``">"``.
+    threshold: float  # Threshold in the unit that the signal's name ends with.
 
     def __post_init__(self) -> None:
         """Check operator and threshold."""
@@ -34,7 +34,7 @@ class Comparison:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Signals that it reads."""
+        """Names of the signals that the comparison reads."""
         return (self.signal,) if self.minus is None else (self.signal, self.minus)
 
     def __str__(self) -> str:
@@ -46,10 +46,13 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseMembership:
-    """The other leg is in one of some phases; in a table of modes, one of some requests is made."""
+    """Condition that the other leg is in one of some phases.
 
-    phases: tuple[str, ...]  # names of the phases, or of the requests
-    of: str = "other.phase"  # what is looked at, as the table writes it
+    In a table of modes it is the condition that one of some requests is made.
+    """
+
+    phases: tuple[str, ...]  # Names of the phases, or of the requests.
+    of: str = "other.phase"  # Quantity that is tested, in the notation of the table.
 
     def __str__(self) -> str:
         """Write the membership as in the table."""
@@ -58,9 +61,9 @@ class PhaseMembership:
 
 @dataclass(frozen=True, kw_only=True)
 class AllOf:
-    """Every one of some guards holds."""
+    """Condition that all of some guards are true."""
 
-    guards: tuple[Guard, ...]  # the guards; an empty conjunction is true (a transition with a time-out only)
+    guards: tuple[Guard, ...]  # The guards; an empty conjunction is true (a transition with a timeout only).
 
     def __str__(self) -> str:
         """Write the conjunction."""
@@ -69,9 +72,9 @@ class AllOf:
 
 @dataclass(frozen=True, kw_only=True)
 class AnyOf:
-    """At least one of some guards holds."""
+    """Condition that at least one of some guards is true."""
 
-    guards: tuple[Guard, ...]  # the guards, at least one
+    guards: tuple[Guard, ...]  # The guards, at least one.
 
     def __post_init__(self) -> None:
         """Check that there is a guard."""
@@ -88,7 +91,7 @@ Guard = Atom | AllOf | AnyOf
 
 
 def atoms(guard: Guard) -> Iterator[Atom]:
-    """Comparisons and memberships of a guard in the order in which they are written and compiled."""
+    """Yield the comparisons and memberships of a guard in the order in which they are written."""
     if isinstance(guard, (AllOf, AnyOf)):
         for inner in guard.guards:
             yield from atoms(inner)
@@ -97,20 +100,20 @@ def atoms(guard: Guard) -> Iterator[Atom]:
 
 
 def compared(guard: Guard) -> list[str]:
-    """Signals that a guard reads, each once."""
+    """Return the signals that a guard reads, each once."""
     read = (name for atom in atoms(guard) if isinstance(atom, Comparison) for name in atom.names)
     return list(dict.fromkeys(read))
 
 
 def mapped(guard: Guard, change: Callable[[Atom], Guard]) -> Guard:
-    """The same tree with each of its comparisons and memberships changed."""
+    """Return the same tree with each of its comparisons and memberships replaced by ``change``."""
     if isinstance(guard, (AllOf, AnyOf)):
         return replace(guard, guards=tuple(mapped(inner, change) for inner in guard.guards))
     return change(guard)
 
 
 def bracketed(guard: Guard, words: Callable[[Guard], str] = str) -> str:
-    """A guard within another one in words, in brackets where it has parts itself."""
+    """Format a guard within another one as text, in brackets if it has parts itself."""
     return f"({words(guard)})" if isinstance(guard, (AllOf, AnyOf)) else words(guard)
 
 
@@ -121,15 +124,15 @@ _MEMBERSHIP = re.compile(rf"\s*({_SIGNAL})\s+in\s*\[([^\]]*)\]\s*")
 
 
 class GuardWords(NamedTuple):
-    """What the guards of a kind of table may read."""
+    """Vocabulary of the guards of a kind of table."""
 
-    of: str  # what a membership looks at
-    member: str  # what its members are
-    # from the joints to the names of all signals, in the order of the list of signals
+    of: str  # Quantity that a membership tests.
+    member: str  # Name of a member in messages: a phase, or a request.
+    # Function from the joints to the names of all signals, in the order of the list of signals.
     signals: Callable[[tuple[str, ...]], tuple[str, ...]]
 
     def problem(self, atom: Atom, joints: tuple[str, ...], members: Sequence[str]) -> str:
-        """Say why a table of some joints and members cannot answer a condition; empty if it can."""
+        """Describe why a condition is invalid for some joints and members; empty if it is valid."""
         if isinstance(atom, PhaseMembership):
             what, known, asked = self.member, members, atom.phases
         else:
@@ -151,8 +154,8 @@ MODE_WORDS = GuardWords("request", "request", mode_signal_names)
 def parse_guard(text: str, words: GuardWords = LEG_WORDS) -> Atom:
     """Parse one guard, such as ``other.hip.angle_deg > 10`` or ``other.phase in [early_stance]``.
 
-    ``words``: what guards may read; a table that does not know what is named refuses it. Raises
-    GaitTableError if the text is not a guard.
+    ``words``: vocabulary of the guards; whether the named signals and members exist is checked by the table.
+    Raises GaitTableError if the text is not a guard.
     """
     membership = _MEMBERSHIP.fullmatch(text)
     if membership and membership[1] == words.of:

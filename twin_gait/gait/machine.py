@@ -1,7 +1,7 @@
 """The state machine of one leg, or of the supervisor, on the `transitions` library.
 
-`transitions` carries the states, the triggers and their introspection; which transition is due is
-decided by the one evaluator in :mod:`twin_gait.core.guards`. Time is the tick count handed in.
+`transitions` provides the states, the triggers and their introspection; the one evaluator in
+:mod:`twin_gait.core.guards` decides which transition is due. Time is the tick count that is passed in.
 """
 
 import math
@@ -19,18 +19,18 @@ from twin_gait.gait.signals import OTHER, TIME
 from twin_gait.gait.table import TICK, StateTable
 from twin_gait.vocabulary import Side
 
-POSTURE = "posture"  # cause of a switch that an operating mode asks for; it is no transition of the table
+POSTURE = "posture"  # Cause of a switch that an operating mode requires; it is no transition of the table.
 
 
 class PhaseSwitch(NamedTuple):
-    """One switch of phase."""
+    """Record of one switch of phase."""
 
-    tick: int  # tick at which the new phase begins
-    side: Side  # leg
-    source: str  # phase that was left
-    target: str  # phase that was entered
-    cause: str  # cause written in the gait table
-    transition: int  # index of the transition in the table, -1 for a posture
+    tick: int  # Tick at which the new phase begins.
+    side: Side  # Leg.
+    source: str  # Phase that was left.
+    target: str  # Phase that was entered.
+    cause: str  # Cause given in the gait table.
+    transition: int  # Index of the transition in the table, -1 for a posture.
 
     @property
     def time(self) -> float:
@@ -44,12 +44,12 @@ class GaitStateMachine:
     Attributes:
         table: The gait table.
         side: The leg.
-        owner: What messages call it.
+        owner: Name of the leg or supervisor in messages.
         program: The table's compiled guards.
         phase: Present phase.
-        phase_index: Its index.
+        phase_index: Index of the present phase.
         entry_tick: Tick at which the present phase was entered.
-        choose: What takes the place of :func:`~twin_gait.core.guards.next_transition`, if anything.
+        choose: Function that replaces :func:`~twin_gait.core.guards.next_transition`, or None.
     """
 
     choose: Callable[..., int] | None = None
@@ -62,7 +62,7 @@ class GaitStateMachine:
         initial_phase: str | None = None,
         program: GuardProgram | None = None,
     ) -> None:
-        """Begin in a phase, the first of the table if None; legs may share a compiled ``program``.
+        """Start in a phase, the first of the table if None; legs may share a compiled ``program``.
 
         The side has no meaning for a table of modes.
         """
@@ -79,7 +79,10 @@ class GaitStateMachine:
 
     @cached_property
     def machine(self) -> Machine:
-        """States and triggers in `transitions`; made at the first switch: it takes as long as 15 ticks."""
+        """States and triggers in `transitions`, created at the first switch.
+
+        Their creation takes as long as 15 ticks.
+        """
         return Machine(
             model=self,
             states=list(self.table.phase_names),
@@ -93,30 +96,30 @@ class GaitStateMachine:
         )
 
     def time_in_phase(self, tick: int) -> float:
-        """Time since the present phase was entered, in [s]."""
+        """Return the time since the present phase was entered, in [s]."""
         return (tick - self.entry_tick) * TICK
 
     def step(self, tick: int, signals: Mapping[str, float], member: str | None = None) -> PhaseSwitch | None:
-        """Advance by one tick on signals by their names.
+        """Advance by one tick with signals given by their names.
 
-        ``tick``: present tick. ``signals``: in the units of their names; the time in the phase is counted.
-        What is missing is as before anything is measured: a command to walk is given, an angle is not known.
-        ``member``: phase of the other leg at the start of the tick, or None without one; of the supervisor
-        the request that is made, or None. Returns the switch, or None if the phase stays. Raises
-        MeasurementError if a measurement is missing or not finite; none is asked for of a leg that is not
-        there.
+        ``tick``: present tick. ``signals``: values in the units of a table; the time in the phase is counted.
+        A missing signal has its initial value, as before the first measurement: the walk command is given, an
+        angle is NaN. ``member``: phase of the other leg at the start of the tick, or None without one; for
+        the supervisor the request in this tick, or None. Returns the switch, or None if the phase stays.
+        Raises MeasurementError if a measurement is missing or not finite; measurements of an absent leg are
+        not required.
         """
         values = self.table.in_si({**signals, TIME: self.time_in_phase(tick)})
         return self.advance(tick, values, self.table.member_index(member))
 
     def advance(self, tick: int, signals: Sequence[float], other_phase: int) -> PhaseSwitch | None:
-        """Advance by one tick on a list of signals.
+        """Advance by one tick with a list of signals.
 
         ``signals``: this leg's signals, the other's, then the device's, in the order of
-        :func:`twin_gait.gait.signals.all_signal_names`, SI units; NaN marks the signals of a leg that is not
-        there. A list is read faster than a NumPy array. ``other_phase``: index of the other leg's phase at
-        the start of the tick, -1 without one. Returns the switch, or None if the leg stays. Raises
-        MeasurementError if a signal of this leg, of a present other leg, or of the device is not finite.
+        :func:`twin_gait.gait.signals.all_signal_names`, SI units; NaN marks the signals of an absent leg. A
+        list is read faster than a NumPy array. ``other_phase``: index of the other leg's phase at the start
+        of the tick, -1 without one. Returns the switch, or None if the phase stays. Raises MeasurementError
+        if a signal of this leg, of a present other leg, or of the device is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
         choose, ticks = self.choose or next_transition, tick - self.entry_tick
@@ -131,7 +134,7 @@ class GaitStateMachine:
         return PhaseSwitch(tick, self.side, source, self.phase, item.cause, index)
 
     def enter(self, phase: str, tick: int) -> None:
-        """Be in a phase from a tick on, whatever the table says: it is entered from outside."""
+        """Enter a phase at a tick by an external command, without a transition of the table."""
         self.phase, self.phase_index, self.entry_tick = phase, self.table.phase_index(phase), tick
         self._debounce[:] = [0] * len(self._debounce)
 

@@ -1,8 +1,8 @@
 """The operating modes of the device: one more state machine over the grammar of gait tables.
 
-A mode is a phase of the supervisor. It says what both legs are told, to walk or to stand and to step or to
-wait, and may send them into a phase of their gait table at once. What takes the place of the other leg's
-phase is the request: of a schedule, a live panel or the therapist's tablet, made for one tick.
+A mode is a phase of the supervisor. It sets the commands for both legs, to walk or to stand and to step or to
+wait, and may send them into a phase of their gait table at once. The request takes the place of the other
+leg's phase in guards: a request of a schedule, a live panel or the therapist's tablet, made for one tick.
 :mod:`twin_gait.control.supervisor` runs a table of modes.
 """
 
@@ -22,13 +22,13 @@ from twin_gait.gait.table import MOST_PHASES, TICK, State, StateTable, Transitio
 
 @dataclass(frozen=True, kw_only=True)
 class Mode(State):
-    """What one mode sets.
+    """Settings of one mode.
 
     Attributes:
         posture: Phase of the legs' gait table that both legs enter when the mode begins, unless they are in
-            it; None where they go on by their own guards.
-        walk: Whether the legs are told to walk, signal ``walk``, or to stand.
-        step: Whether they are told to take a step, signal ``step``, or to wait for one.
+            it; None if their own guards keep determining the phases.
+        walk: Whether the legs receive the command to walk, signal ``walk``, or to stand.
+        step: Whether the legs receive the command to take a step, signal ``step``, or to wait for one.
     """
 
     posture: str | None = None
@@ -38,11 +38,11 @@ class Mode(State):
 
 @dataclass(frozen=True, kw_only=True)
 class ModeTable(StateTable):
-    """Operating modes, and what leads from one to another."""
+    """Operating modes, and the transitions between them."""
 
-    phases: Mapping[str, Mode]  # the modes by name; the device begins in the first
-    requests: tuple[str, ...]  # what can be asked for, if anything
-    hold: str  # mode in which the device is after a trip of the safety monitor; it is not left
+    phases: Mapping[str, Mode]  # Modes by name; the device begins in the first one.
+    requests: tuple[str, ...]  # Names of the requests that can be made; may be empty.
+    hold: str  # Mode of the device after a trip of the safety monitor; it is not left.
 
     words: ClassVar[guards.GuardWords] = guards.MODE_WORDS
     kind: ClassVar[str] = "mode"
@@ -67,16 +67,16 @@ class ModeTable(StateTable):
 
     @cached_property
     def members(self) -> tuple[str, ...]:
-        """What can be asked for; its code is the place, counted from 1."""
+        """Names of the requests; the code of a request is its position, counted from 1."""
         return self.requests
 
     @property
     def entered(self) -> tuple[str, ...]:
-        """The hold, which the monitor enters."""
+        """The hold mode, which the monitor enters."""
         return (self.hold,)
 
     def waits_for_step(self, mode: str) -> bool:
-        """Whether legs that walk in a mode wait until somebody asks for a step."""
+        """Check whether legs that walk in a mode wait for a request to take a step."""
         here, leads = self.phases[mode], (item for item in self.transitions if item.source == mode)
         return (
             here.walk
@@ -86,7 +86,7 @@ class ModeTable(StateTable):
 
 
 def _asked(item: Transition) -> set[str]:
-    """Requests that a transition reads."""
+    """Return the requests that a transition reads."""
     atoms = guards.atoms(item.guard)
     return {name for atom in atoms if isinstance(atom, guards.PhaseMembership) for name in atom.phases}
 
@@ -96,10 +96,10 @@ _TIMED = re.compile(r"\s*(\w+)\s*@\s*(\d{1,9}(?:\.\d{0,9})?|\.\d{1,9})\s*s\s*")
 
 @dataclass(frozen=True)
 class TimedRequest:
-    """A request at a time."""
+    """A request at a given time."""
 
-    name: str  # what is asked for
-    ticks: int  # when, in ticks of 1 [ms]
+    name: str  # Name of the request.
+    ticks: int  # Time of the request in ticks of 1 [ms].
 
     def __str__(self) -> str:
         """Write the request in its notation."""
@@ -107,7 +107,7 @@ class TimedRequest:
 
 
 def parse_request(text: str) -> TimedRequest:
-    """Read a request in its notation, for example ``walk@2.5s``; raises ParameterError if it is none."""
+    """Parse a request in its notation, for example ``walk@2.5s``; raise ParameterError if it is invalid."""
     match = _TIMED.fullmatch(text)
     if match is None:
         raise ParameterError(f"request {text!r}: expected REQUEST@TIMEs, for example walk@2.5s")
@@ -115,7 +115,7 @@ def parse_request(text: str) -> TimedRequest:
 
 
 def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) -> None:
-    """Check that requests are known and come one at a time; raises ParameterError."""
+    """Check that requests exist and come one at a time; raise ParameterError if not."""
     known = () if modes is None else modes.requests
     ticks = [item.ticks for item in requests]
     for item in requests:
@@ -129,9 +129,10 @@ def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) 
 def why_refused(
     table: ModeTable, mode: str, request: str, signals: Mapping[str, float], ticks: int
 ) -> str | None:
-    """What each transition that would answer a request lacks, in words; None if one of them is open.
+    """Describe the unmet conditions of each transition for a request; None if one of them is fulfilled.
 
-    ``signals``: in the units of their names; missing ones are 0. ``ticks``: since the mode was entered.
+    ``signals``: values in the units of a table; missing ones are 0. ``ticks``: number of ticks since the mode
+    was entered.
     """
     leaving = [(item, _asked(item)) for item in table.transitions if item.source == mode]
     answers = [item for item, asked in leaving if request in asked]

@@ -1,19 +1,20 @@
-"""Compile a gait table into the program that the core evaluates."""
+"""Compilation of a gait table into the program that the core evaluates."""
 
 from twin_gait.core import guards
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import signal_scale
 from twin_gait.gait.table import MOST_PHASES, StateTable, refuse
 
-# Phases, and results that wait to be joined, are bits of a whole number: of a signed one of 64 in an engine,
-# of an int32_t in the device, where all of them may be shifted once more.
+# Phases, and results that wait to be combined, are bits of an integer: a signed one of 64 bits in an engine,
+# an int32_t in the device, where all of them may be shifted once more.
 ENGINE_BITS, DEVICE_BITS = MOST_PHASES, 30
 
 
 def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardProgram:
     """Compile the transitions of a table of gait or of modes, thresholds in SI units.
 
-    Raises GaitTableError if the table or a guard is too large for so many bits.
+    ``bits``: number of bits of the integers that hold phases and results. Raises GaitTableError if the table
+    or a guard is too large for them.
     """
     _refuse_large(table, bits)
     nodes: list[guards.GuardNode] = []
@@ -33,7 +34,7 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
             )
         )
     minimum_ticks = [item.minimum_ticks for item in table.phases.values()]
-    if not comparisons:  # the evaluator reads one for every node
+    if not comparisons:  # The evaluator reads a comparison for every node.
         comparisons.append(guards.Comparison(0, 0, 0.0, 0.0, 0.0))
     return guards.GuardProgram(len(rules), minimum_ticks, rules, nodes, comparisons)
 
@@ -41,7 +42,7 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
 def _refuse_large(table: StateTable, bits: int) -> None:
     refuse(len(table.members) > bits, f"{len(table.members)} {table.words.member}s; at most {bits} fit")
     for item in table.transitions:
-        if len(item.atoms) <= bits:  # at most as many results wait as there are conditions
+        if len(item.atoms) <= bits:  # A guard has at most as many waiting results as conditions.
             continue
         name, waiting = f"{item.source} → {item.target} ({item.cause})", _waiting(item.guard)
         too_many = f"{waiting} conditions wait to be joined; at most {bits} fit, so nest some of them"
@@ -49,7 +50,10 @@ def _refuse_large(table: StateTable, bits: int) -> None:
 
 
 def _waiting(guard: Guard) -> int:
-    """How many results of a guard wait at once: those before a part, and what waits within it."""
+    """Return the largest number of results of a guard that wait at once to be combined.
+
+    It is the largest sum of the results before a part of the guard and those that wait within it.
+    """
     parts = guard.guards if isinstance(guard, (AllOf, AnyOf)) else ()
     return max((before + _waiting(part) for before, part in enumerate(parts)), default=1)
 

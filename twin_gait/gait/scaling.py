@@ -1,4 +1,4 @@
-"""Adapt a gait table to wearer, support and belt speed, by the laws that the table states."""
+"""Scaling of a gait table to wearer, support and belt speed, by the laws that the table defines."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -31,9 +31,9 @@ def scale_table(
     for the stiffness of the stance phases, hip equilibria and hip thresholds.
 
     ``carried_mass``: mass of wearer and device times (1 - support) in [kg]; None switches its law off.
-    ``speed``: belt speed in [m] / [s]; None switches its law off. ``height``: of the wearer in [m], as the
-    controller knows it; None switches its law off. Returns the adapted table; the same values where a law is
-    off.
+    ``speed``: belt speed in [m] / [s]; None switches its law off. ``height``: height of the wearer in [m], as
+    set in the controller; None switches its law off. Returns the adapted table; values whose law is off are
+    unchanged.
     """
     law = table.scaling
     stiffness = _power(carried_mass, law.carried_mass, law.carried_mass_exponent)
@@ -54,7 +54,7 @@ def scale_table(
 
 
 def _power(value: float | None, reference: float | None, exponent: float) -> float:
-    """Ratio to the power of the exponent; 1 if the law is off."""
+    """Compute the ratio of value and reference to the power of the exponent; 1 if the law is off."""
     return 1.0 if value is None or reference is None else (value / reference) ** exponent
 
 
@@ -81,16 +81,16 @@ def _scale_guard(guard: Guard, excursion: float, centre: float) -> Guard:
 
 
 def _is_hip_angle(signal: str | None) -> bool:
-    """Whether a signal is a hip angle of either leg; an absent second signal does not speak against it."""
+    """Check whether a signal is a hip angle of either leg; None, an absent second signal, counts as one."""
     return signal is None or signal.endswith(ANGLE.of(JointName.HIP))
 
 
 def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.ndarray:
-    """Lay the phases of one side out as numbers, damping ratios resolved.
+    """Lay out the phases of one side as numbers, with damping ratios resolved.
 
-    ``inertia_at``: effective inertia in [kg m²] of a joint of a side at the equilibrium angles of all joints
-    of a phase, armature included: M_jj with the pelvis fixed. Returns shape ``(n_phases, 4 n_joints + 1)``:
-    k, b, θ0, G of each joint, then the gravity share.
+    ``inertia_at``: function that returns the effective inertia in [kg m²] of a joint of a side at the
+    equilibrium angles of all joints of a phase, armature included: M_jj with the pelvis fixed. Returns shape
+    ``(n_phases, 4 n_joints + 1)``: k, b, θ0, G of each joint, then the gravity share.
     """
     rows = []
     for phase in table.phases_of(side).values():
@@ -100,7 +100,7 @@ def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.nd
             joint = phase.joints[name]
             damping = joint.damping
             if damping is None:
-                assert joint.damping_ratio is not None  # JointImpedance holds exactly one of them
+                assert joint.damping_ratio is not None  # JointImpedance has exactly one of them.
                 inertia = inertia_at(side, posture, name)
                 damping = damping_from_ratio(joint.damping_ratio, joint.stiffness, inertia)
             row += [joint.stiffness, damping, joint.equilibrium_angle, joint.friction_compensation_gain]

@@ -1,8 +1,8 @@
 """The signals that guards read, each declared once.
 
-A further one is declared here; the gait controller keeps and writes it
+A new signal is declared here; the gait controller stores and writes it
 (:mod:`twin_gait.control.gait_controller`), and a step of the tick measures it. Grammar, check, test kit,
-diagram, replay and firmware go by the declaration.
+diagram, replay and firmware read the declaration.
 """
 
 import math
@@ -12,21 +12,21 @@ from typing import NamedTuple
 
 from twin_gait.parameters.quantities import DEGREE
 
-OTHER = "other."  # in front of a signal of the other leg
-LEFT, RIGHT = "left.", "right."  # in front of a signal of a leg, for the supervisor
+OTHER = "other."  # Prefix of a signal of the other leg.
+LEFT, RIGHT = "left.", "right."  # Prefix of a signal of a leg, for the supervisor.
 
-HIGHEST_LOAD = 2.0  # [body weight]: walking loads a foot with 1.2 at most, running with 2 to 3
-LONGEST_STAY = 3600.0  # [s], for a phase without a time-out
-# [rad] / [s]: an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
+HIGHEST_LOAD = 2.0  # Load in body weights: walking loads a foot with 1.2 at most, running with 2 to 3.
+LONGEST_STAY = 3600.0  # Longest time in [s] in a phase without a timeout.
+# Velocity in [rad] / [s], an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
 HIGHEST_VELOCITY = 500.0 * DEGREE
 
 
 class Unit(NamedTuple):
-    """Unit of a table."""
+    """Unit of values in a table."""
 
-    words: str  # in messages
-    symbol: str  # behind a number in a diagram
-    factor: float = 1.0  # to SI
+    words: str  # Name in messages.
+    symbol: str  # Symbol after a number in a diagram.
+    factor: float = 1.0  # Factor to SI.
 
 
 DEGREES = Unit("deg", "°", DEGREE)
@@ -38,26 +38,26 @@ NO_UNIT = Unit("no unit", "")
 
 @dataclass(frozen=True)
 class Signal:
-    """A signal of guards."""
+    """Declaration of a signal of guards."""
 
-    name: str  # in a table; of a joint what follows its name and a point
-    unit: Unit  # of its values in a table; what is measured is in SI
-    words: str  # in a diagram, behind what it belongs to
-    # lowest and highest value at all in SI; None where stops and motors say, which a check knows
+    name: str  # Name in a table; for a joint the part after the joint's name and a point.
+    unit: Unit  # Unit of its values in a table; measured values are in SI.
+    words: str  # Label in a diagram, after the name of its part.
+    # Lowest and highest possible value in SI; None if stops and motors determine them.
     range: tuple[float, float] | None
-    # from tick to tick, in the unit of the table: an assumption. The encoder's own step is far below (0.0004°
-    # of the joint); cuffs, gears and the foot on the belt shake more
+    # Change from tick to tick due to noise, in the unit of the table: an assumption. The encoder's resolution
+    # is far finer (0.0004° of the joint); vibrations of cuffs, gears and the foot on the belt are larger.
     noise: float = 0.0
-    # comfortable distance from a threshold, in the unit of the table, that the test kit keeps
+    # Distance from a threshold, in the unit of the table, that the test kit keeps if possible.
     room: float = 0.0
-    first: float = math.nan  # before anything is measured, in SI; NaN opens no guard
-    field: str = ""  # of a signal of the device, in the gait controller's record of it
-    # of a log, in SI, from which a replay reads a signal of the device; without one it stays as at first. How
-    # angles and loads are read, reading says
+    first: float = math.nan  # Value before the first measurement, in SI; a guard with NaN is false.
+    field: str = ""  # Field of the gait controller's record of a signal of the device.
+    # Column of a log, in SI, from which a replay reads a signal of the device; without one the signal keeps
+    # its initial value. The mapping of angles and loads to columns is defined in the replay's reader.
     column: str = ""
 
     def of(self, joint: str) -> str:
-        """Name that it has in a table for a joint."""
+        """Return its name in a table for a joint."""
         return f"{joint}.{self.name}"
 
 
@@ -76,18 +76,18 @@ TRUNK_PITCH = Signal(
     field="trunk_pitch",
     column="measured_trunk_pitch_rad",
 )
-# What the legs are told: 1 to walk, 0 to stand; 1 to take a step, 0 to wait for one.
-WALK = Signal("walk", NO_UNIT, "told to walk", (0.0, 1.0), room=0.25, first=1.0, field="walk")
-STEP = Signal("step", NO_UNIT, "told to step", (0.0, 1.0), room=0.25, first=1.0, field="step")
+# Commands for the legs: 1 to walk, 0 to stand; 1 to take a step, 0 to wait for one.
+WALK = Signal("walk", NO_UNIT, "walk command", (0.0, 1.0), room=0.25, first=1.0, field="walk")
+STEP = Signal("step", NO_UNIT, "step command", (0.0, 1.0), room=0.25, first=1.0, field="step")
 LEGS_IN_SWING = Signal("legs_in_swing", NO_UNIT, "legs in swing", (0.0, 2.0), room=0.25, first=0.0)
 
-JOINT_SIGNALS = (ANGLE, VELOCITY)  # each joint has its own
-LEG_SIGNALS = (LOAD, TIME_IN_PHASE)  # each leg has its own
-DEVICE_SIGNALS = (TRUNK_PITCH, WALK, STEP)  # both legs read the same
+JOINT_SIGNALS = (ANGLE, VELOCITY)  # Signals of each joint.
+LEG_SIGNALS = (LOAD, TIME_IN_PHASE)  # Signals of each leg.
+DEVICE_SIGNALS = (TRUNK_PITCH, WALK, STEP)  # Signals of the device, which both legs read.
 DEVICE_NAMES = tuple(signal.name for signal in DEVICE_SIGNALS)
 SIGNALS = (*JOINT_SIGNALS, *LEG_SIGNALS, *DEVICE_SIGNALS)
 TIME, OTHER_TIME = TIME_IN_PHASE.name, OTHER + TIME_IN_PHASE.name
-MODE_SIGNALS = (TIME_IN_PHASE, TRUNK_PITCH, LEGS_IN_SWING)  # of the supervisor, behind those of both legs
+MODE_SIGNALS = (TIME_IN_PHASE, TRUNK_PITCH, LEGS_IN_SWING)  # Signals of the supervisor, after both legs.
 
 
 def signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
@@ -96,7 +96,7 @@ def signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
     return (*names, *(signal.name for signal in LEG_SIGNALS))
 
 
-@lru_cache(maxsize=32)  # each guard of a table is checked against them
+@lru_cache(maxsize=32)  # Each guard of a table is checked against them.
 def all_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
     """Return the signals of this leg, the other, then the device: their positions index the guard program."""
     own = signal_names(joints)
@@ -113,16 +113,16 @@ def mode_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
 
 @cache
 def signal_of(name: str) -> Signal:
-    """Declaration of a signal by its name in a table, which may have further words in front."""
+    """Return the declaration of a signal by its name in a table, which may have a prefix."""
     known = (signal for signal in (*SIGNALS, LEGS_IN_SWING) if f".{name}".endswith(f".{signal.name}"))
-    return max(known, key=lambda signal: len(signal.name))  # a leg's name may end in a joint's
+    return max(known, key=lambda signal: len(signal.name))  # A leg signal's name may end in a joint signal's.
 
 
 def part_of(name: str) -> str:
-    """What a signal belongs to by its name: a joint, the foot, a part of the device; empty for none."""
+    """Return the part of a signal from its name: a joint, the foot, a part of the device; empty for none."""
     return f"..{name}".rsplit(".", 2)[1]
 
 
 def signal_scale(name: str) -> float:
-    """Factor from the unit in a signal's name to SI."""
+    """Return the factor from the unit of a signal in a table to SI."""
     return signal_of(name).unit.factor

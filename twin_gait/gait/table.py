@@ -1,8 +1,8 @@
 """The gait table: per-phase impedances and the transitions between phases, as data.
 
-Everything reads it and nobody has a second copy of a threshold: the state machine, the engines,
-replay, checks, diagrams and tests. Angles are in [rad] and times in ticks of 1 ms here; the YAML
-edge (:mod:`twin_gait.configuration`) converts.
+It is the only copy of every threshold: the state machine, the engines, replay, checks, diagrams and tests
+read it. Angles are in [rad] and times in ticks of 1 ms here; reading and writing YAML
+(:mod:`twin_gait.configuration`) converts them.
 """
 
 import re
@@ -18,23 +18,23 @@ from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_of
 from twin_gait.parameters import quantities, require
 from twin_gait.vocabulary import PRE_SWING, Coded, Side
 
-TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
-LONGEST = 3_600_000  # ticks, an hour, the longest run: no time in a table is longer
+TICK = 1e-3  # Control period of the firmware in [s] (thesis, section 2.1.2).
+LONGEST = 3_600_000  # Longest time in a table in ticks: an hour, the longest run.
 TICKS = quantities.Range(1, LONGEST, words=f"1 to {LONGEST} (an hour, the longest run)")
 DURATIONS = quantities.whole(0, LONGEST, "an hour, the longest run")
-ALWAYS = AllOf(guards=())  # guard of a transition that time alone fires
+ALWAYS = AllOf(guards=())  # Guard of a transition that depends on time alone.
 FADES = quantities.whole(0, 10_000, "10 s; a phase of gait is over before")
-MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
+MOST_PHASES = 62  # A membership of the other leg's phase is a bit mask in a signed 64-bit integer.
 
 
 def refuse(wrong: object, text: str) -> None:
-    """Raise a GaitTableError if something is wrong."""
+    """Raise a GaitTableError with a text if a condition is wrong."""
     if wrong:
         raise GaitTableError(text)
 
 
 class BlendingLaw(Coded):
-    """How parameters fade from one phase to the next; ``code`` is that of :mod:`twin_gait.core.blending`."""
+    """Law of the blending of parameters; ``code`` is its number in :mod:`twin_gait.core.blending`."""
 
     NONE = "none"
     LINEAR = "linear"
@@ -46,8 +46,8 @@ class Blending(quantities.Parameters):
     """Blending of k, b, θ0, G and the gravity share when a phase is entered.
 
     Attributes:
-        law: Shape of the fade.
-        duration_ticks: Its length in ticks.
+        law: Shape of the blending.
+        duration_ticks: Length of the blending in ticks.
     """
 
     law: BlendingLaw = BlendingLaw.MINIMUM_JERK
@@ -70,11 +70,11 @@ class JointImpedance(quantities.Parameters):
     """Impedance of one joint in one phase; exactly one of damping and damping ratio is given.
 
     Attributes:
-        stiffness: k in [N m] / [rad].
-        equilibrium_angle: θ0 in [rad].
-        friction_compensation_gain: G in [0, 1].
-        damping: b in [N m s] / [rad], or None.
-        damping_ratio: ζ, or None; b = 2 ζ √(k I) is resolved when the experiment is built.
+        stiffness: Stiffness k in [N m] / [rad].
+        equilibrium_angle: Equilibrium angle θ0 in [rad].
+        friction_compensation_gain: Gain G of the friction compensation, 0 to 1.
+        damping: Damping b in [N m s] / [rad], or None.
+        damping_ratio: Damping ratio ζ, or None; b = 2 ζ √(k I) is resolved when the experiment is built.
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, STIFFNESSES]
@@ -93,10 +93,10 @@ class JointImpedance(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class State(quantities.Parameters):
-    """What every phase of a state machine has.
+    """Common parameters of every phase of a state machine.
 
     Attributes:
-        minimum_ticks: It is not left before so many ticks.
+        minimum_ticks: Minimum duration in ticks, before which the phase is not left.
     """
 
     minimum_ticks: Annotated[int, DURATIONS, quantities.Key("minimum_duration_ms")] = 0
@@ -104,12 +104,12 @@ class State(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseParameters(State):
-    """What one phase of gait sets.
+    """Parameters that one phase of gait sets.
 
     Attributes:
         joints: Impedance per joint name.
         gravity_compensation: Share of the leg's gravity torque that is fed forward.
-        blending_ticks: Length of the fade into it in ticks; None for that of the table.
+        blending_ticks: Length of the blending into the phase in ticks; None for that of the table.
     """
 
     joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile(), quantities.Inline()]
@@ -118,7 +118,7 @@ class PhaseParameters(State):
 
 
 class DrivenBy(StrEnum):
-    """What carries a leg to an exit."""
+    """Cause of the motion of a leg towards an exit."""
 
     JOINT = "joint"
     """The joint's own balance of impedance, gravity and friction."""
@@ -133,11 +133,11 @@ class Transition(quantities.Parameters):
     Attributes:
         source: Phase that is left.
         target: Phase that is entered.
-        cause: Why, in one word; recorded with every switch.
-        guard: Condition; an empty ``AllOf`` for a pure time-out.
-        debounce_ticks: The guard must hold on so many consecutive ticks; it fires on the last.
-        time_out_ticks: Least time in the phase, or None; alone it is a time-out.
-        driven_by: What carries the leg to this exit; read by checks only.
+        cause: Reason for the transition, in one word; recorded with every switch.
+        guard: Condition; an empty ``AllOf`` for a pure timeout.
+        debounce_ticks: Number of consecutive ticks for which the guard must hold; it fires on the last.
+        time_out_ticks: Minimum time in the phase in ticks, or None; without a guard it is a timeout.
+        driven_by: Cause of the leg's motion towards this exit; used by checks only.
     """
 
     source: Annotated[str, quantities.Key("from")]
@@ -157,12 +157,12 @@ class Transition(quantities.Parameters):
 
     @property
     def is_time_out(self) -> bool:
-        """Whether only the time in the phase fires this transition."""
+        """Whether the transition depends on the time in the phase alone."""
         return self.time_out_ticks is not None and self.guard == ALWAYS
 
     @cached_property
     def atoms(self) -> tuple[Atom, ...]:
-        """Comparisons and memberships of its guard."""
+        """Comparisons and memberships of the guard."""
         return tuple(atoms(self.guard))
 
 
@@ -173,14 +173,14 @@ class Scaling(quantities.Parameters):
     :func:`twin_gait.gait.scaling.scale_table` applies them.
 
     Attributes:
-        carried_mass: Reference in [kg].
-        carried_mass_exponent: α; with 1 the leg sinks in as far as with the reference load.
-        stance_phases: Phases whose stiffness follows the carried mass.
-        speed: Reference in [m] / [s].
-        speed_exponent: β; above 0 a slower belt gets shorter steps.
-        height: Reference in [m].
-        height_exponent: γ; with -1 longer legs make steps of the same length.
-        hip_centre: θ_c in [rad].
+        carried_mass: Reference of the carried mass in [kg].
+        carried_mass_exponent: Exponent α; with 1 the leg yields as far as with the reference load.
+        stance_phases: Phases whose stiffness scales with the carried mass.
+        speed: Reference of the belt speed in [m] / [s].
+        speed_exponent: Exponent β; above 0 the steps are shorter on a slower belt.
+        height: Reference of the wearer's height in [m].
+        height_exponent: Exponent γ; with -1 longer legs make steps of the same length.
+        hip_centre: Centre θ_c of the hip's excursion in [rad].
     """
 
     carried_mass: Annotated[quantities.Mass | None, MASSES] = None
@@ -195,13 +195,13 @@ class Scaling(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Waiver(quantities.Parameters):
-    """A warning of the check that the table lives with.
+    """A warning of the check that is accepted for a table.
 
     Attributes:
         rule: Id of the rule.
-        reason: Why it is right as it is.
-        phase: Only for findings about this phase; None for all.
-        transition: Only for findings about transitions with this cause; None for all.
+        reason: Reason why the table is right as it is.
+        phase: Phase to which the waiver is limited; None for all.
+        transition: Cause of the transitions to which the waiver is limited; None for all.
     """
 
     rule: str
@@ -214,20 +214,22 @@ class Waiver(quantities.Parameters):
 class StateTable:
     """The phases of a state machine and the transitions between them: of a leg, or of the supervisor."""
 
-    name: str  # what the table is called
-    joints: tuple[str, ...]  # joint names, in the order of the parameter arrays
-    phases: Mapping[str, State]  # by name, in the order of the cycle; the machine begins in the first
-    transitions: tuple[Transition, ...]  # in order of priority: of several open exits the first listed wins
-    description: str = ""  # what it is for and where its numbers come from
-    waivers: tuple[Waiver, ...] = ()  # warnings of the check that the table lives with
+    name: str  # Name of the table.
+    joints: tuple[str, ...]  # Names of the joints, in the order of the parameter arrays.
+    # Phases by name, in the order of the cycle; the machine begins in the first one.
+    phases: Mapping[str, State]
+    # Transitions in order of priority: the first listed one that is due is taken.
+    transitions: tuple[Transition, ...]
+    description: str = ""  # Purpose of the table and sources of its numbers.
+    waivers: tuple[Waiver, ...] = ()  # Warnings of the check that are accepted for the table.
 
-    words: ClassVar[GuardWords] = LEG_WORDS  # what its guards may read
-    kind: ClassVar[str] = "phase"  # what messages call a state; with an s, the key of a file
+    words: ClassVar[GuardWords] = LEG_WORDS  # Vocabulary of its guards.
+    kind: ClassVar[str] = "phase"  # Name of a state in messages; with an s, the key of a file.
 
     def __post_init__(self) -> None:
-        """Check that the table is complete; what leads where is for a check to judge."""
+        """Check that the table is complete; a separate check judges its logic."""
         for name in self.joints:
-            # Signals are joint.quantity, and those of a certain leg begin with "other." or its side.
+            # Names of signals are joint.quantity, with the prefix "other." or a side for a certain leg.
             odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." in (OTHER, LEFT, RIGHT)
             refuse(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
         some = len(set(self.joints)) == len(self.joints) > 0
@@ -239,7 +241,7 @@ class StateTable:
             self._check_transition(f"transitions[{index}] ({transition.cause})", transition)
 
     def _check_phases(self) -> None:
-        """What phases set fits together."""
+        """Check that the settings of the phases are consistent."""
 
     def _check_known(self, place: str, *phases: str) -> None:
         for phase in phases:
@@ -263,18 +265,18 @@ class StateTable:
         return tuple(self.phases)
 
     def phase_index(self, phase: str) -> int:
-        """Position of a phase in :attr:`phase_names`; raises GaitTableError if there is no such phase."""
+        """Return the position of a phase in :attr:`phase_names`; raise GaitTableError for an unknown one."""
         self._check_known("phase", phase)
         return self.phase_names.index(phase)
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """All signals that its guards may read; their positions are the indices in the guard program."""
+        """All signals that the guards may read; their positions are the indices in the guard program."""
         return self.words.signals(self.joints)
 
     @cached_property
     def members(self) -> tuple[str, ...]:
-        """What a membership in a guard may name: phases of the other leg, or requests."""
+        """Names that a membership in a guard may contain: phases of the other leg, or requests."""
         return self.phase_names
 
     def member_index(self, name: str | None) -> int:
@@ -284,29 +286,32 @@ class StateTable:
         return -1 if name is None else self.members.index(name)
 
     def in_si(self, signals: Mapping[str, float]) -> list[float]:
-        """Signals in their order in SI, from those known in the units of names; others as at first."""
+        """Return the signals in their order in SI from values in the units of a table.
+
+        Signals that are missing in ``signals`` have their initial values.
+        """
         declared = {name: signal_of(name) for name in self.signals}
         values = ((signals.get(name), item) for name, item in declared.items())
         return [item.first if value is None else item.unit.factor * value for value, item in values]
 
     @property
     def entered(self) -> tuple[str, ...]:
-        """Phases that are entered from outside, and may be left likewise."""
+        """Phases that are entered by an external command, and may also be left by one."""
         return ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class GaitTable(StateTable):
-    """Per-phase impedances and transitions."""
+    """Impedances of each phase and transitions between phases, with blending and scaling."""
 
-    phases: Mapping[str, PhaseParameters]  # parameters per phase, in the order of the cycle
-    blending: Blending = field(default_factory=Blending)  # how parameters fade at a switch
-    # parameters that differ on one side (hemiparesis)
+    phases: Mapping[str, PhaseParameters]  # Parameters per phase, in the order of the cycle.
+    blending: Blending = field(default_factory=Blending)  # Blending of the parameters at a phase switch.
+    # Parameters that differ on one side (hemiparesis).
     side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
-    scaling: Scaling = field(default_factory=Scaling)  # laws that adapt the table
-    # cycles of phases that are meant; empty for the phases in their order
+    scaling: Scaling = field(default_factory=Scaling)  # Laws that scale the table.
+    # Intended cycles of phases; empty for the phases in their order.
     cycles: tuple[tuple[str, ...], ...] = ()
-    postures: tuple[str, ...] = ()  # phases into which a supervisor may send both legs
+    postures: tuple[str, ...] = ()  # Phases that a supervisor may command for both legs.
 
     def _check_phases(self) -> None:
         named = {"scaling.stance_phases": self.scaling.stance_phases, "postures": self.postures}
@@ -325,19 +330,19 @@ class GaitTable(StateTable):
 
     @property
     def entered(self) -> tuple[str, ...]:
-        """Phases that are entered from outside, and may be left likewise."""
+        """Phases that are entered by an external command, and may also be left by one."""
         return self.postures
 
     def is_swing(self, phase: str) -> bool:
-        """Whether a phase is meant to be in the air, by its name and by what ``scaling`` has in stance."""
+        """Check whether a phase is a swing phase, by its name and by the stance phases in ``scaling``."""
         return "swing" in phase.lower() and phase not in (PRE_SWING, *self.scaling.stance_phases)
 
     def blend_ticks(self, phase: PhaseParameters) -> int:
-        """Length of the fade into a phase in ticks; 0 if its parameters step."""
+        """Return the length of the blending into a phase in ticks; 0 if its parameters change in a step."""
         if self.blending.law is BlendingLaw.NONE:
             return 0
         return self.blending.duration_ticks if phase.blending_ticks is None else phase.blending_ticks
 
     def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:
-        """Parameters of one side, its own differences laid over the common ones."""
+        """Return the parameters of one side: the common ones, overridden by those of the side."""
         return {**self.phases, **self.side_phases.get(side, {})}
