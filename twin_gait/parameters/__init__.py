@@ -1,6 +1,6 @@
-"""Frozen parameters in SI units, checked when they are made.
+"""Frozen parameters in SI units, checked on creation.
 
-Every number that a user can change lives in one of these dataclasses, with its source beside it.
+Every number that a user can change is a field of one of these dataclasses, documented with its source.
 """
 
 import lazy_loader

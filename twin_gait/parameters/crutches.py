@@ -1,4 +1,4 @@
-"""Crutches, and how a person uses them."""
+"""Parameters of crutches, and of how a person uses them."""
 
 import math
 from dataclasses import dataclass
@@ -17,20 +17,23 @@ class CrutchParameters(quantities.Parameters):
     """Two forearm crutches and the arms that hold them.
 
     Attributes:
-        mass: Of a crutch as it turns about the shoulder, in its tip, in [kg] (an assumption: crutches of
-            aluminium have 0.45 to 0.65 kg, half way up; the arm counts with the trunk).
-        length: Of straight arm and crutch over the height of the wearer: 0.485 to the grip at the wrist and
-            0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
-        slack: By which a hand may be farther from the shoulder before it lets go, in [m] (an assumption).
-        straight_stiffness: Of a straight arm and the hand that holds on, in [N] / [m] (an assumption:
-            shoulder girdle and wrist leave 5 to 15 kN/m of what the elbow has).
-        tip_stiffness: Of the rubber tip against shear, in [N] / [m] (an assumption: it gives by a centimetre
-            under 200 N). What stands rests, where regularised friction would creep.
-        tip_damping: Likewise in [N s] / [m] (an assumption: half of critical for the mass of the crutch).
+        mass: Effective mass of a crutch at its tip, for its rotation about the shoulder, in [kg] (an
+            assumption: crutches of aluminium have 0.45 to 0.65 kg, with the centre of mass half way up; the
+            arm counts with the trunk).
+        length: Length of straight arm and crutch as a share of the height of the wearer: 0.485 to the grip at
+            the wrist and 0.332 from there to the shoulder (Drillis and Contini, in Winter 2009, fig. 4.1).
+        slack: Distance beyond that length at which the hand lets go, in [m] (an assumption).
+        straight_stiffness: Stiffness of a straight arm and the hand that holds on, in [N] / [m] (an
+            assumption: shoulder girdle and wrist reduce the stiffness of the elbow to 5 to 15 kN/m).
+        tip_stiffness: Shear stiffness of the rubber tip in [N] / [m] (an assumption: it yields by a
+            centimetre under 200 N). With it a planted tip rests, whereas it would creep with regularised
+            friction.
+        tip_damping: Shear damping of the rubber tip in [N s] / [m] (an assumption: half of critical for the
+            mass of the crutch).
         push_limit: Largest force of an arm along the strut in [N] (an assumption: paraplegic men push as hard
-            as others, Kotajarvi et al. 2002; half the weight on each hand is what lifting oneself asks for).
-        pull_limit: With which it lifts a crutch in [N] (an assumption).
-        moment_limit: Largest moment of a shoulder in [N m] (an assumption; men give 60 to 95 as a rule).
+            as others, Kotajarvi et al. 2002; lifting oneself requires half the weight on each hand).
+        pull_limit: Largest force with which an arm lifts a crutch in [N] (an assumption).
+        moment_limit: Largest moment of a shoulder in [N m] (an assumption; men typically reach 60 to 95).
     """
 
     mass: Annotated[quantities.Mass, CRUTCHES] = 0.5
@@ -46,44 +49,49 @@ class CrutchParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class ArmParameters(quantities.Parameters):
-    """How a person uses two crutches; :mod:`twin_gait.worlds.arm_policy` has the law.
+    """Control law of a person with two crutches; :mod:`twin_gait.worlds.arm_policy` defines it.
 
-    All are assumptions that were found together with a gait, but for stiffness and damping, which lie within
-    what loaded arms have (Tee et al. 2004; Perreault et al. 2001).
+    All values are assumptions that were found together with a gait, except stiffness and damping, which are
+    within the range of loaded arms (Tee et al. 2004; Perreault et al. 2001).
 
     Attributes:
-        delay: From what is felt to what the muscles do in [s]; people in stance have 0.15 to 0.19 (Peterka
-            2002).
-        lean: Of the trunk that the person keeps in [rad].
-        push: On each crutch, as a share of the weight of wearer and device.
-        push_per_lean: More of it by how much farther the trunk leans, as a share per [rad].
-        push_per_rate: And by how fast, as a share times [s] / [rad].
-        turn: Moment of each shoulder in [N m] that draws the body forwards.
-        stiffness: Of an arm that is loaded, along the strut, for a moment, in [N] / [m].
-        damping: In [N s] / [m].
-        turning_stiffness: Across the strut at its tip in [N] / [m].
-        turning_damping: In [N s] / [m].
-        swing_stiffness: Of an arm that carries its crutch, along and across, in [N] / [m].
-        swing_damping: In [N s] / [m].
-        yielding: Time constant in [s] with which loaded muscles follow what is slow.
-        lift_ahead: Way of a tip in front of the shoulder at which it is lifted, in [m].
+        delay: Delay from perception to the action of the muscles in [s]; people in stance have 0.15 to 0.19
+            (Peterka 2002).
+        lean: Lean of the trunk that the person maintains in [rad].
+        push: Push on each crutch, as a share of the weight of wearer and device.
+        push_per_lean: Increase of the push with additional lean of the trunk, as a share of the weight per
+            [rad].
+        push_per_rate: Increase of the push with the rate of the lean, as a share of the weight times [s] /
+            [rad].
+        turn: Moment of each shoulder in [N m] that pulls the body forwards.
+        stiffness: Short-term stiffness of a loaded arm along the strut in [N] / [m].
+        damping: Damping of a loaded arm along the strut in [N s] / [m].
+        turning_stiffness: Stiffness of a loaded arm across the strut, at its tip, in [N] / [m].
+        turning_damping: Damping of a loaded arm across the strut, at its tip, in [N s] / [m].
+        swing_stiffness: Stiffness of an arm that carries its crutch, along and across, in [N] / [m].
+        swing_damping: Damping of an arm that carries its crutch, along and across, in [N s] / [m].
+        yielding: Time constant in [s] with which loaded muscles adapt to slow changes of length and angle.
+        lift_ahead: Distance of a tip in front of the shoulder below which it is lifted, in [m].
         reach: Angle from the vertical to which a crutch is swung, in [rad].
-        clearance: By which arm and crutch are shortened for it, in [m].
-        swing: Length of the swing in [s].
-        planted: For so long at least a crutch stays, in [s].
-        lowering: Speed at which it is put down in [m] / [s].
-        touch: Load at which it is felt to stand in [N].
-        chair_tilt: Of arms and crutches from the vertical to which they are swung for a chair, the tips
-            behind the shoulders, in [rad].
-        stand_reach: Angle from the vertical at which who stands has the crutches, in [rad].
-        stand_slack: By which a tip may be away from there before it is brought there, in [m].
-        still: For so long no leg has swung when somebody stands, in [s].
-        chair_push: On each crutch while the person rises or sits down, as a share of the weight.
-        chair_turn: Moment of each shoulder in [N m] that draws the body forwards meanwhile.
-        risen_length: Of arm and crutch when the person has risen, over that of a straight arm.
-        seated_length: When the person has sat down; likewise.
-        chair_time: In which they come to that length, in [s].
-        straightening: Speed at which they grow afterwards, until the hands feel no load, in [m] / [s].
+        clearance: Length by which arm and crutch are shortened for the swing, in [m].
+        swing: Duration of the swing in [s].
+        planted: Minimum time for which a crutch stays planted, in [s].
+        lowering: Speed at which a crutch is put down in [m] / [s].
+        touch: Load from which the contact of a crutch is felt in [N].
+        chair_tilt: Angle of arms and crutches from the vertical to which they are swung for a chair, with the
+            tips behind the shoulders, in [rad].
+        stand_reach: Angle of the crutches from the vertical while the person stands, in [rad].
+        stand_slack: Distance of a tip from that position above which the crutch is moved there, in [m].
+        still: Time without a swing of a leg after which the person counts as standing, in [s].
+        chair_push: Push on each crutch while the person rises or sits down, as a share of the weight.
+        chair_turn: Moment of each shoulder in [N m] that pulls the body forwards while the person rises or
+            sits down.
+        risen_length: Length of arm and crutch when the person has risen, as a share of that of a straight
+            arm.
+        seated_length: Length of arm and crutch when the person has sat down, as a share of that of a straight
+            arm.
+        chair_time: Time in which they reach that length, in [s].
+        straightening: Speed at which they lengthen afterwards, until the hands feel no load, in [m] / [s].
     """
 
     delay: Annotated[quantities.Time, DELAYS] = 0.15

@@ -1,4 +1,4 @@
-"""Motors and gears, their battery, the limits of what is asked of them and their monitor, and encoders."""
+"""Parameters of motors and gears, battery, limits of the command, safety monitor, and encoders."""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, Side
 
-# Below it a gear that is driven backwards locks itself, and its load does not settle (core.plant.gear_load).
+# Efficiency below which a back-driven gear locks itself, and its load does not settle (core.plant.gear_load).
 LEAST_EFFICIENCY = 0.5
 EFFICIENCIES = quantities.Range(LEAST_EFFICIENCY, 1.0, words=f"{LEAST_EFFICIENCY:g} to 1")
 
@@ -21,14 +21,15 @@ class ActuatorParameters(quantities.Parameters):
     """Motor and harmonic drive of one joint.
 
     Attributes:
-        torque_constant: K_t of the motor in [N m] / [A].
+        torque_constant: Torque constant K_t of the motor in [N m] / [A].
         resistance: Terminal resistance, line to line, in [Ω].
-        rotor_inertia: In [kg m²], at the motor.
+        rotor_inertia: Inertia of the rotor in [kg m²], at the motor.
         gear_ratio: Motor turns per joint turn.
-        gear_inertia: Wave generator in [kg m²], at the motor.
-        gear_efficiency: η of the gear under load, beside the friction law, which is that of a joint without
-            load: the share that the joint receives of the torque that the motor puts into the gear, and the
-            motor of the joint's (:func:`twin_gait.core.friction.gear_loss_torque`). 0.5 to 1, no such loss.
+        gear_inertia: Inertia of the wave generator in [kg m²], at the motor.
+        gear_efficiency: Efficiency η of the gear under load, in addition to the friction law, which is that
+            of a joint without load: the share of the motor's torque that the joint receives, or of the
+            joint's torque that the motor receives when it is back-driven
+            (:func:`twin_gait.core.friction.gear_loss_torque`). 0.5 to 1; 1 is no such loss.
         continuous_torque: Torque that the motor can hold, before the gear's losses, in [N m].
     """
 
@@ -65,9 +66,9 @@ class BatteryParameters(quantities.Parameters):
 
     Attributes:
         voltage: Open-circuit voltage in [V].
-        internal_resistance: In [Ω]; typical of an 8-cell pack, not found for this one.
-        continuous_power: In [W]: 15 A at 22 V.
-        energy: In [J]: 92.2 Wh.
+        internal_resistance: Internal resistance in [Ω]; typical of an 8-cell pack, not found for this one.
+        continuous_power: Continuous power in [W]: 15 A at 22 V.
+        energy: Energy in [J]: 92.2 Wh.
     """
 
     voltage: Annotated[quantities.Voltage, quantities.POSITIVE] = 28.8
@@ -76,21 +77,24 @@ class BatteryParameters(quantities.Parameters):
     energy: Annotated[quantities.Energy, quantities.POSITIVE] = 92.2 * 3600.0
 
 
-STATED_AUTONOMY = 4.0 * 3600.0  # [s] of TWIN with its battery (thesis, table 2.1), doing what is not said
+# Autonomy in [s] of TWIN with its battery (thesis, table 2.1); the activity is not stated.
+STATED_AUTONOMY = 4.0 * 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ElectronicsParameters(quantities.Parameters):
-    """What draws from the battery beside the windings, and what comes back to it.
+    """Loads of the battery in addition to the windings, and the share of regenerated power.
 
-    By default nothing draws and everything comes back, as if inverters and computers were free.
+    By default there are no such loads and all regenerated power returns, as if inverters and computers needed
+    none.
 
     Attributes:
-        inverter_resistance: Of the two switches and the shunt that carry the current of a motor, in [Ω].
-        inverter_power: Of each inverter, whatever its motor does, in [W]: gates and switching.
-        constant_power: Of computers, sensors and radio in [W].
-        regeneration: Share of the power that braking motors feed into the bus beyond what is drawn from it
-            that returns to the battery; 0 for a brake chopper.
+        inverter_resistance: Resistance of the two switches and the shunt that carry the current of a motor,
+            in [Ω].
+        inverter_power: Constant power of each inverter in [W]: gates and switching.
+        constant_power: Power of computers, sensors and radio in [W].
+        regeneration: Share that returns to the battery of the power that braking motors feed into the bus
+            beyond its other loads; 0 for a brake chopper.
     """
 
     inverter_resistance: Annotated[quantities.Resistance, quantities.NOT_NEGATIVE] = 0.0
@@ -99,12 +103,12 @@ class ElectronicsParameters(quantities.Parameters):
     regeneration: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
 
 
-HARD_TORQUE_LIMIT = 100.0  # [N m]: just below the repeated peak torque of the gear (110 N m)
+HARD_TORQUE_LIMIT = 100.0  # Torque in [N m] just below the repeated peak torque of the gear (110 N·m).
 TORQUE_RANGE = quantities.Range(
     0.0,
     HARD_TORQUE_LIMIT,
     above=True,
-    words=f"above 0 and at most {HARD_TORQUE_LIMIT:g} N m, what the gear stands",
+    words=f"above 0 and at most {HARD_TORQUE_LIMIT:g} N·m, the limit of the gear",
 )
 
 
@@ -129,7 +133,7 @@ OFFSETS = quantities.Range(
 )
 
 
-# Where a backpack can hold an inertial unit on the trunk.
+# Positions on the trunk at which a backpack can hold an inertial unit.
 HEIGHTS = quantities.Range(0.0, 1.0, reason="from the hips to above the head")
 DEPTHS = quantities.Range(-0.5, 0.5, reason="within the depth of a trunk with its backpack")
 # Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
@@ -140,20 +144,20 @@ ACCELEROMETER_NOISE = 400e-6 * 9.81 * math.sqrt(500.0)  # [m] / [s²]
 
 @dataclass(frozen=True, kw_only=True)
 class TrunkSensorParameters(quantities.Parameters):
-    """Inertial unit in the backpack, and the filter that finds the pitch of a free trunk from it.
+    """Inertial unit in the backpack, and the filter that estimates the pitch of a free trunk from it.
 
     Attributes:
-        height: Of the unit above the hips, along the trunk, in [m] (an assumption).
-        behind: Of it behind the line from hips to shoulders in [m] (an assumption).
+        height: Height of the unit above the hips, along the trunk, in [m] (an assumption).
+        behind: Distance of the unit behind the line from hips to shoulders in [m] (an assumption).
         gyroscope_noise: Standard deviation of a sample at 1 kHz in [rad] / [s]; white.
-        gyroscope_bias: What it reads in excess in [rad] / [s] (an assumption: 0.1 deg/s, as after a
+        gyroscope_bias: Bias of the angular rate in [rad] / [s] (an assumption: 0.1 deg/s, as after a
             calibration at rest).
         accelerometer_noise: Standard deviation of a sample of each axis in [m] / [s²]; white.
-        accelerometer_bias: What the axis forwards reads in excess in [m] / [s²] (an assumption: 5 mg,
-            likewise).
-        time_constant: With which the pitch follows the accelerometer in [s] (an assumption: the steps of the
-            default walk on the floor shake it off by 0.8 deg then, by 4 deg with 0.5 s; the bias of the
-            gyroscope adds 0.3 deg).
+        accelerometer_bias: Bias of the forward axis in [m] / [s²] (an assumption: 5 mg, as after a
+            calibration at rest).
+        time_constant: Time constant with which the pitch follows the accelerometer in [s] (an assumption:
+            with it the steps of the default walk on the floor cause an error of 0.8 deg, with 0.5 s one of 4
+            deg; the bias of the gyroscope adds 0.3 deg).
     """
 
     height: Annotated[quantities.Length, HEIGHTS] = 0.2
@@ -166,8 +170,8 @@ class TrunkSensorParameters(quantities.Parameters):
 
 
 COUNTS = quantities.whole(1, 2**26, "the finest encoders")
-# A mean over more is no velocity of a gait; the samples are kept in the memory of the loop.
-LONGEST_WINDOW = 2000  # ticks; the 0.5 s of delay that the thesis states takes 1010
+# A mean over more ticks does not represent a velocity of a gait; the samples are kept in memory.
+LONGEST_WINDOW = 2000  # Length in ticks; the delay of 0.5 s that the thesis states takes 1010.
 SAMPLES = quantities.whole(1, LONGEST_WINDOW, "at most 2 s of samples")
 
 
@@ -176,16 +180,16 @@ class SensorParameters(quantities.Parameters):
     """Encoders and the velocity estimates of the firmware, and the inertial unit on the trunk.
 
     Attributes:
-        ideal: True for angles that are exact but for the offset, and a pitch that is exact; the velocity
-            filters stay.
+        ideal: True for angles that are exact except for the offset, and an exact pitch; the velocity filters
+            stay.
         encoder_counts: Counts per motor turn (an assumption).
         angle_noise: Standard deviation of white noise on the motor-side angle, seen at the joint, in [rad].
-        offset: Calibration error of the joints in [rad], from the start: what an encoder reads in excess of
-            the angle. One that is not named has none.
-        fast_time_constant: Of ``velocity_fast`` in [s].
-        decimation: Of ``velocity_slow``: every so many ticks one encoder difference.
-        window: Samples in the moving average of ``velocity_slow``.
-        trunk: Inertial unit of a trunk that is free.
+        offset: Calibration error of the joints in [rad], from the start: reading of the encoder minus the
+            angle. A joint that is not named has none.
+        fast_time_constant: Time constant of ``velocity_fast`` in [s].
+        decimation: Number of ticks between two encoder differences of ``velocity_slow``.
+        window: Number of samples in the moving average of ``velocity_slow``.
+        trunk: Inertial unit of a free trunk.
     """
 
     ideal: bool = True
@@ -200,7 +204,7 @@ class SensorParameters(quantities.Parameters):
     trunk: TrunkSensorParameters = field(default_factory=TrunkSensorParameters)
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that noise is not asked of encoders that have none."""
+        """Check the ranges, and that there is no noise on ideal encoders."""
         super().__post_init__()
         span, most = self.window * self.decimation, f"at most {LONGEST_WINDOW} ticks with the decimation"
         require(span <= LONGEST_WINDOW, "window", f"{most} of {self.decimation}", self.window)
@@ -208,53 +212,56 @@ class SensorParameters(quantities.Parameters):
         require(fits, "angle_noise", "0, or ideal: false", self.angle_noise)
 
 
-# Bounds beyond which a monitor notices nothing; one that is not wanted is switched off as a whole.
+# Bounds beyond which a monitor detects nothing; to run without a monitor, switch it off as a whole.
 SHARES = quantities.Range(0.0, 5.0, above=True, reason="a larger share of a limit is no limit")
-STEPS = quantities.Range(0.0, 0.2, above=True, reason="200 rad/s, fifty times what the drives reach")
+STEPS = quantities.Range(0.0, 0.2, above=True, reason="200 rad/s, fifty times the speed of the drives")
 DEVIATIONS = quantities.Range(0.0, 0.5, above=True, reason="29 deg; a leg has fallen before")
 REACTIONS = quantities.Range(0.0, 1.0, above=True, reason="after 1 s a leg has moved through its range")
 OVERLOADS = quantities.Range(0.0, 10.0, above=True, reason="a fifth of the winding's time constant")
 VOLTAGES = quantities.Range(0.0, 1.0, above=True, reason="a share of the open-circuit voltage")
-LOWERINGS = quantities.Range(0.0, 60.0, above=True, reason="nobody hangs in a hold for longer")
+LOWERINGS = quantities.Range(0.0, 60.0, above=True, reason="a longer hold is not plausible")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SafetyParameters(quantities.Parameters):
-    """Bounds of the safety monitor, and the hold that a trip leads to.
+    """Bounds of the safety monitor, and the hold after a trip.
 
     Joint range and highest speed are those of the URDF, torque and current limits those of
-    :class:`LimitParameters`, the continuous current follows from the motor's continuous torque. Where no
-    source is named a value is an assumption, chosen so that the shipped gaits stay away from it by half.
+    :class:`LimitParameters`, the continuous current follows from the motor's continuous torque. A value
+    without a named source is an assumption, chosen so that the shipped gaits stay away from it by half.
 
     Attributes:
-        enabled: False runs without a monitor.
-        stopping_deceleration: With which a joint can be braked, in [rad] / [s²], for the stop distance: the
-            limit of 60 N m on the hip with the leg of a wearer, about 6 kg m².
+        enabled: Whether the monitor is on.
+        stopping_deceleration: Deceleration with which a joint can be braked, in [rad] / [s²], for the stop
+            distance: the limit of 60 N·m on the hip with the leg of a wearer, about 6 kg·m².
         speed_share: Highest joint speed over that of the URDF, which is the motor's no-load speed.
         angle_step: Largest plausible change of an encoder in a tick in [rad]: 20 rad/s, five times the
             no-load speed.
-        frozen_time: For so long in [s] an encoder may stand still to the last bit while the motor turns.
-        frozen_speed: Inferred speed in [rad] / [s] above which a motor turns.
-        model_deviation: Angle in [rad] by which an encoder may run away from the motor's model.
-        model_time_constant: With which that angle is forgotten, in [s].
+        frozen_time: Time in [s] after which an encoder counts as frozen if its reading does not change at all
+            while the motor turns.
+        frozen_speed: Estimated speed in [rad] / [s] above which a motor counts as turning.
+        model_deviation: Largest angle in [rad] by which an encoder may deviate from the motor's model.
+        model_time_constant: Time constant with which that angle decays, in [s].
         model_resistance_ratio: Resistance of winding and inverter that the monitor assumes over the true one.
-        torque_time: For so long in [s] a command may lie above the torque limit.
+        torque_time: Longest time in [s] for which a command may be above the torque limit.
         highest_command: Largest plausible command in [N m].
-        command_deviation: Largest filtered deviation in [N m] of the command from the torque that the set
-            point of the joint gives for the measurement of the next tick. In normal operation it is reached
-            when the spring and damper torque changes by 200 N m, twice the hard torque limit, within a tick.
-        command_time_constant: Of the filter of that deviation in [s].
-        current_share: Measured current over the current limit that trips at once.
-        thermal_time_constant: Of the winding in [s] (maxon EC 90 flat data sheet).
-        drive_deviation: Of the measured current from what the drive was told, in [A].
-        drive_time: For so long in [s] a drive may deviate.
+        command_deviation: Largest filtered deviation in [N m] of the command from the torque that the
+            setpoint of the joint gives for the measurement of the next tick. In normal operation it is
+            reached when the spring and damper torque changes by 200 N·m, twice the hard torque limit, within
+            a tick.
+        command_time_constant: Time constant of the filter of that deviation in [s].
+        current_share: Measured current over the current limit above which the monitor trips at once.
+        thermal_time_constant: Thermal time constant of the winding in [s] (maxon EC 90 flat data sheet).
+        drive_deviation: Largest deviation of the measured current from the drive's target, in [A].
+        drive_time: Longest time in [s] for which a drive may deviate by more.
         phase_time_out: Longest time in a phase in [s]; no phase of the shipped gaits lasts 0.8 s.
-        frozen_load_time: For so long in [s] a loaded foot's sensor may stand still while the hip turns.
-        least_voltage_share: Of the battery's open-circuit voltage, below which the drives are not to be
-            trusted.
-        voltage_time: For so long in [s] the bus may lie below that.
-        hold_damping: Of the safe hold in [N m s] / [rad].
-        lowering_time: In which the hold gives up the leg's weight, in [s].
+        frozen_load_time: Longest time in [s] for which a loaded foot's sensor may be constant while the hip
+            turns.
+        least_voltage_share: Share of the battery's open-circuit voltage below which the drives are not
+            reliable.
+        voltage_time: Longest time in [s] for which the bus may be below that voltage.
+        hold_damping: Damping of the safe hold in [N m s] / [rad].
+        lowering_time: Time in which the hold reduces its support of the leg's weight to 0, in [s].
     """
 
     enabled: bool = True

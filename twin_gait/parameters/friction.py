@@ -1,4 +1,4 @@
-"""Friction of the joints."""
+"""Parameters of the friction of the joints."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from twin_gait.parameters.quantities import declarations, require
 EXPONENTS = quantities.Range(0.0, 10.0, above=True, reason="fits of joints have 0.3 to 4")
 
 
-# Stiffer bristles bend by less than the finest encoder resolves; the step decides if they can be integrated.
+# The deflection of stiffer bristles is below the finest encoder resolution; the step size determines whether
+# they can be integrated.
 BRISTLES = quantities.Range(0.0, 1e9, above=True, reason="4 N·m bend them by 4 nrad")
 
 
@@ -23,10 +24,12 @@ class _FrictionLaw(quantities.Parameters):
     def scaled(self, ratio: float) -> FrictionLaw:
         """Return the law multiplied by a ratio, for a plant with other friction than the model.
 
-        ``ratio``: plant friction over model friction, 0 or more. Bristles slide after the same way as before.
+        ``ratio``: plant friction over model friction, 0 or more. The displacement until bristles slide is
+        unchanged.
         """
         quantities.NOT_NEGATIVE.require("friction ratio", ratio)
-        # What has newtons in its unit is proportional to the friction; velocities and exponents are not.
+        # Parameters with newtons in their unit are proportional to the friction; velocities and exponents are
+        # not.
         units = {item.name: next(iter(item.keys)) for item in declarations(type(self))}
         given = {name: getattr(self, name) for name, key in units.items() if "_Nm" in key}
         changes = {name: ratio * value for name, value in given.items() if value is not None}
@@ -39,10 +42,10 @@ class FrictionParameters(_FrictionLaw):
     """Parameters of the rotational friction law, equation (3.1) of the thesis.
 
     Attributes:
-        breakaway_torque: a in [N m].
-        coulomb_friction: b in [N m].
-        breakaway_velocity: c in [rad] / [s].
-        viscous_friction: d in [N m s] / [rad].
+        breakaway_torque: Break-away torque a in [N m].
+        coulomb_friction: Coulomb friction b in [N m].
+        breakaway_velocity: Break-away velocity c in [rad] / [s].
+        viscous_friction: Viscous friction d in [N m s] / [rad].
     """
 
     kind = "rotational"
@@ -54,9 +57,9 @@ class FrictionParameters(_FrictionLaw):
     def __post_init__(self) -> None:
         """Check the ranges.
 
-        The law is odd: a, b, c may all be negative together (table 3.1 prints the knee so). The
-        friction must not inject power, which non-negative normalised parameters and a dip that
-        stays above zero guarantee; :meth:`normalised` brings them to that form first.
+        The law is odd: a, b, c may all be negative together (table 3.1 prints the knee in this form). The
+        friction must not inject power, which is guaranteed by non-negative normalised parameters and a dip
+        that stays above zero; :meth:`normalised` brings them to that form first.
         """
         super().__post_init__()
         speed = self.breakaway_velocity
@@ -64,7 +67,7 @@ class FrictionParameters(_FrictionLaw):
         law = self.normalised()
         for name in ("breakaway_torque", "coulomb_friction"):
             quantities.NOT_NEGATIVE.require(f"{name} (with the sign of c)", getattr(law, name))
-        # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.
+        # The law dips near c/√2 if a < b; there tanh(10/√2) is 1.4e-6 below 1, so a and d must compensate it.
         floor = law.breakaway_torque + law.viscous_friction * law.breakaway_velocity / math.sqrt(2.0)
         expected = "some breakaway or viscous friction, without which the dip of the law drives the joint"
         require(floor >= 2e-6 * law.coulomb_friction, "breakaway_torque", expected, self.breakaway_torque)
@@ -77,9 +80,9 @@ class FrictionParameters(_FrictionLaw):
         return replace(self, **changes, breakaway_velocity=-self.breakaway_velocity)
 
     def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
-        """As the plant takes it.
+        """Return the record of the friction in the plant.
 
-        ``gear_efficiency``: of the gear under load, beside the friction.
+        ``gear_efficiency``: efficiency of the gear under load, in addition to the friction.
         """
         law = self.normalised()
         given = (law.breakaway_torque, law.coulomb_friction, law.viscous_friction, gear_efficiency - 1.0)
@@ -101,20 +104,20 @@ NO_FRICTION = FrictionParameters(
 
 @dataclass(frozen=True, kw_only=True)
 class StribeckFriction(_FrictionLaw):
-    """What laws with a Stribeck curve and directions of their own have in common.
+    """Common parameters of laws with a Stribeck curve and a separate viscous friction in each direction.
 
-    The Coulomb friction is T_c + T_0 forwards and T_c - T_0 backwards: a difference in it and an offset are
-    one and the same.
+    The Coulomb friction is T_c + T_0 forwards and T_c - T_0 backwards: a difference of the Coulomb friction
+    between the directions is the same as an offset.
 
     Attributes:
-        coulomb_friction: T_c in [N m].
-        breakaway_torque: T_b in [N m]; None for T_c, without a Stribeck effect.
-        stribeck_velocity: ω_st in [rad] / [s]; None where there is no break-away torque.
-        stribeck_exponent: δ, often 2.
-        viscous_friction_forward: d+ in [N m] at 1 rad/s.
-        viscous_friction_backward: d- in [N m] at 1 rad/s.
-        viscous_exponent: α, 1 for linear friction.
-        offset: T_0 in [N m].
+        coulomb_friction: Coulomb friction T_c in [N m].
+        breakaway_torque: Break-away torque T_b in [N m]; None for T_c, without a Stribeck effect.
+        stribeck_velocity: Stribeck velocity ω_st in [rad] / [s]; None if there is no break-away torque.
+        stribeck_exponent: Exponent δ of the Stribeck curve, often 2.
+        viscous_friction_forward: Viscous friction d+ forwards in [N m] at 1 rad/s.
+        viscous_friction_backward: Viscous friction d- backwards in [N m] at 1 rad/s.
+        viscous_exponent: Exponent α of the viscous friction, 1 for linear friction.
+        offset: Offset T_0 in [N m].
     """
 
     law: ClassVar[int]
@@ -128,7 +131,7 @@ class StribeckFriction(_FrictionLaw):
     offset: quantities.Torque = 0.0
 
     def __post_init__(self) -> None:
-        """Check the ranges: no law may drive a joint that slides."""
+        """Check the ranges: no law may accelerate a joint that slides."""
         super().__post_init__()
         paired = (self.breakaway_torque is None) == (self.stribeck_velocity is None)
         expected = "one beside a breakaway_torque, or neither of them"
@@ -138,15 +141,16 @@ class StribeckFriction(_FrictionLaw):
         require(abs(self.offset) < least, "offset", expected, self.offset)
 
     def scaled(self, ratio: float) -> FrictionLaw:
-        """As :meth:`FrictionParameters.scaled`; no law is left of none."""
+        """Return the law multiplied by a ratio; with 0 it is :data:`NO_FRICTION`."""
         return NO_FRICTION if ratio == 0.0 else super().scaled(ratio)
 
     def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
-        """As :meth:`FrictionParameters.in_plant`."""
+        """Return the record of the friction in the plant, see :meth:`FrictionParameters.in_plant`."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         given: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
         if self.breakaway_torque is None:
-            # No matter to the law; checks take a joint to creep up to this speed, as up to c of (3.1).
+            # This has no effect on the law; checks treat a joint as creeping up to this speed, as up to c of
+            # (3.1).
             speed = 10.0 * given.get("transition_velocity", 1e-3)
             given |= {"breakaway_torque": self.coulomb_friction, "stribeck_velocity": speed}
         return PlantFriction(law=self.law, gear_efficiency=gear_efficiency, **given)
@@ -154,12 +158,12 @@ class StribeckFriction(_FrictionLaw):
 
 @dataclass(frozen=True, kw_only=True)
 class AsymmetricFriction(StribeckFriction):
-    """A static law of its own in each direction, :func:`twin_gait.core.friction_models.asymmetric_torque`.
+    """A static law with separate directions, :func:`twin_gait.core.friction_models.asymmetric_torque`.
 
     A static law does not hold a joint: it creeps, with an offset by itself at ω_t artanh(T_0 / T_b).
 
     Attributes:
-        transition_velocity: ω_t in [rad] / [s], within which the direction changes.
+        transition_velocity: Velocity ω_t in [rad] / [s], within which the torque changes its direction.
     """
 
     kind: ClassVar[str] = "asymmetric"
@@ -172,12 +176,12 @@ class LuGreFriction(StribeckFriction):
     """Bristles between the teeth: a joint sticks, springs back and breaks away.
 
     The model of Canudas de Wit et al. (1995), where δ is 2 and σ2 the same in both directions. Without
-    break-away torque and bristle damping it is Dahl's (1968); see
+    break-away torque and bristle damping it is Dahl's model (1968); see
     :func:`twin_gait.core.friction.friction_torque`.
 
     Attributes:
-        bristle_stiffness: σ0 in [N m] / [rad].
-        bristle_damping: σ1 in [N m s] / [rad].
+        bristle_stiffness: Stiffness σ0 of the bristles in [N m] / [rad].
+        bristle_damping: Damping σ1 of the bristles in [N m s] / [rad].
     """
 
     kind: ClassVar[str] = "lugre"
@@ -186,11 +190,11 @@ class LuGreFriction(StribeckFriction):
     bristle_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 0.0
 
 
-FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction  # of a joint
+FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction  # Law of a joint.
 
-# Table 3.1 of the thesis, as printed. The knee's a, b and c are all negative there: the same law
-# as (1.743, 3.193, 0.2031). In both joints a < b, which the Simscape block that the law comes from
-# would refuse; it is kept because it is what was measured between 0 and 0.6 rad/s.
+# Table 3.1 of the thesis, as printed. The knee's a, b and c are all negative in it: the same law as (1.743,
+# 3.193, 0.2031). In both joints a < b, which the Simscape block on which the law is based would reject; it is
+# kept because it was measured between 0 and 0.6 rad/s.
 KNEE_FRICTION = FrictionParameters(
     breakaway_torque=-1.743, coulomb_friction=-3.193, breakaway_velocity=-0.2031, viscous_friction=2.06
 )

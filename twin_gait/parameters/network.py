@@ -1,4 +1,4 @@
-"""The CAN bus between the central unit and the boards of the joints."""
+"""Parameters of the CAN bus between the central unit and the boards of the joints."""
 
 import math
 import re
@@ -12,14 +12,14 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import Coded, JointName, Side
 
-CCU = "ccu"  # the central control unit
-BOARD_JOINTS = (JointName.HIP, JointName.KNEE)  # the frames of the DBC file are those of TWIN's boards
-# One a joint, as `left_hip`.
+CCU = "ccu"  # The central control unit.
+BOARD_JOINTS = (JointName.HIP, JointName.KNEE)  # The DBC file has the frames of TWIN's boards.
+# Names of the boards, one for each joint, such as `left_hip`.
 BOARDS = tuple(f"{side}_{joint}" for side in Side for joint in BOARD_JOINTS)
-NODES = (CCU, *BOARDS)  # all that speak on the bus
+NODES = (CCU, *BOARDS)  # All nodes of the bus.
 
-BIT_RATES = quantities.Range(10e3, 1e6, words="10000 to 1e+06 bit/s, as CAN 2.0 has them")
-CYCLES = quantities.Range(1e-3, 0.1, words="0.001 to 0.1 s")  # the shortest one is a tick of the boards
+BIT_RATES = quantities.Range(10e3, 1e6, words="10000 to 1e+06 bit/s, the range of CAN 2.0")
+CYCLES = quantities.Range(1e-3, 0.1, words="0.001 to 0.1 s")  # The shortest one is a tick of the boards.
 DRIFTS = quantities.Range(-0.01, 0.01, words="0.01 at most, either way")
 DELAYS = quantities.Range(0.0, 0.1, words="0 s to 0.1 s in whole milliseconds")
 _SECONDS = r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
@@ -27,33 +27,33 @@ _SHAPE = re.compile(rf"([a-z_]+)(?::([a-z_]+))?@{_SECONDS}s(?:={_SECONDS}(m?)s)?
 
 
 class ImpedancePlace(StrEnum):
-    """Where virtual springs and dampers are computed."""
+    """Location where virtual springs and dampers are computed."""
 
-    BOARD = "board"  # on the board of the joint, from its own angle; the bus carries k, b, θ0, G
-    CCU = "ccu"  # in the central unit, from measurements that came over the bus; it carries torques
+    BOARD = "board"  # On the board of the joint, from its own angle; the bus transmits k, b, θ0, G.
+    CCU = "ccu"  # In the central unit, from measurements received over the bus, which transmits torques.
 
 
 class OutageKind(Coded):
-    """What keeps a node off the bus; ``code`` is its number in :mod:`twin_gait.core.can_bus`."""
+    """Kind of an outage of a node; ``code`` is its number in :mod:`twin_gait.core.can_bus`."""
 
-    SILENCE = "silence"  # a broken wire: of the branch of a node, or of the bus
-    REBOOT = "reboot"  # the node is off for a time, forgets, and begins its cycle anew
-    BUS_OFF = "bus_off"  # its controller takes itself off the bus
+    SILENCE = "silence"  # A broken wire: of the branch of a node, or of the bus.
+    REBOOT = "reboot"  # The node is off for a time, loses its state, and restarts its cycle.
+    BUS_OFF = "bus_off"  # The CAN controller of the node takes itself off the bus.
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outage:
-    """A node that is off the bus for a while."""
+    """Time in which a node is off the bus."""
 
-    kind: OutageKind  # What happens.
-    time: float  # When, in [s].
-    node: str | None = None  # Which, one of :data:`NODES`; None for the silence of the whole bus.
-    # For how long in [s], infinite for good; of no meaning for ``bus_off``, after which a node recovers as
-    # the parameters of the network say.
+    kind: OutageKind  # Kind of the outage.
+    time: float  # Start in [s].
+    node: str | None = None  # Name of the node, one of :data:`NODES`; None for the silence of the whole bus.
+    # Duration in [s], infinite for a permanent outage; without meaning for ``bus_off``, after which a node
+    # recovers according to the parameters of the network.
     duration: float = math.inf
 
     def __post_init__(self) -> None:
-        """Check that kind, node and duration fit together."""
+        """Check that kind, node and duration are consistent."""
         quantities.NOT_NEGATIVE.require("time", self.time)
         whole = self.node is None and self.kind is OutageKind.SILENCE
         known = f"one of {', '.join(NODES)}"
@@ -63,19 +63,19 @@ class Outage:
         require(endless, "duration of bus_off", "none; see bus_off_recovery", self.duration)
 
     def __str__(self) -> str:
-        """The outage in its notation; reading it gives an equal one."""
+        """Write the outage in its notation, which :func:`parse_outage` reads."""
         node = f":{self.node}" if self.node else ""
         lasting = f"={self.duration!r}s" if math.isfinite(self.duration) else ""
         return f"{self.kind}{node}@{self.time!r}s{lasting}"
 
 
 def parse_outage(text: str) -> Outage:
-    """Read an outage in its notation, ``KIND:NODE@TIMEs=DURATIONs``.
+    """Parse an outage in its notation, ``KIND:NODE@TIMEs=DURATIONs``.
 
-    ``reboot:left_knee@4.2s=0.3s``, ``silence@5s=200ms`` of the whole bus, ``silence:ccu@5s`` for good,
+    ``reboot:left_knee@4.2s=0.3s``, ``silence@5s=200ms`` of the whole bus, ``silence:ccu@5s`` without end,
     ``bus_off:right_hip@3s``.
 
-    Raises ParameterError if it cannot be read.
+    Raises ParameterError if it cannot be parsed.
     """
     match = _SHAPE.fullmatch(text.strip())
     if match is None or match[1] not in list(OutageKind):
@@ -91,28 +91,30 @@ def parse_outage(text: str) -> Outage:
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkParameters(quantities.Parameters):
-    """The CAN bus of the star; the thesis (2.1.2) has CAN and 500 Hz, and prints neither bit rate nor layout.
+    """The CAN bus of the star; the thesis (2.1.2) gives CAN and 500 Hz, but neither bit rate nor layout.
 
-    All values but the cycle are assumptions; the defaults are a healthy bus.
+    All values except the cycle are assumptions; the defaults are a healthy bus.
 
     Attributes:
-        bit_rate: In [bit] / [s]. The eight frames of a cycle of 2 ms take half of 1 Mbit/s, the most that CAN
-            2.0 has, and more than 500 kbit/s.
+        bit_rate: Bit rate in [bit] / [s]. The eight frames of a cycle of 2 ms take half of 1 Mbit/s, the
+            maximum of CAN 2.0, and more than 500 kbit/s.
         dbc: File with the layout of the frames, or name of the one that ships.
-        cycle: Of set points and measurements in [s].
-        phase: By how much the cycle of a board is behind that of the central unit in [s], by its name.
-        clock_drift: By how much the clock of a board is fast, by its name; 1e-6 is a millionth.
-        jitter: Longest time from the instant at which a frame is due until its node queues it, in [s]; evenly
-            spread.
-        delay: By how much later than over this bus alone every frame is used, in [s], whole milliseconds: of
-            gateways and drivers on its way.
-        loss: Share of the frames that are sent and do not arrive, as in a buffer that overruns.
-        error_share: Share of the transmissions that an error destroys; they are repeated by themselves.
-        bus_off_recovery: Whether a node that went bus-off comes back after the time of 128 times 11 bits.
-        impedance: Where the springs are.
-        board_silence: For so long in [s] a board bears hearing nothing; then it holds its joint.
-        ccu_silence: For so long in [s] the central unit bears hearing nothing of a board; then it trips.
-        outages: Of nodes or the bus.
+        cycle: Period of setpoints and measurements in [s].
+        phase: Delay of the cycle of a board relative to that of the central unit in [s], by its name.
+        clock_drift: Relative error of the clock of a board, positive if it is fast, by its name; 1e-6 is a
+            millionth.
+        jitter: Longest time from the instant at which a frame is due until its node queues it, in [s];
+            uniformly distributed.
+        delay: Additional delay of every frame, due to gateways and drivers on its way, in [s], whole
+            milliseconds.
+        loss: Share of the sent frames that do not arrive, as with a buffer overrun.
+        error_share: Share of the transmissions that an error destroys; they are repeated automatically.
+        bus_off_recovery: Whether a node that went bus-off returns after the time of 128 times 11 bits.
+        impedance: Location where the virtual springs are computed.
+        board_silence: Timeout in [s] of the messages of the central unit at a board, after which the board
+            holds its joint.
+        ccu_silence: Timeout in [s] of the messages of a board at the central unit, after which it trips.
+        outages: Outages of nodes or the bus.
     """
 
     bit_rate: Annotated[quantities.BitRate, BIT_RATES] = 1e6
@@ -145,7 +147,10 @@ class NetworkParameters(quantities.Parameters):
         require(whole, "delay", DELAYS.expected, self.delay)
 
     def require_fit(self, sides: Collection[Side], joints: Sequence[JointName], duration: float) -> None:
-        """Check that what is named is among the legs and controlled joints, and happens within the run."""
+        """Check the network against the legs, the controlled joints and the duration of a run in [s].
+
+        Every named board has to exist, and every outage has to begin before the end of the run.
+        """
         boards, controlled = (", ".join(names) for names in (BOARD_JOINTS, joints))
         wanted = f"a gait table for {boards}, whose boards are on the bus; or take network: ideal"
         require(tuple(joints) == BOARD_JOINTS, "network", wanted, controlled)

@@ -1,8 +1,8 @@
-"""How a parameter is declared: once, as an annotated field of a frozen dataclass.
+"""Declaration of parameters: each one once, as an annotated field of a frozen dataclass.
 
-A field says its type, its unit, its range and its default; the docstring of its class says what it means and
-where it comes from. Checks of values, the YAML of experiments and gait tables, their JSON Schema and the
-reference pages are made from that.
+A field declares its type, its unit, its range and its default; the docstring of its class gives its meaning
+and its source. Checks of values, the YAML of experiments and gait tables, their JSON Schema and the reference
+pages are generated from it.
 
 >>> @dataclass(frozen=True, kw_only=True)
 ... class Spring(Parameters):
@@ -32,9 +32,9 @@ from twin_gait.parameters.ranges import within as within
 
 Record = TypeVar("Record")
 
-DEGREE, KM_PER_H = math.pi / 180.0, 1.0 / 3.6  # in SI
+DEGREE, KM_PER_H = math.pi / 180.0, 1.0 / 3.6  # Values in SI.
 
-# Ends of keys that stand for one quantity in several units; each new unit adds its own.
+# Suffixes of keys that give one quantity in several units; each new unit adds its own.
 EXCHANGEABLE: set[str] = set()
 
 
@@ -42,12 +42,12 @@ class Unit:
     """Units in which a file may give a quantity.
 
     Attributes:
-        factors: SI value of one unit, by the end of the key; the unit of SI first.
+        factors: SI value of one unit, by the suffix of the key; the unit of SI first.
         general: Range of the quantity, which completes that of a field.
     """
 
     def __init__(self, si: str, general: "Range | None" = None, **others: float) -> None:
-        """Take the unit of SI, the range of the quantity in it, and other units in SI."""
+        """Set the unit of SI, the range of the quantity in it, and other units with their values in SI."""
         self.factors: Mapping[str, float] = {si: 1.0, **others}
         self.general = general
         EXCHANGEABLE.update(end for end in self.factors if others and end)
@@ -55,16 +55,16 @@ class Unit:
 
 @dataclass(frozen=True)
 class Key:
-    """Name of a field in a file, without its unit, where that is another."""
+    """Name of a field in a file, without its unit, if it differs from the name of the field."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Notation:
-    """A value that a file writes as a text, for example ``encoder_freeze:left_knee@4.2s``."""
+    """A value that a file gives as text, for example ``encoder_freeze:left_knee@4.2s``."""
 
-    read: Callable[[str], Any]  # From the text to the value, whose ``str`` is the text.
+    read: Callable[[str], Any]  # Function from the text to the value, whose ``str`` is the text.
 
 
 @dataclass(frozen=True)
@@ -76,29 +76,29 @@ class Named:
 
 @dataclass(frozen=True)
 class UnitInside:
-    """A mapping whose unit stands behind each of its keys, ``{hip_deg: 18}``, instead of its own."""
+    """A mapping with the unit at the end of each of its keys, ``{hip_deg: 18}``, instead of its own key."""
 
 
 @dataclass(frozen=True)
 class Inline:
-    """A mapping whose names stand beside the keys of the other fields."""
+    """A mapping whose keys are at the same level as the keys of the other fields."""
 
 
 @dataclass(frozen=True)
 class Word:
-    """What a file may say by a word instead of a section."""
+    """Words that a file may give instead of a section."""
 
     without: str  # Word for None.
-    kind: str  # Word for the parameters, which a section may have under ``kind``.
+    kind: str  # Word for the parameters, which a section may give under ``kind``.
 
 
 @dataclass(frozen=True)
 class AsInFile:
-    """A field of which a file says more than its type: its section has a reader of its own."""
+    """A field with its own serialization, for which its section has a reader."""
 
 
-# Quantities by what they measure, with their units in files, and the largest magnitude that one can have in a
-# device, a wearer and what is around them, with the reason. A field may narrow it.
+# Quantities with their units in files, and the largest magnitude that is plausible in a device, a wearer and
+# their surroundings, with the reason. A field may narrow it.
 Angle = Annotated[float, Unit("rad", within(math.pi, "half a turn"), deg=DEGREE)]
 AngularVelocity = Annotated[
     float, Unit("rad_per_s", within(50.0, "ten times the no-load speed"), deg_per_s=DEGREE)
@@ -120,9 +120,9 @@ LinearStiffness = Annotated[float, Unit("N_per_m", within(1e7, "0.1 mm under 100
 Mass = Annotated[float, Unit("kg", within(200.0, "the heaviest wearer with device and load"))]
 PerAngle = Annotated[float, Unit("per_rad", within(100.0, "the whole effect within 0.6 deg"))]
 PerAngularVelocity = Annotated[float, Unit("s_per_rad", within(1e3, "the whole effect within 1 mrad/s"))]
-Power = Annotated[float, Unit("W", within(5e3, "ten times what the battery gives"))]
+Power = Annotated[float, Unit("W", within(5e3, "ten times the power of the battery"))]
 Ratio = Annotated[float, Unit("", within(1e3, "three orders of magnitude"))]
-Resistance = Annotated[float, Unit("Ohm", within(100.0, "lets through 0.3 A at the voltage of the battery"))]
+Resistance = Annotated[float, Unit("Ohm", within(100.0, "0.3 A at the voltage of the battery"))]
 RotaryDamping = Annotated[
     float,
     Unit("Nms_per_rad", within(1e4, "ten times critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
@@ -135,52 +135,52 @@ RotaryStiffness = Annotated[
 Speed = Annotated[float, Unit("m_per_s", within(10.0, "faster than people run"), km_per_h=KM_PER_H)]
 Time = Annotated[float, Unit("s", within(3600.0, "the longest run"), ms=1e-3)]
 ShortTime = Annotated[float, Unit("s", within(0.1, "the longest cycle of the bus"), ms=1e-3, us=1e-6)]
-Torque = Annotated[float, Unit("Nm", within(1e3, "ten times what the gear stands"))]
+Torque = Annotated[float, Unit("Nm", within(1e3, "ten times the limit of the gear"))]
 TorqueConstant = Annotated[float, Unit("Nm_per_A", within(10.0, "a hundred times that of the motors"))]
 Voltage = Annotated[float, Unit("V", within(120.0, "where extra-low voltage ends, IEC 61140"))]
 
 
 @dataclass(frozen=True, eq=False)
 class Declaration:
-    """What is said of a parameter."""
+    """Declaration of one parameter."""
 
-    name: str  # Of the field.
-    kind: Any  # Its type without ``None``.
-    optional: bool  # Whether it may be None.
-    default: Any  # Its default; ``dataclasses.MISSING`` without one.
-    unit: Unit | None  # Its units, None for what is no quantity.
-    range: Range | None  # Its range, None for what is no number.
-    key: str  # Its name in a file, without the unit.
-    meaning: str  # From the docstring of its class, in one line.
-    marks: tuple[Any, ...]  # What else is said of it.
+    name: str  # Name of the field.
+    kind: Any  # Type of the field without ``None``.
+    optional: bool  # Whether the value may be None.
+    default: Any  # Default value; ``dataclasses.MISSING`` without one.
+    unit: Unit | None  # Units, None if it is no quantity.
+    range: Range | None  # Range, None if it is no number.
+    key: str  # Name in a file, without the unit.
+    meaning: str  # Meaning from the docstring of the class, in one line.
+    marks: tuple[Any, ...]  # Further annotations of the field.
 
     @property
     def keys(self) -> Mapping[str, float]:
-        """Keys in a file, with their unit in SI."""
+        """Keys in a file, with the SI value of their unit."""
         own = self.unit is not None and not self.mark(UnitInside) and not self.mark(Inline)
         factors = self.unit.factors if self.unit is not None and own else {"": 1.0}
         return {f"{self.key}_{end}" if end else self.key: factor for end, factor in factors.items()}
 
     def mark(self, kind: type[Any]) -> Any:
-        """A mark of a kind, or None."""
+        """Return the first annotation of a type, or None."""
         return next((item for item in self.marks if isinstance(item, kind)), None)
 
     def taken(self, value: Any) -> Any:
-        """A value as the field has it, or a :class:`~twin_gait.exceptions.ParameterError`.
+        """Convert a value to the type of the field; raise ParameterError if it is invalid.
 
-        Words become members of enumerations, numbers of NumPy those of Python.
+        Words become members of enumerations, numbers of NumPy become numbers of Python.
         """
         return value if value is None and self.optional else of_kind(self.kind, self.name, value, self.range)
 
 
 class Parameters:
-    """Base of frozen dataclasses of parameters: what their fields declare is checked when one is made."""
+    """Base of frozen dataclasses of parameters; values are checked against their declarations on creation."""
 
-    kind: ClassVar[str] = ""  # what a file calls it where there are several kinds
-    tag: ClassVar[str] = "kind"  # the key under which the kind is named
+    kind: ClassVar[str] = ""  # Name in a file if there are several kinds.
+    tag: ClassVar[str] = "kind"  # Key of that name.
 
     def __post_init__(self) -> None:
-        """Take every value as its declaration has it."""
+        """Convert every value according to its declaration."""
         for item in declarations(type(self)):
             value = getattr(self, item.name)
             # A value of the exact type within its range needs no conversion.
@@ -189,7 +189,7 @@ class Parameters:
 
 
 def of_kind(kind: Any, name: str, value: Any, bounds: Range | None = None) -> Any:
-    """A value as a parameter of some type and range has it; ParameterError for what does not fit."""
+    """Convert a value to a type and check its range; raise ParameterError if it does not fit."""
     if type(value) is kind and bounds is None:
         return value
     while get_origin(kind) is Annotated:
@@ -221,7 +221,7 @@ def of_kind(kind: Any, name: str, value: Any, bounds: Range | None = None) -> An
 
 
 def declarations(parameters: type[Any]) -> tuple[Declaration, ...]:
-    """What a dataclass declares of its fields, in their order."""
+    """Return the declarations of the fields of a dataclass, in their order."""
     if parameters not in _declared:
         hints, meanings = get_type_hints(parameters, include_extras=True), _meanings(parameters)
         _declared[parameters] = tuple(
@@ -259,16 +259,19 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
 
 
 def is_mapping(kind: Any) -> bool:
-    """Whether a type is one of mappings."""
+    """Check whether a type is a mapping."""
     return isinstance(get_origin(kind), type) and issubclass(get_origin(kind), Mapping)
 
 
-_ENTRY = re.compile(r"^    (\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)  # and the lines that go on with it
+_ENTRY = re.compile(r"^    (\w+): (.*(?:\n {8}.*)*)", re.MULTILINE)  # An entry with its continuation lines.
 _ROLE = re.compile(r":\w+:`~?([^`]+)`")
 
 
 def _meanings(parameters: Any) -> dict[str, str]:
-    """Meaning of each field: the section ``Attributes`` of the docstrings of a class and its bases."""
+    """Return the meaning of each field from the section ``Attributes`` of the docstrings.
+
+    The docstrings are those of a class and its bases.
+    """
     found: dict[str, str] = {}
     for kind in reversed(parameters.__mro__):
         section = docstring_of(kind).partition("Attributes:\n")[2]
@@ -277,9 +280,9 @@ def _meanings(parameters: Any) -> dict[str, str]:
 
 
 def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
-    """A record whose fields are the attributes of the same name of something else, or among ``more``.
+    """Create a record whose fields are attributes of the same name of another object, or among ``more``.
 
-    A field that has a default keeps it where neither says more.
+    A field that is found in neither keeps its default.
     """
     found = {name: getattr(source, name) for name in field_names(kind) if hasattr(source, name)}
     return kind(**(found | more))

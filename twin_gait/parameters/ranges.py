@@ -1,4 +1,4 @@
-"""Ranges of numbers, with the reason why nothing lies outside."""
+"""Ranges of numbers, with the reason for their limits."""
 
 import dataclasses
 import math
@@ -9,42 +9,42 @@ from twin_gait.exceptions import ParameterError
 
 
 def require(condition: bool, name: str, expected: str, value: object) -> None:
-    """Raise a :class:`ParameterError` unless a condition holds.
+    """Raise a :class:`ParameterError` unless a condition is true.
 
-    ``condition``: what must be true. ``name``: name of the parameter as the user knows it. ``expected``: what
-    would have been right, in words. ``value``: what was given. Raises ParameterError if the condition is
-    false.
+    ``condition``: the required condition. ``name``: name of the parameter for the user. ``expected``: the
+    accepted values, in words. ``value``: the given value. Raises ParameterError if the condition is false.
     """
     if not condition:
         raise ParameterError(f"{name}: expected {expected}, got {value!r}")
 
 
-SMALLEST_SHARE = 1e-30  # of the largest value, which a number above 0 has at least
+SMALLEST_SHARE = 1e-30  # Minimum of a number above 0 as a share of its largest value.
 
 
 @dataclass(frozen=True)
 class Range:
     """Range of a number."""
 
-    least: float = -math.inf  # Least value.
+    least: float = -math.inf  # Smallest value.
     most: float = math.inf  # Largest value.
-    above: bool = False  # Whether the least value itself is outside.
-    words: str = ""  # What is expected, for messages; made from the numbers where empty.
-    endless: bool = False  # Whether infinity is meant, too: a time that never comes, ``null`` in a file.
-    reason: str = ""  # Why nothing lies outside, for messages and pages.
+    above: bool = False  # Whether the smallest value itself is excluded.
+    words: str = ""  # Accepted values, for messages; made from the numbers if empty.
+    # Whether infinity is included, too: a time that is never reached, ``null`` in a file.
+    endless: bool = False
+    reason: str = ""  # Reason for the limits, for messages and pages.
 
     def holds(self, value: float) -> bool:
-        """Return whether a value lies within."""
+        """Check whether a value is within the range."""
         if value == math.inf:
             return self.endless
         inside = self.least < value <= self.most if self.above else self.least <= value <= self.most
         if self.above and self.least == 0.0 and math.isfinite(self.most):
-            # So much less than the largest value is a mistake; divided by it, other numbers overflow.
+            # A value so far below the largest one is a mistake; a division by it overflows.
             inside = SMALLEST_SHARE * self.most <= value <= self.most
         return inside and math.isfinite(value)
 
     def completed(self, general: "Range") -> "Range":
-        """Return the range with the ends of a general one, and its reason, where it has none of its own."""
+        """Return the range with missing limits, and the reason, taken from a general range."""
         least = self.least if math.isfinite(self.least) else general.least
         most = self.most if math.isfinite(self.most) else general.most
         if (least, most) == (self.least, self.most):
@@ -54,19 +54,19 @@ class Range:
         )
 
     def in_unit(self, factor: float) -> "Range":
-        """The range in a unit, given by its value in SI; words, which say it in SI, stay there."""
+        """Return the range in a unit, given by its value in SI; ``words`` are in SI and dropped otherwise."""
         words = self.words if factor == 1.0 else ""
         return dataclasses.replace(self, least=self.least / factor, most=self.most / factor, words=words)
 
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
-        """Raise a :class:`ParameterError` unless a value, or a whole number, lies within."""
+        """Raise a :class:`ParameterError` unless a value, or a whole number, is within the range."""
         fits = isinstance(value, int if whole else Real)
-        if not (fits and self.holds(value)):  # the expected range is put into words only for an error
+        if not (fits and self.holds(value)):  # The text of the range is only made for an error.
             require(False, name, self.expected, value)
 
     @property
     def expected(self) -> str:
-        """What is expected, in words."""
+        """Accepted values, in words."""
         if self.words:
             return self.words
         reason = f" ({self.reason})" if self.reason else ""
@@ -78,7 +78,7 @@ class Range:
         return f"a number above {self.least:g}" if self.above else f"a number of {self.least:g} or more"
 
 
-# Signs; the ends that are left open are those of the quantity.
+# Ranges by sign; limits that are not given are those of the quantity.
 POSITIVE, NOT_NEGATIVE, SHARE = Range(0.0, above=True), Range(0.0), Range(0.0, 1.0)
 FINITE, LATER = Range(), Range(0.0, endless=True)
 SEEDS = Range(0, 2**64 - 1, words="a whole number from 0 to 2^64 - 1")

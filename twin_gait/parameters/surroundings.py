@@ -1,4 +1,4 @@
-"""What pushes on the leg beside its motors: belt, ground, stops, orthosis, support, braces, chair."""
+"""Parameters of the forces on the leg: belt, ground, stops, orthosis, support, braces, chair."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from twin_gait.vocabulary import JointName, PelvisGuide
 
 @dataclass(frozen=True, kw_only=True)
 class BeltProfile(quantities.Parameters):
-    """A belt that starts and stops, and when its wearer is told to walk; see :mod:`twin_gait.core.belt`.
+    """A belt that starts and stops, and the walk command; see :mod:`twin_gait.core.belt`.
 
     Attributes:
-        start: Command to walk in [s].
-        stop: Command to stand in [s]; infinite for a walk without end.
-        ramp: Time in which the belt comes to its speed, and to rest, in [s].
+        start: Time of the command to walk in [s].
+        stop: Time of the command to stand in [s]; infinite for a walk without end.
+        ramp: Time in which the belt reaches its speed, and comes to rest, in [s].
         delay: Time from either command until the belt follows it in [s].
     """
 
@@ -28,16 +28,16 @@ class BeltProfile(quantities.Parameters):
     delay: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that the belt has come to its speed before it stops."""
+        """Check the ranges, and that the belt has reached its speed before it stops."""
         super().__post_init__()
         earliest = self.start + self.ramp
         require(self.stop >= earliest, "stop", f"start + ramp, {earliest:g} s, or later", self.stop)
 
 
 COEFFICIENTS = quantities.Range(0.0, 5.0, reason="rubber on a dry floor has 1")
-# The stops of the joint bench have 2e5 N m/rad.
+# The stops of the joint bench have 2e5 N·m/rad.
 STOPS = quantities.Range(0.0, 1e7, reason="a steel pin of 1 cm² at 5 cm from the axis has 5e6 N·m/rad")
-RELATIVE = quantities.Range(0.0, 10.0, reason="a stiff body stands by itself on two of 0.25")
+RELATIVE = quantities.Range(0.0, 10.0, reason="two of 0.25 keep a stiff body upright")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,15 +45,15 @@ class ContactParameters(quantities.Parameters):
     """Foot contact at heel and toe; see :func:`twin_gait.core.contact.contact_normal_force`.
 
     Attributes:
-        stiffness: Hertz stiffness of each point in [N] / [m]^1.5 (an assumption): a heel sinks in by 11 mm
-            under the 353 N that 60 % support leaves of wearer and device. A contact sphere of PredSim has
-            8.4e4 (1e6 N/m², radius 32 mm).
-        dissipation: c of Hunt and Crossley in [s] / [m]. OpenSim and PredSim have 2.0 in the same law. The
-            default bounces: of the energy of a fall at 0.15 m/s it takes 13 % (2.0: 41 %), where a heel pad
-            takes 30 to 48 % (Ker 1996, J Exp Biol 199:1501) and a prosthetic foot 34 to 53 %, 63 % in a
-            walking shoe (Klute et al. 2004, J Rehabil Res Dev 41:535).
+        stiffness: Hertz stiffness of each point in [N] / [m]^1.5 (an assumption): a heel is compressed by 11
+            mm under the 353 N of wearer and device that remain with 60 % support. A contact sphere of PredSim
+            has 8.4e4 (1e6 N/m², radius 32 mm).
+        dissipation: Dissipation c of Hunt and Crossley in [s] / [m]. OpenSim and PredSim have 2.0 in the same
+            law. The default bounces: it dissipates 13 % of the energy of a fall at 0.15 m/s (2.0: 41 %),
+            whereas a heel pad dissipates 30 to 48 % (Ker 1996, J Exp Biol 199:1501) and a prosthetic foot 34
+            to 53 %, 63 % in a walking shoe (Klute et al. 2004, J Rehabil Res Dev 41:535).
         friction_coefficient: Coulomb coefficient of the sole on the belt.
-        transition_velocity: Of the regularised friction in [m] / [s].
+        transition_velocity: Transition velocity of the regularised friction in [m] / [s].
     """
 
     stiffness: Annotated[quantities.HertzStiffness, quantities.POSITIVE] = 3.0e5
@@ -64,11 +64,11 @@ class ContactParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class StopParameters(quantities.Parameters):
-    """Mechanical stops of the joints; where they sit comes from the URDF limits.
+    """Mechanical stops of the joints; their angles are the limits in the URDF.
 
     Attributes:
-        stiffness: In [N m] / [rad].
-        dissipation: In [s] / [rad].
+        stiffness: Stiffness of a stop in [N m] / [rad].
+        dissipation: Dissipation of a stop in [s] / [rad].
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, STOPS] = 2000.0
@@ -82,17 +82,18 @@ ANKLE_REST = quantities.Range(
 
 @dataclass(frozen=True, kw_only=True)
 class AnkleParameters(quantities.Parameters):
-    """Ankle-foot orthosis: a passive spring and damper about the angle that it is built with.
+    """Ankle-foot orthosis: a passive spring and damper about a fixed rest angle.
 
     Attributes:
-        stiffness: In [N m] / [rad]. Thirteen commercial orthoses of carbon composite have 33 to 210 (0.58 to
-            3.66 N m / deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of the device is
-            not published; the default was found together with the default gait table.
-        relative_stiffness: What an orthosis that is fitted to the wearer adds to the stiffness, over the
-            weight of wearer and device times the height of the wearer. A stiff body stands by itself on two
-            that have 0.25 each.
-        damping: In [N m s] / [rad] (an assumption: at strides of 1.75 s the default takes a third of what the
-            spring stores, and in the air the foot does not swing, with ζ about 1.7).
+        stiffness: Stiffness in [N m] / [rad]. Thirteen commercial orthoses of carbon composite have 33 to 210
+            (0.58 to 3.66 N·m/deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of the
+            device is not published; the default was found together with the default gait table.
+        relative_stiffness: Additional stiffness of an orthosis that is fitted to the wearer, divided by the
+            weight of wearer and device times the height of the wearer. Two orthoses with 0.25 each keep a
+            stiff body upright.
+        damping: Damping in [N m s] / [rad] (an assumption: at strides of 1.75 s the default dissipates a
+            third of the energy that the spring stores, and in the air the foot does not oscillate, with ζ
+            about 1.7).
         rest: Dorsiflexion in [rad] at which the spring is slack, within the stops of ±30°; 0 is a right angle
             of foot and shank.
     """
@@ -107,20 +108,23 @@ class AnkleParameters(quantities.Parameters):
 class SupportParameters(quantities.Parameters):
     """Body-weight support and guide of the treadmill.
 
-    At a trip the rope locks: from then on the harness also carries what sinks below the height of the trip,
-    as a spring of one side that only pulls upwards, :func:`twin_gait.core.contact.mechanical_stop_torque`.
+    At a trip the rope locks: from then on the harness also supports a pelvis that sinks below its height at
+    the trip, as a one-sided spring that only pulls upwards,
+    :func:`twin_gait.core.contact.mechanical_stop_torque`.
 
     Attributes:
         share: Share of the weight of wearer and device that the support carries.
-        damping: Of the vertical guide in [N s] / [m].
+        damping: Damping of the vertical guide in [N s] / [m].
         guide: Whether the pelvis is guided vertically, or a harness lets it move fore-aft as well; neither
             lets it pitch.
-        forward_stiffness: Of the harness fore-aft in [N] / [m]; tethers let a pelvis move by some centimetres
-            (an assumption).
-        forward_damping: Of the harness in [N s] / [m]; about 0.4 of critical under 90 kg (an assumption).
-        catch_stiffness: Of the locked harness in [N] / [m]; 0 for one that does not lock. About a metre of
-            rope that stretches by 5 % under 100 kg, the most that EN 1891 allows a low-stretch rope.
-        catch_dissipation: Of the locked harness in [s] / [m] (an assumption).
+        forward_stiffness: Fore-aft stiffness of the harness in [N] / [m]; tethers let a pelvis move by some
+            centimetres (an assumption).
+        forward_damping: Fore-aft damping of the harness in [N s] / [m]; about 0.4 of critical under 90 kg (an
+            assumption).
+        catch_stiffness: Stiffness of the locked harness in [N] / [m]; 0 for one that does not lock. About a
+            metre of rope that stretches by 5 % under 100 kg, the maximum that EN 1891 allows for a
+            low-stretch rope.
+        catch_dissipation: Dissipation of the locked harness in [s] / [m] (an assumption).
     """
 
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.6
@@ -140,11 +144,11 @@ class SupportParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class SpringDamper(quantities.Parameters):
-    """A linear spring with a damper beside it.
+    """A linear rotary spring and a damper in parallel.
 
     Attributes:
-        stiffness: In [N m] / [rad].
-        damping: In [N m s] / [rad].
+        stiffness: Stiffness in [N m] / [rad].
+        damping: Damping in [N m s] / [rad].
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE]
@@ -153,11 +157,11 @@ class SpringDamper(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingSpringDamper(quantities.Parameters):
-    """A linear spring with a damper beside it, between what slides.
+    """A linear spring and a damper in parallel, for translation.
 
     Attributes:
-        stiffness: In [N] / [m].
-        damping: In [N s] / [m].
+        stiffness: Stiffness in [N] / [m].
+        damping: Damping in [N s] / [m].
     """
 
     stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE]
@@ -168,16 +172,16 @@ class SlidingSpringDamper(quantities.Parameters):
 class BraceParameters(quantities.Parameters):
     """Braces that bind the wearer to the device: a spring and a damper between their coordinates.
 
-    No measurement of this device is known, all sizes are assumptions: a cuff of 10 kN/m at 0.25 m
-    from the hip and at 0.2 m from the knee gives some degrees of play at the torques of the motors; the
-    foot stands strapped on its plate, and belts hold the pelvis. The dampers give a wearer of 70 kg a third
-    of critical damping, and the foot three quarters.
+    No measurement of this device is available, all sizes are assumptions: a cuff of 10 kN/m at 0.25 m from
+    the hip and at 0.2 m from the knee gives some degrees of play at the torques of the motors; the foot is
+    strapped to its plate, and belts hold the pelvis. The dampers give a wearer of 70 kg a third of critical
+    damping, and the foot three quarters.
 
     Attributes:
-        pelvis: Between the waist and the pelvis, vertical.
-        hip: Of each hip.
-        knee: Of each knee.
-        ankle: Of each ankle.
+        pelvis: Brace between the waist of the device and the pelvis, vertical.
+        hip: Brace of each hip.
+        knee: Brace of each knee.
+        ankle: Brace of each ankle.
     """
 
     pelvis: SlidingSpringDamper = SlidingSpringDamper(stiffness=20e3, damping=400.0)
@@ -186,7 +190,7 @@ class BraceParameters(quantities.Parameters):
     ankle: SpringDamper = SpringDamper(stiffness=1000.0, damping=3.0)
 
     def of(self, joint: JointName) -> SpringDamper:
-        """Brace of a joint."""
+        """Return the brace of a joint."""
         brace: SpringDamper = getattr(self, joint)
         return brace
 
@@ -196,26 +200,27 @@ FRONTS = quantities.Range(-10.0, 1000.0, reason="a walk to it of an hour at 1 km
 
 @dataclass(frozen=True, kw_only=True)
 class ChairParameters(quantities.Parameters):
-    """A seat without a back; :mod:`twin_gait.core.plant` has the law. Shanks do not meet it.
+    """A seat without a back; :mod:`twin_gait.core.plant` has the law. There is no contact with the shanks.
 
     Attributes:
-        height: Of the seat in [m]; 0.43 in a chair of OpenSim, 0.48 to 0.53 as a rule in wheelchairs.
-        front: Place of its front edge in [m]; the hips begin at 0.
-        behind: Way of its front edge behind the hips of a standing wearer, where somebody puts it when the
-            device announces that it will sit down, in [m] (an assumption).
-        depth: Of the seat in [m].
-        rounding: Way behind an edge over which it comes to bear, in [m] (an assumption).
-        stiffness: Of the seated body in [N] / [m]: 5 Hz with 45 kg sprung, the mean of 60 people (Fairley
-            and Griffin 1989, J Biomech 22:81).
-        dissipation: In [s] / [m]; under 550 N this is their damping of 0.475 of critical, 1340 N s/m.
-        thigh_share: Share of the stiffness that the backs of the two thighs have (an assumption).
-        hip_height: Of the hips over the uncompressed seat in [m]; 0.098 in the manikin of SAE J826.
-        thigh_thickness: From the axis of a thigh to its back where it meets the seat, in [m]: half of what
-            sitting men measure (0.16 to the top of the thigh, 0.135 to 0.185 from the 5th to the 95th
-            percentile).
-        thigh_place: Where that is, from hip to knee (an assumption).
+        height: Height of the seat in [m]; 0.43 in a chair of OpenSim, typically 0.48 to 0.53 in wheelchairs.
+        front: Position of the front edge in [m]; the hips begin at 0.
+        behind: Distance of the front edge behind the hips of a standing wearer, at which the chair is placed
+            when the device announces that it will sit down, in [m] (an assumption).
+        depth: Depth of the seat in [m].
+        rounding: Distance behind an edge over which the stiffness increases to its full value, in [m] (an
+            assumption).
+        stiffness: Stiffness of the seated body in [N] / [m]: 5 Hz with a sprung mass of 45 kg, the mean of 60
+            people (Fairley and Griffin 1989, J Biomech 22:81).
+        dissipation: Dissipation in [s] / [m]; under 550 N it equals their damping ratio of 0.475, 1340 N·s/m.
+        thigh_share: Share of the stiffness that belongs to the backs of the two thighs (an assumption).
+        hip_height: Height of the hips above the uncompressed seat in [m]; 0.098 in the manikin of SAE J826.
+        thigh_thickness: Distance from the axis of a thigh to its back at the contact with the seat, in [m]:
+            half of the thickness of sitting men (0.16 to the top of the thigh, 0.135 to 0.185 from the 5th to
+            the 95th percentile).
+        thigh_place: Position of that contact, as a share of the way from hip to knee (an assumption).
         friction_coefficient: Coulomb coefficient (an assumption; models of sitting have 0.6 to 0.9).
-        transition_velocity: Of the regularised friction in [m] / [s] (an assumption).
+        transition_velocity: Transition velocity of the regularised friction in [m] / [s] (an assumption).
     """
 
     height: Annotated[quantities.Length, quantities.Range(0.3, 0.7)] = 0.45

@@ -1,4 +1,4 @@
-"""The wearer."""
+"""Parameters of the wearer."""
 
 import math
 from collections.abc import Mapping
@@ -9,10 +9,10 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
-HEAVIEST_WEARER = 110.0  # [kg] that the device carries (thesis, table 2.1)
+HEAVIEST_WEARER = 110.0  # Largest mass of the wearer in [kg] (thesis, table 2.1).
 
-# Shank over body height: Drillis and Contini, in Winter (2009), fig. 4.1. The tibia of the device adjusts to
-# it (thesis, table 2.1); from where to where, in [m], is an assumption.
+# Shank over body height: Drillis and Contini, in Winter (2009), fig. 4.1. The tibia of the device is adjusted
+# to it (thesis, table 2.1); the range of the adjustment in [m] is an assumption.
 SHANK_LENGTH = 0.246
 TIBIA_RANGE = (0.36, 0.48)
 _LOW, _HIGH = (length / SHANK_LENGTH for length in TIBIA_RANGE)
@@ -21,26 +21,27 @@ HEIGHT_RANGE = (
     f"{TIBIA_RANGE[0]:g} to {TIBIA_RANGE[1]:g} m (1.40 to 2.05 m with leg.fit_device: false)"
 )
 
-MASSES = quantities.Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (what TWIN carries)")
+MASSES = quantities.Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (the limit of TWIN)")
 HEIGHTS = quantities.Range(1.40, 2.05, words=HEIGHT_RANGE)
 NOISES = quantities.Range(0.0, 5.0, reason="five times the effort itself")
 CONTRACTURES = quantities.Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 
-# At which the wearer acts: the passive moments of Riener and Edrich (1999) and the efforts are theirs.
+# Joints with torques of the wearer: the passive moments of Riener and Edrich (1999) and the efforts.
 WEARER_JOINTS = (JointName.HIP, JointName.KNEE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointCondition(quantities.Parameters):
-    """What the wearer does at one joint; see :mod:`twin_gait.core.wearer`. The default does nothing.
+    """Torques of the wearer at one joint; see :mod:`twin_gait.core.wearer`. The default has none.
 
     Attributes:
         passive: Share of the passive moment of healthy men (Riener and Edrich 1999).
-        contracture: By which the joint resists as a sound one would, further extended, in [rad].
-        stretch_reflex_threshold: Beyond which a spastic muscle catches, in [rad] / [s].
-        stretch_reflex_gain: Of the catch in [N m s] / [rad]; 0 without spasticity.
-        effort: Share of the normative moment that the wearer wants to give.
-        strength: Share of it that the muscles can give; less than 1 is weakness.
+        contracture: Contracture in [rad]: the passive moment at an angle is that of a healthy joint that is
+            extended further by the contracture.
+        stretch_reflex_threshold: Speed above which a spastic muscle resists, in [rad] / [s].
+        stretch_reflex_gain: Gain of the stretch reflex in [N m s] / [rad]; 0 without spasticity.
+        effort: Share of the normative moment that the wearer intends to produce.
+        strength: Share of this moment that the muscles can produce; less than 1 is weakness.
     """
 
     passive: Annotated[quantities.Ratio, quantities.Range(0.0, 3.0, words="0 to 3")] = 0.0
@@ -51,14 +52,14 @@ class JointCondition(quantities.Parameters):
     strength: Annotated[quantities.Ratio, quantities.SHARE] = 1.0
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that that a contracture has something to shift."""
+        """Check the ranges, and that there is a passive moment if there is a contracture."""
         super().__post_init__()
         expected = "0 without a passive moment that it could shift (passive is 0)"
         require(self.contracture == 0.0 or self.passive > 0.0, "contracture", expected, self.contracture)
 
     @property
     def does_nothing(self) -> bool:
-        """Whether no torque comes from the wearer at this joint."""
+        """Whether the wearer produces no torque at this joint."""
         return self.passive == 0.0 and self.stretch_reflex_gain == 0.0 and self.effort * self.strength == 0.0
 
 
@@ -75,15 +76,15 @@ def _is_plain(name: Any) -> bool:
 class Patient(quantities.Parameters):
     """The wearer.
 
-    The shipped gaits were tuned for a wearer who is mass alone, so that is the default.
+    The shipped gaits were tuned for a wearer without any torques of their own, so that is the default.
 
     Attributes:
-        mass: In [kg], at most ``HEAVIEST_WEARER``.
-        height: In [m].
-        sex: For the segment tables of de Leva (1996).
-        segment_model: Whose table of segments; that of Winter (2009) is the same for both sexes.
-        conditions: Of hips and knees; what is not named does nothing.
-        effort_delay: From phase and posture to the torque of the effort, in [s].
+        mass: Mass in [kg], at most ``HEAVIEST_WEARER``.
+        height: Height in [m].
+        sex: Sex for the segment tables of de Leva (1996).
+        segment_model: Source of the table of segments; that of Winter (2009) is the same for both sexes.
+        conditions: Conditions of hips and knees; a joint that is not named has no torques.
+        effort_delay: Delay from phase and posture to the torque of the effort, in [s].
         effort_noise: Standard deviation of the effort's torque from tick to tick, as a share of it.
         name: Name of the person, kept when values are changed; None for a wearer without a name.
     """
@@ -108,5 +109,5 @@ class Patient(quantities.Parameters):
 
     @property
     def is_mass_alone(self) -> bool:
-        """Whether no torque comes from the wearer."""
+        """Whether the wearer produces no torque at any joint."""
         return all(item.does_nothing for item in self.conditions.values())
