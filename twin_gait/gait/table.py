@@ -280,7 +280,7 @@ class StateTable:
         return self.phase_names
 
     def member_index(self, name: str | None) -> int:
-        """Position of one of the :attr:`members`, -1 for none; raises GaitTableError if it is not known."""
+        """Return the position of one of the :attr:`members`, -1 for None; GaitTableError if it is unknown."""
         unknown = name is not None and name not in self.members
         refuse(unknown, f"no {self.words.member} {name!r}; there are {', '.join(self.members)}")
         return -1 if name is None else self.members.index(name)
