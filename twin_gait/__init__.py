@@ -13,7 +13,7 @@ import lazy_loader
 
 try:
     from twin_gait._version import __version__  # type: ignore[import-not-found, unused-ignore]  # by the build
-except ImportError:  # a checkout that nothing was built from
+except ImportError:  # a checkout without a build
     __version__ = "0.1.0.dev0"
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

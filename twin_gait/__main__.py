@@ -1,4 +1,4 @@
-"""``python -m twin_gait``."""
+"""Entry point of ``python -m twin_gait``."""
 
 import sys
 

@@ -1,7 +1,7 @@
-"""Sign conventions of the field: what other programs call a joint angle, and which way they count it.
+"""Sign conventions of the field: names and signs of joint angles in other programs.
 
 Inside this package hip flexion, knee flexion and ankle dorsiflexion are positive and angles are in [rad].
-A convention leads into it and back; it sits at the edge, where files are read and written.
+A convention converts to this definition and back, where files are read and written.
 """
 
 from collections.abc import Mapping
@@ -21,10 +21,10 @@ class Convention:
     """Names and signs of joint angles in another program.
 
     Attributes:
-        name: What it is called on the command line.
+        name: Name on the command line.
         columns: Name of the column of each joint of each side; empty where the user chooses them.
-        signs: Of each joint, 1 or -1; 1 where it is not named.
-        unit: Of columns that do not state theirs, ``rad`` or ``deg``; None if it must be asked for.
+        signs: Sign of each joint, 1 or -1; 1 for a joint that is missing.
+        unit: Unit of columns that do not state theirs, ``rad`` or ``deg``; None if the user must specify it.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Convention:
     unit: str | None = None
 
     def turned(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
-        """An angle of that program, in [rad] and any shape, as this package counts it, or the other way."""
+        """Convert an angle between that program and this package, in [rad] and any shape, either way."""
         return np.asarray(self.signs.get(joint, 1.0) * angle)
 
 
@@ -43,23 +43,24 @@ _OPENSIM_COLUMNS = {
     for joint, name in zip(JointName, ("hip_flexion", "knee_angle", "ankle_angle"), strict=True)
 }
 
-# This package's own: flexion of hip and knee and dorsiflexion positive.
+# Convention of this package: flexion of hip and knee and dorsiflexion positive.
 HOUSE = Convention(
     name="twin_gait",
     columns={(side, joint): f"{side}_{joint}_angle_rad" for side in Side for joint in JointName},
 )
-# OpenSim's gait2392, gait2354 and gait10dof18musc: knee flexion negative.
+# Convention of OpenSim's gait2392, gait2354 and gait10dof18musc: knee flexion negative.
 OPENSIM_GAIT2392 = Convention(
     name="opensim_gait2392",
     columns=_OPENSIM_COLUMNS,
     signs={JointName.KNEE: -1.0},
 )
-# Rajagopal et al. (2016) in OpenSim: the names of gait2392, but knee flexion positive.
+# Convention of Rajagopal et al. (2016) in OpenSim: the names of gait2392, but knee flexion positive.
 RAJAGOPAL = Convention(
     name="rajagopal",
     columns=_OPENSIM_COLUMNS,
 )
-# Open-Source Leg: knee flexion and ankle dorsiflexion positive; its logger takes any names.
+# Convention of the Open-Source Leg: knee flexion and ankle dorsiflexion positive; its logger accepts any
+# names.
 OSL = Convention(name="osl", unit=RADIANS)
 # ExoMotus X2 in CANOpenRobotController: left hip, left knee, right hip, right knee; knee flexion negative
 # (0 to -120 deg).
@@ -76,13 +77,13 @@ CONVENTIONS = {item.name: item for item in (HOUSE, OPENSIM_GAIT2392, RAJAGOPAL, 
 
 
 def find_convention(name: str) -> Convention:
-    """Look a convention up.
+    """Look up a convention by its name.
 
     Args:
-        name: For example ``opensim_gait2392``.
+        name: Name such as ``opensim_gait2392``.
 
     Raises:
-        ParameterError: If there is none of that name.
+        ParameterError: If there is no convention of that name.
     """
     if name not in CONVENTIONS:
         raise ParameterError(f"convention: no {name!r}; there are {', '.join(CONVENTIONS)}")

@@ -1,4 +1,4 @@
-"""Docstrings that the program shows: meanings of parameters, rules of the check, help of commands."""
+"""Docstrings that the program displays: meanings of parameters, rules of the check, help of commands."""
 
 import ast
 import inspect
@@ -19,7 +19,7 @@ def docstring_of(item: Any) -> str:
         return inspect.cleandoc(item.__doc__ or "")
     try:
         node = ast.parse(textwrap.dedent(inspect.getsource(item))).body[0]
-    except (OSError, TypeError):  # there is no source, as of what is typed at a prompt
+    except (OSError, TypeError):  # code typed at a prompt has no source
         return ""
     documented = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     return ast.get_docstring(node) or "" if isinstance(node, documented) else ""

@@ -1,7 +1,7 @@
-"""Everything that twin_gait raises on purpose.
+"""All exceptions that twin_gait raises on purpose.
 
-Each message is one line: what was expected, what came, and the way out. The command line turns a
-:class:`TwinGaitError` into that one line and an exit status; library users catch the base class.
+Each message is one line: the accepted values, the given value, and the remedy. The command line prints this
+line of a :class:`TwinGaitError` and returns an exit status; users of the library catch the base class.
 """
 
 from pathlib import Path
@@ -21,14 +21,14 @@ class ParameterFileError(TwinGaitError):
     Attributes:
         file: The file that was read.
         key: Path of the key inside the file, for example ``phases.late_stance.hip``.
-        problem: What is wrong there.
+        problem: Description of the mistake.
     """
 
     def __init__(self, file: Path | str, key: str, problem: str) -> None:
         """Compose the message ``file: key: problem``."""
         self.file = str(file)
         self.key = key
-        # Keys, phases and causes come from the file and may hold line breaks; a message is one line.
+        # Keys, phases and causes come from the file and may contain line breaks; a message is one line.
         where, what = " ".join(key.split()), " ".join(problem.split())
         self.problem = what
         place = f"{self.file}: {where}" if where else self.file
@@ -36,7 +36,7 @@ class ParameterFileError(TwinGaitError):
 
 
 class ModelError(TwinGaitError):
-    """A URDF cannot be read, or lacks a joint or link that was asked for."""
+    """A URDF cannot be read, or lacks a requested joint or link."""
 
 
 class GaitTableError(TwinGaitError, ValueError):
@@ -44,18 +44,18 @@ class GaitTableError(TwinGaitError, ValueError):
 
 
 class MeasurementError(TwinGaitError, ValueError):
-    """A measurement handed to the state machine is missing or not finite."""
+    """A measurement for the state machine is missing or not finite."""
 
 
 class RunDirectoryError(TwinGaitError):
-    """A run directory cannot be made, read or written."""
+    """A run directory cannot be created, read or written."""
 
 
 class JobFailed(TwinGaitError):
-    """One of many jobs failed: ``index`` of its item, and ``problem``, the message of the error behind it."""
+    """A job of several failed: ``index`` of its item, and ``problem``, the message of the original error."""
 
     def __init__(self, index: int, problem: str) -> None:
-        """Compose the message."""
+        """Compose the message from index and problem."""
         self.index, self.problem = index, problem
         super().__init__(f"job {index}: {problem}")
 

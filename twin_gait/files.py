@@ -1,4 +1,4 @@
-"""Write files so that a reader sees the old content or the new, never half of it; read no more than fits."""
+"""Atomic writing of files, so that a reader never sees a partial file, and reading with limits of size."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 # The longest run, an hour, has 3.6 million rows; with braces some 600 million numbers, 5 GB.
 MOST_ROWS, MOST_CELLS = 10_000_000, 700_000_000
-MOST_TEXT, LONGEST_LINE = 2**30, 65_536  # [bytes] of a log that is text; characters
-MOST_DOCUMENT = 2**26  # [bytes] of a URDF, DBC or JSON file; a summary has some thousands
+MOST_TEXT, LONGEST_LINE = 2**30, 65_536  # largest size of a text log in bytes, and of its lines in characters
+MOST_DOCUMENT = 2**26  # largest size of a URDF, DBC or JSON file in bytes; a summary has some thousands
 
 # Kinds of files that are never read or replaced, by the format bits of their mode.
 _SPECIAL = {
@@ -31,10 +31,10 @@ _SPECIAL = {
 
 
 def shipped_file(name: str) -> Path | None:
-    """Path of a file of the folder ``urdf``, which stands in the wheel, or beside the package in a checkout.
+    """Return the path of a file of the folder ``urdf``, in the wheel or next to the package in a checkout.
 
     Args:
-        name: For example ``twin.urdf``.
+        name: Name of the file, such as ``twin.urdf``.
 
     Returns:
         The path, or None if there is no such file.
@@ -45,7 +45,7 @@ def shipped_file(name: str) -> Path | None:
 
 
 def require_regular(path: Path, most: int | None = None) -> None:
-    """Raise a ParameterFileError unless a path leads to a regular file of at most ``most`` bytes.
+    """Raise ParameterFileError unless a path leads to a regular file of at most ``most`` bytes.
 
     A pipe or a device may block a reader, or never end. Raises OSError if there is no file.
     """
@@ -59,17 +59,17 @@ def require_regular(path: Path, most: int | None = None) -> None:
 
 
 def read_bytes(path: Path, most: int = MOST_DOCUMENT) -> bytes:
-    """Return the content of a regular file; every file that a user names is read here.
+    """Return the content of a regular file; every file that a user names is read by this function.
 
     Args:
         most: Largest accepted size in bytes.
 
     Raises:
-        ParameterFileError: If it is no regular file, or larger.
+        ParameterFileError: If it is not a regular file, or larger.
         OSError: If it cannot be read.
     """
     require_regular(path, most)
-    # Without O_NONBLOCK a pipe that took its place since then would block.
+    # Without O_NONBLOCK, a pipe that has replaced the file since the check would block.
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
         data = file.read(most + 1)
     if len(data) > most:
@@ -78,7 +78,7 @@ def read_bytes(path: Path, most: int = MOST_DOCUMENT) -> bytes:
 
 
 def read_text(path: Path, most: int = MOST_DOCUMENT, encoding: str = "utf-8") -> str:
-    """Return the text of a regular file with lines that end as in Unix; raises as :func:`read_bytes`.
+    """Return the text of a regular file with line ends as in Unix; raise the errors of :func:`read_bytes`.
 
     Raises:
         UnicodeDecodeError: If it has another encoding.
@@ -87,10 +87,10 @@ def read_text(path: Path, most: int = MOST_DOCUMENT, encoding: str = "utf-8") ->
 
 
 def read_json(path: Path) -> Any:
-    """Return the value of a JSON file; raises as :func:`read_text`.
+    """Return the value of a JSON file; raise the errors of :func:`read_text`.
 
     Raises:
-        ValueError: If it is no JSON, or nested too deeply.
+        ValueError: If it is not JSON, or nested too deeply.
     """
     try:
         return json.loads(read_text(path))
@@ -99,7 +99,7 @@ def read_json(path: Path) -> Any:
 
 
 def finite_or_none(value: float) -> float | None:
-    """A number as JSON holds it, which has no word for infinite ones and for none at all.
+    """Convert a number to its value in JSON, which cannot represent infinite numbers and NaN.
 
     Returns:
         The number, or None if it is not finite.
@@ -108,7 +108,7 @@ def finite_or_none(value: float) -> float | None:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON knows it: numbers of numpy as Python's, null for what is not finite, else a text."""
+    """Convert a value for JSON: numbers of NumPy to Python's, not finite ones to null, others to text."""
     if isinstance(value, float):
         return finite_or_none(value)
     if isinstance(value, bool | int) or value is None:
@@ -121,18 +121,18 @@ def plain(value: Any) -> Any:
 
 
 def dump(data: Any) -> str:
-    """What JSON can hold on one line, as short as it goes."""
+    """Serialize a value as JSON on one line without spaces."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False)
 
 
 def permitted(mode: int) -> int:
-    """What a mode comes to under the mask of the user, which temporary files and folders do not ask.
+    """Apply the user's umask to a mode, which temporary files and folders ignore.
 
     Args:
-        mode: Of a file or a folder, such as ``0o644``.
+        mode: Mode of a file or a folder, such as ``0o644``.
 
     Returns:
-        The mode without what the mask takes away.
+        The mode without the bits of the mask.
     """
     mask = os.umask(0o077)
     os.umask(mask)
@@ -141,7 +141,7 @@ def permitted(mode: int) -> int:
 
 @contextlib.contextmanager
 def private_files() -> Iterator[None]:
-    """Make new files and folders, also those of processes started here, for the user alone."""
+    """Create new files and folders, also those of processes started here, for the user alone."""
     mask = os.umask(0o077)
     try:
         yield
@@ -150,7 +150,7 @@ def private_files() -> Iterator[None]:
 
 
 def check_replaceable(path: Path) -> None:
-    """Check that a path is free, a regular file or a folder.
+    """Check that a path does not exist or is a regular file or a folder.
 
     Raises:
         RunDirectoryError: If it is a symbolic link, a FIFO, a socket or a device.
@@ -162,7 +162,7 @@ def check_replaceable(path: Path) -> None:
 
 
 def write_atomically(path: str | Path, content: str | bytes) -> None:
-    """Write a file through a temporary one in its folder; it is on the disk when this returns.
+    """Write a file through a temporary one in its folder; the data are on the disk when this returns.
 
     Args:
         content: Text (written as UTF-8) or bytes.
@@ -180,7 +180,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
             file.flush()
-            os.fsync(file.fileno())  # before the name: a loss of power would leave an empty file in its place
+            os.fsync(file.fileno())  # before the renaming, because a loss of power could leave an empty file
         os.chmod(name, permitted(0o644))
         os.replace(name, path)
         sync_folder(path.parent)
@@ -191,7 +191,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
 
 
 def write_json(path: Path, document: Mapping[str, Any]) -> None:
-    """Write a document atomically as JSON, each value as :func:`plain` has it.
+    """Write a document atomically as JSON, with values converted by :func:`plain`.
 
     Raises:
         RunDirectoryError: If it cannot be written.
@@ -201,7 +201,7 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Put the names in a folder on the disk, where the file system can."""
+    """Flush the names in a folder to the disk, if the file system can."""
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:
@@ -211,7 +211,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def write_new(paths: Iterable[Path], content: str) -> Path:
-    """Write a file under the first name that nothing has yet; nothing is overwritten.
+    """Write a file under the first name that does not exist yet; no file is overwritten.
 
     Args:
         content: Text (written as UTF-8).
@@ -232,7 +232,7 @@ def write_new(paths: Iterable[Path], content: str) -> Path:
 
 
 def require_table_size(path: Path, rows: int, columns: int) -> None:
-    """Refuse a table that is larger than any log of a walk, before it fills the memory.
+    """Reject a table that is larger than any log of a walk, before it fills the memory.
 
     Raises:
         ParameterFileError: If it is too large.
@@ -247,7 +247,9 @@ def require_table_size(path: Path, rows: int, columns: int) -> None:
 
 
 def require_parquet(path: Path) -> None:
-    """Raise a ParameterFileError unless a parquet file is regular and unpacks to at most the rows of a log.
+    """Raise ParameterFileError unless a parquet file is regular and has at most the size of a log.
+
+    Raises pyarrow.ArrowException if it is not a parquet file, and OSError if it cannot be read.
 
     Raises pyarrow.ArrowException if it is no such file, and OSError if it cannot be read.
     """
@@ -259,13 +261,13 @@ def require_parquet(path: Path) -> None:
 
 
 def read_parquet(path: Path) -> pd.DataFrame:
-    """Read a regular parquet file, unless it unpacks to more than any log of a walk.
+    """Read a regular parquet file, unless it is larger than any log of a walk when unpacked.
 
-    Column by column: the whole of it beside the frame would take the memory twice.
+    The columns are read one by one, because the whole table next to the frame would take twice the memory.
 
     Raises:
-        ParameterFileError: If it is no regular file, or too large.
-        pyarrow.ArrowException: If it is no such file.
+        ParameterFileError: If it is not a regular file, or too large.
+        pyarrow.ArrowException: If it is not a parquet file.
         OSError: If it cannot be read.
     """
     import numpy as np
@@ -277,7 +279,7 @@ def read_parquet(path: Path) -> pd.DataFrame:
         names, others = file.schema_arrow.names, {}
         numbers = np.empty((len(names), file.metadata.num_rows))
         for place, name in enumerate(names):
-            read = file.read([name])  # with others of which the name has only the beginning
+            read = file.read([name])  # also reads columns whose names begin with this one
             column = read.column(read.column_names.index(name))
             if column.type == "double":
                 numbers[place] = column.to_numpy()
@@ -287,7 +289,7 @@ def read_parquet(path: Path) -> pd.DataFrame:
 
 
 def write_parquet(path: Path, table: pd.DataFrame, **metadata: str) -> None:
-    """Write a table atomically as parquet, compressed; ``metadata`` is kept under ``twin_gait.NAME``.
+    """Write a table atomically as parquet, compressed; ``metadata`` is stored under ``twin_gait.NAME``.
 
     Raises:
         RunDirectoryError: If it cannot be written.
@@ -298,7 +300,7 @@ def write_parquet(path: Path, table: pd.DataFrame, **metadata: str) -> None:
     arrow = pa.Table.from_pandas(table, preserve_index=False)
     named = {f"twin_gait.{name}": text for name, text in metadata.items()}
     arrow = arrow.replace_schema_metadata({**(arrow.schema.metadata or {}), **named})
-    # A dictionary of the values of a column of numbers takes a third of the time and makes the file larger.
+    # A dictionary of the values of a column of numbers takes a third of the time and increases the file.
     repeating = [field.name for field in arrow.schema if field.type != "double"]
     buffer = io.BytesIO()
     pq.write_table(arrow, buffer, compression="zstd", use_dictionary=repeating)

@@ -1,9 +1,9 @@
-"""Colours that pictures and the viewer share.
+"""Colours of figures and the viewer.
 
-One meaning a colour: what is told apart by phase, side, joint, part of a torque or event
-shares its colour with nothing else, by day and by night. The phases have those of Okabe and Ito (2008);
-stance is cold and swing warm. People with any common colour blindness can tell the colours of a group apart.
-The plain names are for figures with a legend of their own. Nothing heavy is imported here.
+Each colour has one meaning: phases, sides, joints, parts of a torque and events share no colour with anything
+else, in the light and in the dark theme. The phases have colours of Okabe and Ito (2008); stance is cold and
+swing warm. The colours of a group can be distinguished with any common colour blindness. The plain names are
+for figures with a legend of their own. This module imports nothing heavy.
 """
 
 from twin_gait.vocabulary import FIRST_SWING, HOLD, STAND, GaitPhase, JointName, Side
@@ -30,11 +30,11 @@ PHASE_COLOURS: dict[str, str] = {
     GaitPhase.SWING_FLEXION: ORANGE,
     GaitPhase.SWING_EXTENSION: VERMILLION,
 }
-# Faults, trips and falls, and nothing else.
+# Colour of faults, trips and falls only.
 EVENT_COLOUR = "#C1121F"
 HELD_COLOUR = "#BFBFBF"
 EVENT_ON_DARK = "#FF6B7F"
-# Beside the five: standing is neither cold nor warm, the first swing is warm; a hold is no phase of gait.
+# Other phases: standing is neither cold nor warm, the first swing is warm; a hold is not a phase of gait.
 _OTHER_PHASES = {STAND: "#6E6E6E", FIRST_SWING: YELLOW, HOLD: EVENT_COLOUR}
 JOINT_COLOURS: dict[JointName, str] = {
     JointName.HIP: "#0B2A5B",
@@ -46,7 +46,7 @@ SIDE_COLOURS_ON_DARK: dict[Side, str] = {Side.LEFT: "#B8A6FF", Side.RIGHT: "#E6C
 REFERENCE_COLOUR = "#7A0177"
 LIMIT_COLOUR = "#979797"
 GROUND_FORCE_COLOUR = REDDISH_PURPLE
-# Of the arrows of motor torques.
+# Colours of the arrows of motor torques.
 FLEXION_COLOUR, EXTENSION_COLOUR = "#6E9A00", "#B5179E"
 # Parts of the commanded torque, by the words of the log columns.
 TORQUE_COLOURS: dict[str, str] = {
@@ -56,15 +56,16 @@ TORQUE_COLOURS: dict[str, str] = {
     "inertia_compensation": "#6C7FA8",
     "target": "#A9B331",
 }
-# For phases of a table that does not use the five names.
+# Colours of phases of a table that does not use the five names.
 _FURTHER_COLOURS = ("#F4B183", "#A9D8C8", "#C9B8E8", *reversed(PHASE_COLOURS.values()))
 
 
 def phase_colour(phase: str, position: int = 0) -> str:
-    """Colour of a phase, also of one that a user's table invented.
+    """Return the colour of a phase, also of one that only a user's table has.
 
     Args:
-        position: Position of the phase in its table, which picks the colour of an unknown name.
+        phase: Name of the phase.
+        position: Position of the phase in its table, which selects the colour of an unknown name.
 
     Returns:
         Colour as ``#RRGGBB``.

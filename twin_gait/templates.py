@@ -1,4 +1,4 @@
-"""Texts from templates, filled in one way everywhere."""
+"""Texts from Jinja templates, with the same options everywhere."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 
 def templates_in(folder: Path, **options: Any) -> Environment:
-    """Templates of a folder; ``options`` as ``jinja2.Environment`` takes them.
+    """Return the environment of the templates in a folder; ``options`` are those of ``jinja2.Environment``.
 
-    A number that a template asks for in vain is an error, not a gap; what stands alone on a line to steer it
-    leaves no line.
+    An undefined variable in a template is an error, not a gap; a line with only a block tag gives no line in
+    the text.
     """
     return Environment(
         loader=FileSystemLoader(folder), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,

@@ -1,4 +1,4 @@
-"""The words of the field that every other room shares: phases of gait, joints, sides."""
+"""Terms of the field that all packages share: phases of gait, joints, sides."""
 
 from enum import StrEnum
 
@@ -16,19 +16,19 @@ class GaitPhase(StrEnum):
     SWING_EXTENSION = "swing_extension"
 
 
-# Phases beside the five of the cycle: standing still, and the swing that begins a walk.
+# Phases in addition to the five of the cycle: standing still, and the swing that begins a walk.
 STAND, FIRST_SWING = "stand", "first_swing"
-# The end of late stance as a phase of its own, from the other foot's contact to toe-off (Perry 1992): the one
-# phase of stance that is called a swing.
+# Pre-swing, the end of late stance as a phase of its own, from the other foot's contact to toe-off (Perry
+# 1992): the only phase of stance that is called a swing.
 PRE_SWING = "pre_swing"
-# On a chair: sitting, leaning forward to rise, rising, coming to be straight; standing until the crutches are
+# Phases on a chair: sitting, leaning forward to rise, rising, straightening; standing until the crutches are
 # behind, and sitting down.
 SIT, LEAN, RISE, STRAIGHTEN, REACH_BACK, LOWER = "sit", "lean", "rise", "straighten", "reach_back", "lower"
-HOLD = "hold"  # what is shown in place of a phase after a trip of the safety monitor
+HOLD = "hold"  # name that is shown instead of a phase after a trip of the safety monitor
 
 
 class Coded(StrEnum):
-    """Words whose numbers are their places."""
+    """Enumeration of words whose code is their position."""
 
     @property
     def code(self) -> int:
@@ -52,7 +52,7 @@ class Side(StrEnum):
 
 
 class Outcome(StrEnum):
-    """Outcome of a run; :mod:`twin_gait.measures.outcome` decides it."""
+    """Outcome of a run, determined by :mod:`twin_gait.measures.outcome`."""
 
     WALKED = "walked"
     TOO_SHORT = "too short to judge"
@@ -78,7 +78,7 @@ class SegmentModel(StrEnum):
 
 
 class PelvisGuide(StrEnum):
-    """How the pelvis is held: not to move, to move vertically, or fore-aft too; only a free one pitches."""
+    """Guide of the pelvis: fixed, free to move vertically, also fore-aft, or free with pitch."""
 
     FIXED = "fixed"
     VERTICAL = "vertical"
@@ -87,7 +87,7 @@ class PelvisGuide(StrEnum):
 
 
 class Surroundings(StrEnum):
-    """What is drawn around a figure."""
+    """Surroundings that are drawn around a figure."""
 
     TREADMILL = "treadmill"
     WALKWAY = "walkway"

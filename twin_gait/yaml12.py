@@ -1,4 +1,4 @@
-"""Read and write YAML by the core schema of YAML 1.2: ``060`` is 60; ``1_000`` and ``yes`` are texts.
+"""Reading and writing of YAML by the core schema of YAML 1.2: ``060`` is 60; ``1_000`` and ``yes`` are texts.
 
 PyYAML resolves plain scalars by YAML 1.1, where ``060`` is 48 and ``1:30`` is 90. Only the tags of the core
 schema are constructed. Reference: https://yaml.org/spec/1.2.2/#103-core-schema
@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import yaml
 
-# Values of a document after its aliases are expanded; a file of 1 MB without aliases has half as many.
+# Largest number of values after aliases are expanded; a file of 1 MB without aliases has half as many.
 MOST_VALUES = 1_000_000
 
 _TAG = "tag:yaml.org,2002:"
@@ -29,16 +29,16 @@ _RESOLVERS = {
 
 
 class Loader(yaml.SafeLoader):
-    """Safe loader of the core schema, which refuses aliases that expand to more than ``MOST_VALUES``."""
+    """Safe loader of the core schema, which rejects aliases that expand to more than ``MOST_VALUES``."""
 
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as PyYAML declares it
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # the type that PyYAML declares
     yaml_constructors: ClassVar[dict[str | None, Any]] = {
         tag: yaml.SafeLoader.yaml_constructors[tag]
         for tag in (_TAG + "str", _TAG + "seq", _TAG + "map", None)
     }
 
     def get_single_node(self) -> yaml.Node | None:
-        """Return the document as nodes; raises yaml.YAMLError if its aliases expand to too many values."""
+        """Return the document as nodes; raise yaml.YAMLError if its aliases expand to too many values."""
         node: yaml.Node | None = super().get_single_node()
         if node is not None and _values_in(node, {}) > MOST_VALUES:
             problem = f"its aliases expand to more than {MOST_VALUES} values; write out less"
@@ -79,7 +79,7 @@ def _construct_plain(loader: Loader, node: yaml.ScalarNode) -> Any:
 
 
 class Dumper(yaml.SafeDumper):
-    """Safe dumper that quotes each text that YAML 1.1 or 1.2 would resolve to something else."""
+    """Safe dumper that quotes each text that YAML 1.1 or 1.2 would resolve to another type."""
 
 
 for _tag, (_pattern, _first) in _RESOLVERS.items():
@@ -89,7 +89,7 @@ for _tag, (_pattern, _first) in _RESOLVERS.items():
 
 
 def _represent_text(dumper: Dumper, text: str) -> yaml.ScalarNode:
-    """Represent a text, one of several lines as a block that stays readable."""
+    """Represent a text; one of several lines becomes a block that stays readable."""
     return dumper.represent_scalar(f"{_TAG}str", text, style="|" if "\n" in text else None)
 
 
@@ -97,7 +97,7 @@ Dumper.add_representer(str, _represent_text)
 
 
 def load_yaml(text: str) -> Any:
-    """Return the value of a YAML document; raises yaml.YAMLError if it is not valid."""
+    """Return the value of a YAML document; raise yaml.YAMLError if it is not valid."""
     return yaml.load(text, Loader=Loader)  # a SafeLoader subclass
 
 

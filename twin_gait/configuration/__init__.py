@@ -1,4 +1,4 @@
-"""YAML in and out: gait tables, experiments and people, validated at the edge."""
+"""Reading and writing of gait tables, experiments and people as YAML, with validation on reading."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Write gait tables and experiments as the mappings that their YAML files hold.
+"""Conversion of gait tables and experiments to the mappings of their YAML files.
 
 Angles and stiffnesses are written per radian, so that reading the file back gives exactly the same
 numbers: a conversion from degrees could differ in the last bit.
@@ -18,11 +18,12 @@ from twin_gait.yaml12 import dump_yaml as dump_yaml
 
 
 def content_hash(mapping: dict[str, Any]) -> str:
-    """SHA-256 of a mapping's content, whatever its layout in the file."""
+    """Compute the SHA-256 hash of a mapping's content, which does not depend on its layout in the file."""
     return hashlib.sha256(json.dumps(mapping, sort_keys=True).encode()).hexdigest()
 
 
-# Fields of tables in the order of their files, with the keys there where those are other ones.
+# Fields of tables in the order of their files; table_document gives the keys that differ from the field's
+# name.
 _FIELDS = (
     "name", "description", "joints", "requests", "hold", "blending", "scaling", "phases", "transitions",
     "cycles", "postures", "waivers", "side_phases",
@@ -30,7 +31,7 @@ _FIELDS = (
 
 
 def table_document(table: StateTable) -> dict[str, Any]:
-    """A table of gait or of modes as its file's mapping; reading it gives an equal table."""
+    """Convert a table of gait or of modes to its file's mapping; reading it gives an equal table."""
     keys = {"phases": f"{table.kind}s", "waivers": "waive", "side_phases": "sides"}
     given = {keys.get(name, name): getattr(table, name, ()) for name in _FIELDS}
     said = {key: written(value) for key, value in given.items() if value}
@@ -38,7 +39,7 @@ def table_document(table: StateTable) -> dict[str, Any]:
 
 
 def experiment_document(experiment: Experiment) -> dict[str, Any]:
-    """An experiment as its file's mapping, everything resolved; reading it gives an equal experiment."""
+    """Convert an experiment to its file's mapping, fully resolved; reading it gives an equal experiment."""
     document = written(experiment)
     if experiment.modes is not None:
         document["modes"] = table_document(experiment.modes)

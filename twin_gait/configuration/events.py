@@ -1,7 +1,8 @@
-"""Events in an experiment file: what is done at a time, under the keys that ``--set`` has, and back.
+"""Conversion between the events of an experiment and the entries under ``events`` in its file.
 
-An entry under ``events`` has a time and one of ``set``, ``push``, ``step``, ``stop``, ``request`` and
-``fault``. Keys that can change during a run are those that :func:`changeable_keys` lists.
+An entry has a time and one of ``set``, ``push``, ``step``, ``stop``, ``request`` and ``fault``. The keys of
+``set`` are those of ``--set``; keys that can change during a run are those that :func:`changeable_keys`
+lists.
 """
 
 import difflib
@@ -31,11 +32,11 @@ _WHAT_CHANGES = (
     "table.sides.SIDE, control.target_torque_Nm.JOINT, {adjustable}monitor.control, monitor.steps_by_hand "
     "and monitor.SIDE_JOINT.QUANTITY"
 )
-STRONGEST_PUSH = 1000.0  # [N m]; beyond, a torque is a mistake of the unit: it would break the leg
+STRONGEST_PUSH = 1000.0  # [N m]; a larger torque is a mistake of the unit, because it would break the leg
 
 
 class PushEntry(Strict):
-    """A torque on a joint from outside."""
+    """Torque on a joint from outside."""
 
     joint: str
     torque_Nm: Annotated[Number, Field(ge=-STRONGEST_PUSH, le=STRONGEST_PUSH)]
@@ -43,17 +44,19 @@ class PushEntry(Strict):
 
 
 class EventEntry(Strict):
-    """An entry under ``events``."""
+    """Entry under ``events``."""
 
-    time_s: Annotated[Number, Field(ge=0.0, le=LONGEST * TICK, description="time of the event")]
-    set: dict[str, Any] | None = Field(None, description="new values of parameters by their keys")
-    fade_ms: Annotated[Count, Field(ge=0, le=LONGEST)] = Field(FADE_TICKS, description="fade of a set")
-    push: PushEntry | None = Field(None, description="torque on a joint from outside")
-    step: Literal[True] | None = Field(None, description="release of a step by hand")
-    stop: Literal[True] | None = Field(None, description="emergency stop")
-    request: str | None = Field(None, description="request of the operating modes")
-    fault: str | None = Field(None, description="fault without its time")
-    by: str = Field("", description="who did it in a live session")
+    time_s: Annotated[Number, Field(ge=0.0, le=LONGEST * TICK, description="Time of the event.")]
+    set: dict[str, Any] | None = Field(None, description="New values of parameters by their keys.")
+    fade_ms: Annotated[Count, Field(ge=0, le=LONGEST)] = Field(
+        FADE_TICKS, description="Time over which the new values are faded in."
+    )
+    push: PushEntry | None = Field(None, description="Torque on a joint from outside.")
+    step: Literal[True] | None = Field(None, description="Release of a step by hand.")
+    stop: Literal[True] | None = Field(None, description="Emergency stop.")
+    request: str | None = Field(None, description="Request to the supervisor of the operating modes.")
+    fault: str | None = Field(None, description="Fault in its notation without the time.")
+    by: str = Field("", description="Originator of the event in a live session.")
 
     @model_validator(mode="after")
     def _one_action(self) -> "EventEntry":
@@ -78,7 +81,7 @@ class EventEntry(Strict):
 
 
 class Place(NamedTuple):
-    """What a key sets."""
+    """Number or choice that a key sets."""
 
     path: str  # Path in the settings.
     factor: float = 1.0  # SI value of one unit.
@@ -86,7 +89,7 @@ class Place(NamedTuple):
     choices: tuple[str | bool, ...] = ()  # Values of a choice.
 
     def value(self, key: str, given: Any) -> float | str | bool:
-        """Convert a value of the key to SI; ParameterError if the key does not take it."""
+        """Convert a value of the key to SI; raise ParameterError if the key does not accept it."""
         if self.item is None:
             words = " or ".join(item if isinstance(item, str) else str(item).lower() for item in self.choices)
             require(given in self.choices and type(given) is type(self.choices[0]), key, words, given)
@@ -100,7 +103,7 @@ class Place(NamedTuple):
 
 
 def changeable_keys(experiment: Experiment) -> dict[str, Place]:
-    """Return all keys that can change during a run, with what each sets; those in SI have the factor 1."""
+    """Return all keys that can change during a run, with their places; the factor of SI units is 1."""
     table, found = experiment.table, dict[str, Place]()
     sides = {f"sides.{side}": f"side_phases.{side}" for side in experiment.leg.legs}
     for key, path in {"phases": "phases", **sides}.items():
@@ -130,7 +133,7 @@ def _declaration(parameters: Any, name: str) -> Declaration:
 
 
 def _declared(parameters: Any, name: str, key: str, path: str) -> Iterator[tuple[str, Place]]:
-    """Keys of a declared field, one for each of its units."""
+    """Yield the keys of a declared field, one for each of its units."""
     item = _declaration(parameters, name)
     for own, factor in item.keys.items():
         yield f"{key}.{own}", Place(f"{path}.{name}", factor, item)
@@ -142,7 +145,7 @@ def _impedance(key: str, path: str) -> Iterator[tuple[str, Place]]:
 
 
 def _adjustable(experiment: Experiment) -> Iterator[tuple[str, Place]]:
-    """Keys of the world that can be adjusted."""
+    """Yield the keys of the world that can be adjusted."""
     for item in experiment.scenario.adjustments:
         *steps, name = item.place.split(".")
         record, key = experiment.scenario, "scenario"
@@ -152,7 +155,7 @@ def _adjustable(experiment: Experiment) -> Iterator[tuple[str, Place]]:
 
 
 def _flat(values: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Keys with dots of a mapping that may have mappings inside, and their values."""
+    """Yield the dotted keys of a nested mapping, and their values."""
     for key, value in values.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{key}.")
@@ -161,7 +164,7 @@ def _flat(values: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
 
 
 def _changes(given: Mapping[str, Any], known: Mapping[str, Place], experiment: Experiment) -> dict[str, Any]:
-    """New values in SI by their paths."""
+    """Return the new values in SI by their paths."""
     values, found = dict(_flat(given)), {}
     refuse_two_units(values)
     for key, value in values.items():
@@ -178,7 +181,7 @@ def _changes(given: Mapping[str, Any], known: Mapping[str, Place], experiment: E
 
 
 def events_of(entries: tuple[EventEntry, ...], experiment: Experiment, source: str) -> tuple[Event, ...]:
-    """Return the events of an experiment but for requests and faults, which stand among its own."""
+    """Return the events of an experiment without requests and faults, which are fields of the experiment."""
     known, found = changeable_keys(experiment), list[Event]()
     for number, entry in enumerate(entries):
         about: dict[str, Any] = {"tick": entry.tick, "by": entry.by}
@@ -199,7 +202,7 @@ def events_of(entries: tuple[EventEntry, ...], experiment: Experiment, source: s
 def faults_and_requests(
     entries: tuple[EventEntry, ...], source: str
 ) -> tuple[tuple[Fault, ...], tuple[TimedRequest, ...]]:
-    """Return the faults and requests among events."""
+    """Return the faults and requests among the entries of events."""
     faults = tuple(
         converting(source, f"events[{number}]", partial(parse_fault, with_time(entry.fault, entry.time)))
         for number, entry in enumerate(entries)
@@ -211,7 +214,7 @@ def faults_and_requests(
 
 
 def events_document(experiment: Experiment) -> list[dict[str, Any]]:
-    """Return the events of an experiment as its file has them, in SI; reading them gives equal events."""
+    """Convert the events of an experiment to its file, in SI; reading them gives equal events."""
     keys = {place.path: key for key, place in changeable_keys(experiment).items() if place.factor == 1.0}
     found = []
     for event in experiment.events:
@@ -229,7 +232,7 @@ def events_document(experiment: Experiment) -> list[dict[str, Any]]:
 
 
 def changed_keys(before: Settings, after: Settings) -> dict[str, Any]:
-    """Return what makes of some settings others, as ``set`` of an event has it, in SI."""
+    """Return the difference between two settings in the form of ``set`` of an event, in SI."""
     found = {}
     for key, place in changeable_keys(after.experiment).items():
         if place.factor == 1.0:
@@ -240,7 +243,7 @@ def changed_keys(before: Settings, after: Settings) -> dict[str, Any]:
 
 
 def _at(settings: Settings, path: str) -> Any:
-    """Value at a path; MISSING for a phase that a side does not have of its own."""
+    """Return the value at a path; MISSING for a phase that a side does not have of its own."""
     try:
         return found_at(settings, path)
     except KeyError:

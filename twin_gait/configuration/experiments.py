@@ -1,6 +1,6 @@
-"""Load an experiment from a preset or a file, with changes laid over it, and the people who wear the device.
+"""Loading of experiments from presets and files, merged with changes, and of people who wear the device.
 
-What holds for both sides of a wearer stands under ``both``; ``left`` and ``right`` are laid over it.
+Values for both sides of a wearer are under ``both``; ``left`` and ``right`` override them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,39 +26,40 @@ from twin_gait.parameters import Patient
 from twin_gait.worlds import world_of
 from twin_gait.worlds.registry import load_plugin, words
 
-_HEADER = ("schema_version", "description")  # of the file of a person
-# Keys under which a file may name what takes the place of the whole, with the folder of what ships.
+_HEADER = ("schema_version", "description")  # keys in the file of a person that are not parameters
+# Keys whose value may be the name of a file that replaces the whole section, with the folder of shipped
+# files.
 _NAMED = {"patient": "people", "table": "tables", "modes": "modes"}
-DEFAULT_PRESET = "treadmill"  # of commands that are given none
-GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
+DEFAULT_PRESET = "treadmill"  # preset of commands without one
+GROUP = "twin_gait.presets"  # group of entry points, each of a package that contains YAML files
 
 
 @dataclass(frozen=True)
 class LoadedExperiment:
-    """An experiment and the resolved mapping that it came from."""
+    """Experiment and the resolved mapping from which it was created."""
 
     experiment: Experiment  # the experiment
-    document: dict[str, Any]  # everything resolved, units as typed
-    # What the user gave, in a file of theirs and in settings; nothing of what it is laid over.
+    document: dict[str, Any]  # mapping with all values resolved, units as typed
+    # Values that the user specified, in a file of their own and in settings, without those of a preset.
     given: dict[str, Any] = field(default_factory=dict)
 
 
 def experiment_from_mapping(
     data: dict[str, Any], source: str, folder: Path, like: LoadedExperiment | None = None
 ) -> Experiment:
-    """Turn a resolved mapping (presets merged, table inline) into an experiment.
+    """Convert a resolved mapping (presets merged, table inline) to an experiment.
 
-    ``folder``: where relative paths start. ``like``: one turned before, whose very same sections are not
-    converted again, which takes most of the time.
+    ``folder``: folder to which relative paths refer. ``like``: an experiment converted before; sections that
+    are identical objects in both are not converted again, because conversion takes most of the time.
     """
     known, table = {}, None
     if like is not None:
         known = known_sections(data, like.document, like.experiment)
-        known.pop("integration", None)  # it is merged with the default of engine and world below
+        known.pop("integration", None)  # because it is merged with the default of engine and world below
         table = gait_table_file.KnownTable(like.document["table"], like.experiment.table)
     entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = entry.values()
-    # A table without a name has the experiment's.
+    # A table without a name gets the name of the experiment.
     if like is None or entry.name != like.experiment.name or data["table"] is not like.document["table"]:
         found["table"] = gait_table_file.gait_table_from_mapping(
             data["table"], f"{source}: table", entry.name, table
@@ -95,9 +96,9 @@ def experiment_from_mapping(
 
 
 def _file_about(scenario: Any, source: str) -> Any:
-    """Section of an experiment in the world that it is about."""
+    """Return the section of an experiment in its world."""
     if scenario is None:
-        return section_of(Experiment)  # which says what is missing
+        return section_of(Experiment)  # whose validation reports the missing key
     kind = scenario.get("kind") if isinstance(scenario, Mapping) else scenario
     name = kind if isinstance(kind, str) else validation.short(kind)
     return _section_in(converting(source, "scenario.kind", lambda: world_of(name)))
@@ -115,20 +116,21 @@ def beside(folder: Path, name: str) -> str:
 
 
 def people() -> dict[str, str]:
-    """Names of the people that ship with their one-line descriptions."""
+    """Return the names of the people that ship with the package, with their one-line descriptions."""
     return descriptions(packaged("people"))
 
 
 def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
-    """What takes the place of all that is under ``patient``, ``table`` or ``modes``; None for mere changes.
+    """Return the document that replaces the whole section ``patient``, ``table`` or ``modes``.
 
-    It is checked here, while it is known what was written where.
+    Returns None if the value only changes the section. The document is checked here, while the file of each
+    value is still known.
 
-    ``value``: name of what ships, or path of a file; for a person also a mapping with such a name under
-    ``preset`` and changes beside it; for a table one that is spelt out, with ``schema_version`` or
-    ``extends``. ``path``: file that says it, from whose folder a relative path starts; the working folder
-    comes next. ``source``: what messages call it. Raises ParameterFileError if there is nothing of that name,
-    or it has a mistake.
+    ``value``: name of a shipped document, or path of a file; for a person also a mapping with such a name
+    under ``preset`` and changes to it; for a table also a complete one, with ``schema_version`` or
+    ``extends``. ``path``: file that contains the value, to whose folder a relative path refers; the working
+    folder is searched next. ``source``: name of this file in messages. Raises ParameterFileError if there is
+    no document of that name, or if it has a mistake.
     """
     name, changes = value, {}
     if isinstance(value, Mapping):
@@ -163,13 +165,13 @@ def person_file(path: Path) -> Patient:
 
 
 def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return the section of a person's file, whose name is that of the file if it gives none."""
+    """Return the section of a person's file, which is named after the file if it gives no name."""
     person = {item: data[item] for item in data if item not in _HEADER}
     return {**person, "name": data.get("name") or path.stem}
 
 
 def presets() -> dict[str, str]:
-    """Names of the presets, those of other packages last, with their one-line descriptions."""
+    """Return the names of the presets with their one-line descriptions, those of other packages last."""
     shipped = packaged("presets")
     return descriptions(shipped | {name: path for name, path in _brought().items() if name not in shipped})
 
@@ -177,14 +179,14 @@ def presets() -> dict[str, str]:
 def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
     """Load a preset or an experiment file.
 
-    A file may name a ``preset`` that it is laid over, a gait ``table`` and a ``patient`` by the name of a
-    packaged one or by path; all are resolved here. ``settings`` are laid over everything; a table or patient
-    named in them takes the place of the whole one.
+    A file may name a ``preset`` with which it is merged, a gait ``table`` and a ``patient`` by the name of a
+    packaged one or by path; all are resolved here. ``settings`` override everything; a table or patient
+    named in them replaces the whole section.
 
     ``source``: name of a preset, or path of a YAML file. ``settings``: assignments such as
     ``patient.mass_kg=80``; keys of the table begin with ``table.``. Returns the experiment with its resolved
     mapping. Raises ParameterFileError if the file has a mistake. Raises ParameterError if there is no such
-    preset or file, or an assignment cannot be read.
+    preset or file, or if an assignment cannot be read.
     """
     path, where = _find(source)
     written = read_yaml(path)
@@ -206,19 +208,20 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     document = _complete_document(data, where, path.parent)
     for keys, value in changes:
         document = validation.assign(document, keys, value)
-        if all(isinstance(key, str) for key in keys):  # a list is given as a whole
+        # Otherwise the key is inside a list, which is given as a whole.
+        if all(isinstance(key, str) for key in keys):
             given = validation.assign(given, keys, value)
     return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document, given)
 
 
 def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
-    """Fill in every value that a mapping leaves to its default, units of the rest as typed."""
-    plain = {key: value for key, value in data.items() if key != "events"}  # they have no default
+    """Add the default of every value that is left out to a mapping, with the other units as typed."""
+    plain = {key: value for key, value in data.items() if key != "events"}  # events have no default
     experiment = experiment_from_mapping(plain, source, folder)
     defaults = experiment_document(experiment)
     for wearer in (defaults["patient"], defaults["control"].get("patient")):
         for side in SIDES if wearer is not None else ():
-            wearer.pop(side, None)  # what a wearer does has no default but nothing
+            wearer.pop(side, None)  # effort and stiffness of a wearer's joints have no default
     whole = {key: data[key] for key in ("table", "modes", "controller") if data.get(key) is not None}
     typed = {key: value for key, value in data.items() if key not in (*whole, "modes", "provenance", "leg")}
     document = {**merge(defaults, typed), **whole}
@@ -227,7 +230,7 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
     return document
 
 
-# Keys of the files that an experiment names, by their sections.
+# Keys of the files that an experiment refers to, by their sections.
 FILE_KEYS = {"leg": "urdf", "network": "dbc"}
 
 
@@ -237,17 +240,17 @@ def resolved_document(
     versions: dict[str, str],
     files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Mapping that reproduces an experiment, for ``experiment.yaml``.
+    """Return the mapping that reproduces an experiment, for ``experiment.yaml``.
 
-    The mapping as typed is kept if it still gives this very experiment; otherwise (the experiment was
-    made or changed in Python) everything is written in SI.
+    The mapping as typed is kept if it still gives exactly this experiment; otherwise (the experiment was
+    created or changed in Python) everything is written in SI.
 
-    An integrator and step that were left to the engine are written out. ``files``: names of the files of
-    the experiment by section, in place of their absolute paths.
+    Integrator and step are written explicitly if they were defaults of the engine. ``files``: names of the
+    files of the experiment by section, instead of their absolute paths.
     """
     document = experiment_document(experiment)
     table_hash = content_hash(document["table"])
-    if typed is not None:  # names that were given in it may be relative to a folder that is unknown here
+    if typed is not None:  # its file names may be relative to a folder that is unknown here
         both = (name for name in FILE_KEYS if typed.get(name) and isinstance(document.get(name), dict))
         located = _with_files(typed, {name: document[name][FILE_KEYS[name]] for name in both})
         if experiment_from_mapping(located, "experiment", Path()) == experiment:
@@ -265,7 +268,7 @@ def resolved_document(
 
 
 def _with_files(document: dict[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
-    """Return a document with other names of its files, which are given by section."""
+    """Return a document with other names of its files, given by section."""
     for section, name in names.items():
         given = document.get(section) or {}
         given = given if isinstance(given, dict) else {"kind": given}
@@ -274,7 +277,7 @@ def _with_files(document: dict[str, Any], names: Mapping[str, str]) -> dict[str,
 
 
 def _brought() -> dict[str, Path]:
-    """Those in the packages that others name under the entry point ``twin_gait.presets``."""
+    """Return the presets of packages that are registered under the entry point ``twin_gait.presets``."""
     found: dict[str, Path] = {}
     for entry in entry_points(group=GROUP):
         folders = getattr(load_plugin(entry), "__path__", ())
@@ -285,12 +288,12 @@ def _brought() -> dict[str, Path]:
 
 
 def _preset(name: str) -> Path | None:
-    """File of a preset; those of other packages are looked for only if none that ships has the name."""
+    """Return the file of a preset; other packages are searched only if no shipped preset has the name."""
     return packaged("presets").get(name) or _brought().get(name)
 
 
 def _find(source: str | Path) -> tuple[Path, str]:
-    """File of an experiment, and what messages call it."""
+    """Return the file of an experiment, and its name in messages."""
     path = Path(source).expanduser()
     preset = _preset(source) if isinstance(source, str) and path.name == source and not path.suffix else None
     if preset is not None:
@@ -303,7 +306,7 @@ def _find(source: str | Path) -> tuple[Path, str]:
 
 
 def _resolved(data: dict[str, Any], path: Path) -> dict[str, Any]:
-    """A file with what it names in the place of names, laid over its preset."""
+    """Replace the names of documents in a file by their contents, and merge it with its preset."""
     own = {key: value for key, value in data.items() if key != "preset"}
     found = {key: named_document(key, own.get(key), path) for key in _NAMED}
     whole = {key: document for key, document in found.items() if document is not None}
@@ -315,4 +318,4 @@ def _resolved(data: dict[str, Any], path: Path) -> dict[str, Any]:
         known = ", ".join(presets())
         raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}")
     base = {**_resolved(read_yaml(below), below), "name": path.stem}
-    return merge(base | dict.fromkeys(whole), own | whole)  # nothing is left underneath what is whole
+    return merge(base | dict.fromkeys(whole), own | whole)  # a whole section is not merged with the preset's

@@ -1,4 +1,4 @@
-"""Gait tables, and tables of operating modes, as YAML: units in the keys there, SI in the tables.
+"""Gait tables, and tables of operating modes, as YAML: units in the keys of the file, SI in the tables.
 
 One gait table may extend another.
 """
@@ -21,13 +21,13 @@ from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
-# Lists of a table that another one extends, and what an entry of each is about.
+# Lists of a table that another one extends, with the keys that identify an entry of each.
 _LISTS = {"transitions": ("from", "to", "cause"), "waive": ("rule", "phase", "transition")}
 
 
 @lru_cache
 def phase_section(joints: tuple[str, ...]) -> Any:
-    """The section of a phase of a table for some joints."""
+    """Return the section of a phase of a table for some joints."""
     fields: dict[str, Any] = dict.fromkeys(joints, (type_of(table.JointImpedance), ...))
     section: Any = create_model("Phase", __base__=section_of(table.PhaseParameters), **fields)
     section.joints = joints
@@ -43,7 +43,7 @@ _PhaseEntry: Any = Annotated[dict[str, Any], WrapValidator(_as_converted)]
 
 
 class _TableFile(Strict):
-    """What both kinds of files have."""
+    """Common keys of both kinds of table files."""
 
     schema_version: Literal[1]
     name: str | None = None
@@ -53,7 +53,7 @@ class _TableFile(Strict):
 
 
 class GaitTableFile(_TableFile):
-    """A gait table file."""
+    """Gait table file."""
 
     joints: tuple[str, ...] = Field(min_length=1)
     blending: type_of(table.Blending) = table.Blending()  # type: ignore[valid-type]
@@ -65,7 +65,7 @@ class GaitTableFile(_TableFile):
 
 
 class ModeTableFile(_TableFile):
-    """A file of operating modes."""
+    """File of operating modes."""
 
     joints: tuple[str, ...] = Field(default=("hip", "knee"), min_length=1)
     requests: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ class ModeTableFile(_TableFile):
 
 
 def _shared(entry: Any, name: str, words: GuardWords, source: str) -> dict[str, Any]:
-    """What both kinds of tables have, in SI; ``words`` are what guards may read."""
+    """Return the common values of both kinds of tables, in SI; ``words``: signals of the guards."""
     transitions: dict[tuple[str, ...], table.Transition] = {}
     for index, written in enumerate(entry.transitions):
         place = f"transitions[{index}]"
@@ -85,15 +85,15 @@ def _shared(entry: Any, name: str, words: GuardWords, source: str) -> dict[str, 
     return {"name": entry.name or name, "transitions": tuple(transitions.values()), "waivers": entry.waive}
 
 
-# What a file of each folder of this package is.
+# Names of the contents of a file in each folder of this package.
 _KINDS = {"tables": "gait table", "modes": "table of modes", "people": "person"}
 
 
 def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> Path:
-    """File of a gait table, a table of modes or a person, by its path or by the name of one that ships.
+    """Find the file of a gait table, a table of modes or a person, by path or by the name of a shipped one.
 
-    ``folder``: where a relative path starts; the working folder comes next. Raises ParameterError if there
-    is none.
+    ``folder``: folder to which a relative path refers; the working folder is searched next. Raises
+    ParameterError if there is no such file.
     """
     shipped = packaged(kind)
     if isinstance(name, str | Path):
@@ -106,31 +106,31 @@ def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> P
 
 
 def packaged_gait_tables() -> list[str]:
-    """Names of the gait tables that ship with the package."""
+    """Return the names of the gait tables that ship with the package."""
     return list(packaged("tables"))
 
 
 class WrittenTable(NamedTuple):
-    """A gait table as a mapping, those that it extends laid underneath."""
+    """Gait table as a mapping, merged with the tables that it extends."""
 
     data: dict[str, Any]  # the mapping, without ``extends``
-    files: tuple[tuple[str, dict[str, Any]], ...]  # name and mapping of each file, the uppermost first
+    files: tuple[tuple[str, dict[str, Any]], ...]  # name and mapping of each file, the extending one first
 
 
 def read_gait_table(path: Path) -> WrittenTable:
-    """Read a gait table file as a mapping, laid over the table that it extends."""
+    """Read a gait table file as a mapping, merged with the table that it extends."""
     return extended_table(read_yaml(path), path, str(path))
 
 
 def extended_table(
     data: dict[str, Any], path: Path, source: str, below: tuple[Path, ...] = ()
 ) -> WrittenTable:
-    """Lay a table over the one that its key ``extends`` names.
+    """Merge a table with the one that its key ``extends`` names.
 
-    Mappings are laid over each other key by key, as presets are. A transition with the same from, to and
-    cause takes the place of the inherited one, ``remove: true`` takes it away; a waiver of the same takes the
-    place of the inherited one. Others follow those of the table underneath, which therefore come first where
-    two exits are due at once. The name is not taken over.
+    Mappings are merged key by key, as presets are. A transition with the same from, to and cause replaces the
+    inherited one, ``remove: true`` removes it; a waiver of the same rule, phase and transition replaces the
+    inherited one. Other entries follow those of the extended table, which therefore come first where two
+    exits are due at once. The name is not inherited.
     """
     lists = {key: data.get(key) or [] for key in _LISTS}
     for key, entries in lists.items():
@@ -151,10 +151,10 @@ def extended_table(
 
 
 def _laid_over(below: list[Any], own: list[Any], key: str, source: str, base: str) -> list[Any]:
-    """Entries of two lists as one: those about the same as an inherited one stand in its place."""
+    """Merge the entries of two lists: an own entry replaces the inherited one that it identifies."""
 
     def about(item: Any) -> tuple[Any, ...] | None:
-        """None for what the schema refuses."""
+        """Return the identifying values of an entry; None for an entry that the schema rejects."""
         names = tuple(item.get(name) for name in _LISTS[key]) if isinstance(item, dict) else (0,)
         return names if all(name is None or isinstance(name, str) for name in names) else None
 
@@ -186,7 +186,7 @@ def load_gait_table(source: str | Path) -> table.GaitTable:
 
 
 def checked_table(found: WrittenTable, source: str, name: str) -> table.GaitTable:
-    """As :func:`gait_table_from_mapping`; mistakes in an entry of a list name file and entry as written."""
+    """Convert a table like :func:`gait_table_from_mapping`; errors name the file of an entry."""
     try:
         return gait_table_from_mapping(found.data, source, name)
     except ParameterFileError as error:
@@ -205,7 +205,7 @@ def checked_table(found: WrittenTable, source: str, name: str) -> table.GaitTabl
 
 
 class KnownTable(NamedTuple):
-    """A gait table and the mapping that it was converted from."""
+    """Gait table and the mapping from which it was converted."""
 
     data: Mapping[str, Any]
     table: table.GaitTable
@@ -226,7 +226,7 @@ class KnownTable(NamedTuple):
 def gait_table_from_mapping(
     data: dict[str, Any], source: str, name: str, like: KnownTable | None = None
 ) -> table.GaitTable:
-    """Turn parsed YAML of the file ``source`` into a gait table, ``name`` if it gives none.
+    """Convert parsed YAML of the file ``source`` to a gait table, called ``name`` if it gives no name.
 
     ``like``: a table converted before; parts that are identical objects in both are not converted again.
     """
@@ -234,7 +234,7 @@ def gait_table_from_mapping(
     phases = {
         name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
     }
-    # Some of the five phases are a mistake, unless the table says how it goes round without the others.
+    # A table with only some of the five phases is a mistake unless it defines its cycle without the others.
     if set(phases) < set(GaitPhase) and not entry.cycles:
         missing = ", ".join(phase for phase in GaitPhase if phase not in phases)
         problem = f"missing {missing}; a cycle without them goes under cycles"
@@ -253,7 +253,7 @@ def gait_table_from_mapping(
 
 
 def _phase(values: Any, joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
-    """What a phase sets, of all joints of the table and no others."""
+    """Convert the settings of a phase, for all joints of the table and no others."""
     if isinstance(values, table.PhaseParameters):
         return values
     entry: Any = validate(phase_section(joints), values, source, key)
@@ -282,7 +282,7 @@ def _guard(item: Any, words: GuardWords) -> Guard:
 
 
 def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> ModeTable:
-    """Turn parsed YAML of the file ``source`` into a table of modes, ``name`` if it gives none.
+    """Convert parsed YAML of the file ``source`` to a table of modes, called ``name`` if it gives no name.
 
     Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
@@ -292,7 +292,7 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
 
 
 def packaged_mode_tables() -> list[str]:
-    """Names of the tables of modes that ship with the package."""
+    """Return the names of the tables of modes that ship with the package."""
     return list(packaged("modes"))
 
 
@@ -306,7 +306,7 @@ def load_mode_table(source: str | Path) -> ModeTable:
 
 
 def load_state_table(source: str | Path) -> GaitTable | ModeTable:
-    """Read a gait table or a table of modes, whichever it is; as those two, with their errors."""
+    """Read a gait table or a table of modes, with the errors of the functions for either of them."""
     if source in packaged_mode_tables():
         source = named_file(source, "modes")
     path = source if isinstance(source, Path) else named_file(source)

@@ -1,4 +1,4 @@
-"""Names of the parts of an experiment by which two runs are told apart: wearer, table, device, controller.
+"""Names of the parts of an experiment that distinguish two runs: wearer, table, device, controller.
 
 The label of a part that differs from the shipped one of its name, or has no shipped one, also has the
 beginning of the hash of its values, so that two versions of the part have different labels.
@@ -21,14 +21,14 @@ from twin_gait.parameters import Patient
 
 _DIGITS = 6  # digits of the hash in a label
 _LONGEST = 40  # characters of a name in a label
-_NOT_SETTINGS = ("mode", "limits")  # keys of the controller that belong to its name and to the device
+_NOT_SETTINGS = ("mode", "limits")  # keys of the controller that belong to its name or to the device
 
 
 @dataclass(frozen=True)
 class Part:
-    """One part of an experiment."""
+    """Part of an experiment."""
 
-    name: str  # name; empty for a wearer without one who is mass alone
+    name: str  # name; empty for a wearer without a name who is defined by mass and height only
     changed: bool | None  # whether it differs from the shipped part of its name; None if there is none
     sha256: str  # hash of its values
 
@@ -51,7 +51,7 @@ def parts_of(experiment: Experiment) -> dict[str, Part]:
 
 
 def wearer_of(patient: Patient) -> Part:
-    """Return the part of a wearer; one without a name who is mass alone counts as shipped."""
+    """Return the part of a wearer; one without a name who is defined by mass and height counts as shipped."""
     digest = _hash(written(patient))
     if patient.name is None:
         is_mass_alone = replace(Patient(), mass=patient.mass, height=patient.height) == patient

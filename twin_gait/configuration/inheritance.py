@@ -1,4 +1,4 @@
-"""Values of the device that a user's components inherit from a preset or a default."""
+"""Values of the device that the components of a user inherit from a preset or a default."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -6,24 +6,24 @@ from typing import Any
 from twin_gait.configuration.validation import quantity_of
 from twin_gait.vocabulary import JointName
 
-Path = tuple[str, ...]  # of keys in an experiment
+Path = tuple[str, ...]  # keys that lead to a value in an experiment
 
 # Sections of an experiment whose sections are the components of the device.
 DEVICE = (("plant",), ("control", "limits"))
 
 
 def inherited_values(document: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the numbers of the device that lie in the same components as given ones and were not given.
+    """Return the numbers of the device that are in the same components as given values but were not given.
 
     A component is the innermost section of a value; a section with one number for each joint belongs to
     every component of the joint.
 
     Args:
         document: A resolved experiment.
-        given: The part of it that the user gave.
+        given: The part of it that the user specified.
 
     Returns:
-        Numbers by key, by the path of their section.
+        Numbers by key, for each dotted path of a section.
     """
     own = {_quantity(path) for path, _ in _leaves(given)}
     touched = {path[:-1] for path in own if _is_device(path)}
@@ -39,7 +39,7 @@ def inherited_values(document: Mapping[str, Any], given: Mapping[str, Any]) -> d
 
 
 def _is_device(path: Path) -> bool:
-    """Return whether a value belongs to a component of the device."""
+    """Check whether a value belongs to a component of the device."""
     return len(path) > 2 and any(path[: len(place)] == place for place in DEVICE)
 
 

@@ -1,4 +1,4 @@
-"""Sections of a file that say more than the fields of their parameters: see :mod:`.sections`."""
+"""Sections of a file with more keys than the fields of their parameters: see :mod:`.sections`."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ _Joints: Any = create_model(  # type: ignore[call-overload]
 
 @reads(Patient)
 class PatientReader(Section):
-    """The wearer: ``left`` and ``right`` are laid over what stands under ``both``."""
+    """Section of the wearer: ``left`` and ``right`` override the values under ``both``."""
 
     both: _Joints = _Joints()
     left: _Joints = _Joints()
     right: _Joints = _Joints()
 
     def values(self) -> dict[str, Any]:
-        """Fields that are given, in SI."""
+        """Return the fields that are given, in SI."""
         conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in WEARER_JOINTS}
         does = {place: item for place, item in conditions.items() if item != JointCondition()}
         return {**super().values(), "conditions": does}
@@ -53,9 +53,9 @@ class PatientReader(Section):
 
     @classmethod
     def document(cls, parameters: Patient) -> dict[str, Any]:
-        """As the mapping of a file, in SI.
+        """Convert a wearer to the mapping of a file, in SI.
 
-        What both sides have in common stands under ``both``; what does nothing is left out.
+        Values that both sides have in common are under ``both``; those that equal the default are left out.
         """
         sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
         usual = _Condition.document(JointCondition())
@@ -73,7 +73,7 @@ class PatientReader(Section):
 
 
 class _OwnControllerFields(Strict):
-    """Record of a controller of the user's own, as a run folder has it."""
+    """Record of a controller of the user's own, as stored in a run folder."""
 
     name: str
     module: str
@@ -85,21 +85,21 @@ class _OwnControllerFields(Strict):
     constants: dict[str, bool | int | float] = Field(default_factory=dict)
 
 
-# A keyword of Python is no name of a field in a class statement.
+# A keyword of Python cannot be the name of a field in a class statement.
 OwnControllerReader: Any = create_model(  # type: ignore[call-overload]
     "OwnController", __base__=_OwnControllerFields, **{"class": (str, ...)}
 )
 
 
 def own_controller(section: Any) -> OwnController:
-    """Return the record that a validated section holds."""
+    """Convert a validated section to the record of a controller."""
     values = section.model_dump()
     others = tuple(values.pop("other_modules"))
     return OwnController(class_name=values.pop("class"), other_modules=others, **values)
 
 
 def own_controller_document(record: OwnController) -> dict[str, Any]:
-    """Return a record as the mapping of a file; what it does not have is left out."""
+    """Convert a record to the mapping of a file; empty values are left out."""
     values = {"name": record.name, "module": record.module, "class": record.class_name, **asdict(record)}
     values |= {"other_modules": list(record.other_modules), "source": values.pop("source")}
     return {
@@ -109,7 +109,7 @@ def own_controller_document(record: OwnController) -> dict[str, Any]:
 
 @reads(Experiment)
 class ExperimentReader(Section):
-    """An experiment file, presets merged in."""
+    """Section of an experiment file after its presets have been merged."""
 
     schema_version: Literal[1] = 1
     description: str = ""
@@ -124,18 +124,18 @@ class ExperimentReader(Section):
 
 @reads(PhaseParameters)
 class PhaseReader(Section):
-    """What a phase sets: the impedance of each joint beside the rest."""
+    """Section of a phase: the impedance of each joint in addition to the declared fields."""
 
     joints: ClassVar[tuple[str, ...]] = ()
 
     def values(self) -> dict[str, Any]:
-        """Fields that are given, in SI."""
+        """Return the fields that are given, in SI."""
         return super().values() | {"joints": {joint: getattr(self, joint) for joint in self.joints}}
 
 
 @reads(Transition)
 class TransitionReader(Section):
-    """One entry of the transition list; its guard is read for a table, which has the signals."""
+    """Entry of the transition list; its guard is parsed for a table, which has the signals."""
 
     cause: str = Field(min_length=1)
     all: list[Any] | None = None
@@ -152,12 +152,12 @@ class TransitionReader(Section):
         return self
 
     def values(self) -> dict[str, Any]:
-        """Fields that are given, without the guard; times in ticks."""
+        """Return the fields that are given, without the guard; times in ticks."""
         return super().values() | {"time_out_ticks": self.after_s and round(self.after_s / TICK)}
 
     @classmethod
     def document(cls, parameters: Transition) -> dict[str, Any]:
-        """As an entry of a file."""
+        """Convert a transition to an entry of a file."""
         found: dict[str, Any] = super().document(parameters)
         if parameters.guard != AllOf(guards=()):
             written = _guard(parameters.guard)

@@ -1,4 +1,4 @@
-"""JSON Schemas of experiment and gait-table files, by which editors complete and check them."""
+"""JSON Schemas of experiment and gait-table files, which editors use to complete and check them."""
 
 from functools import reduce
 from itertools import combinations
@@ -16,17 +16,17 @@ from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import world_kinds, world_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-# What a text of a guard looks like; which signals there are depends on the table.
+# Pattern of the text of a guard; the available signals depend on the table.
 _GUARD = r"^[^<>]+[<>]\s*[-+.\d][^<>]*$|^\s*(other\.phase|request)\s+in\s*\[[^\]]+\]\s*$"
 
 
 def comment_for(kind: str) -> str:
-    """First line of a YAML file by which editors find its schema, written beside it."""
+    """Return the first line of a YAML file by which editors find its schema in the same folder."""
     return f"# yaml-language-server: $schema={kind}.schema.json"
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """JSON Schema of a file of an ``experiment``, a ``table`` or ``modes``; no key is required."""
+    """Return the JSON Schema of a file of an ``experiment``, a ``table`` or ``modes``; no key is required."""
     model: Any = ModeTableFile
     if kind != "modes":
         model = _table() if kind == "table" else _experiment()
@@ -40,14 +40,14 @@ def json_schema(kind: str) -> dict[str, Any]:
 
 
 def _table() -> Any:
-    """A gait table whose phases are spelt out, as far as joints are known."""
+    """Return the model of a gait table with explicit phases, for all joints that may have a drive."""
     phases: Any = dict[str, phase_section(tuple(map(str, JointName)))]  # type: ignore[misc]
     more: dict[str, Any] = {"phases": (phases, ...), "sides": (dict[Side, phases], {})}
     return create_model("GaitTable", __base__=GaitTableFile, extends=(str, ""), **more)
 
 
 def _experiment() -> Any:
-    """An experiment with everything spelt out that may be named instead."""
+    """Return the model of an experiment with explicit sections for all parts that may be named instead."""
     name: Any = Annotated[str, Field(min_length=1)]
     person = create_model("Person", __base__=section_of(Patient), preset=(name, ""))
     worlds = reduce(or_, (section_of(world_of(kind)) for kind in world_kinds()))
@@ -63,7 +63,7 @@ def _experiment() -> Any:
 
 
 def _lenient(schema: Any) -> Any:
-    """The same without required keys; of the keys of a quantity in several units one at most may be given."""
+    """Remove required keys, and allow at most one of the keys of a quantity with several units."""
     if isinstance(schema, list):
         return [_lenient(item) for item in schema]
     if not isinstance(schema, dict):

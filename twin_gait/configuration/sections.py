@@ -1,7 +1,7 @@
-"""Sections of a file, made from the declarations of frozen parameters: keys with units, both ways.
+"""Sections of a file, generated from the declarations of frozen parameters, for reading and writing.
 
-A quantity may be given in one of its units, ``amplitude_deg`` or ``amplitude_rad``. A key that is left out,
-or null, keeps its default; a section or mapping is laid over its default.
+Keys contain units: a quantity may be given as ``amplitude_deg`` or ``amplitude_rad``. A key that is left out,
+or null, keeps its default; a section or mapping is merged with its default.
 """
 
 import math
@@ -24,15 +24,15 @@ _PLAIN = {float: Number, int: Count}
 
 
 class Section(Strict):
-    """A section whose keys are the declared fields of a frozen dataclass with their units.
+    """Section whose keys are the declared fields of a frozen dataclass with their units.
 
-    Subclasses are made by :func:`section_of`; what is validated in their fields is in SI. A field that is
-    :class:`AsInFile` is read and written by the class that is registered with :func:`reads`.
+    Subclasses are created by :func:`section_of`; validated values of their fields are in SI. A field marked
+    with :class:`AsInFile` is read and written by the class that is registered with :func:`reads`.
     """
 
     parameters: ClassVar[type[Any]]
-    defaults: ClassVar[Mapping[str, Any]] = {}  # what sections and mappings inside are laid over
-    inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields that are :class:`Inline`
+    defaults: ClassVar[Mapping[str, Any]] = {}  # values with which sections and mappings inside are merged
+    inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields marked :class:`Inline`
     keys: ClassVar[Mapping[str, str]] = {}  # names of the fields by their keys, without AsInFile fields
     required: ClassVar[Mapping[str, str]] = {}  # keys of the fields without a default by their names
 
@@ -45,7 +45,7 @@ class Section(Strict):
         return {**data, **{key: merge(cls.defaults[key], value, key) for key, value in given.items()}}
 
     def values(self) -> dict[str, Any]:
-        """Fields that are given, in SI."""
+        """Return the fields that are given, in SI."""
         found = {name: read(self) for name, read in self.inline.items()}
         for key in self.model_fields_set:
             if key in self.keys and (value := getattr(self, key)) is not MISSING:
@@ -53,7 +53,7 @@ class Section(Strict):
         return found
 
     def convert(self) -> Any:
-        """The parameters in SI."""
+        """Convert the section to its parameters in SI."""
         values = self.values()
         for name, key in self.required.items():
             if name not in values:
@@ -62,7 +62,7 @@ class Section(Strict):
 
     @classmethod
     def document(cls, parameters: Any) -> dict[str, Any]:
-        """Parameters as the mapping of a file, in SI; reading it gives the same."""
+        """Convert parameters to the mapping of a file, in SI; reading it gives the same."""
         found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if cls.parameters.kind else {}
         for item in declarations(cls.parameters):
             value, word = getattr(parameters, item.name), item.mark(Word)
@@ -77,10 +77,11 @@ class Section(Strict):
 
 
 def known_sections(data: Mapping[str, Any], like: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
-    """Return the sections of a mapping that are identical objects in another one, as converted there.
+    """Return the sections of a mapping that are identical objects in another one, in their converted form.
 
-    ``like``: the other mapping; ``parameters``: what was converted from it, or such values by name. A section
-    that differs is in the result too, with the converted values of its own identical sections.
+    ``like``: the other mapping; ``parameters``: the parameters that it was converted to, or such values by
+    name. A section that differs is in the result too, with the converted values of its own identical
+    sections.
     """
     values = parameters
     if isinstance(parameters, Parameters):
@@ -99,7 +100,7 @@ def known_sections(data: Mapping[str, Any], like: Mapping[str, Any], parameters:
 
 
 def written(value: Any, item: Declaration | None = None) -> Any:
-    """A value as YAML holds it, in SI; ``item``: the field that has it, which may want units in its keys."""
+    """Convert a value to its form in YAML, in SI; ``item``: its field, which may put units in inner keys."""
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
@@ -111,12 +112,12 @@ def written(value: Any, item: Declaration | None = None) -> Any:
     if isinstance(value, tuple):
         return [written(one) for one in value]
     if isinstance(value, float) and math.isinf(value):
-        return None  # a time that never comes is no number of YAML
+        return None  # YAML has no number for a time that never comes
     return value if value is None or type(value) in (bool, int, float) else str(value)
 
 
 def type_of(parameters: type[Any]) -> Any:
-    """Type of a section that is validated as its parameters, which it may be already."""
+    """Return the type of a section that is validated as its parameters, and accepts these as they are."""
 
     def read(value: Any, section: Callable[[Any], Section]) -> Any:
         return value if isinstance(value, parameters) else section(value).convert()
@@ -125,7 +126,7 @@ def type_of(parameters: type[Any]) -> Any:
 
 
 def _one_of(kinds: tuple[type[Any], ...]) -> Any:
-    """Type of a section of one of some kinds, told apart by their tag; without one it is the first."""
+    """Return the type of a section of one of several kinds with a tag; the first is the default."""
     tag, first = kinds[0].tag, kinds[0].kind
 
     def with_tag(value: Any) -> Any:
@@ -138,7 +139,7 @@ def _one_of(kinds: tuple[type[Any], ...]) -> Any:
 
 
 def _section_or_word(parameters: type[Any], word: Word) -> Any:
-    """Type of a section, or a word for it or for its absence, which a section may have as its ``kind``."""
+    """Return the type of a section, or of a word for its presence or absence (its ``kind``)."""
     words: Any = Literal[word.without, word.kind]
     model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=(words, word.kind))
 
@@ -156,12 +157,12 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
 
 
 def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
-    """Type of a number in a unit, validated as that in SI."""
+    """Return the type of a number in a unit, validated in SI."""
     return Annotated[_PLAIN[kind], AfterValidator(partial(in_si, item, factor))]
 
 
 def in_si(item: Declaration, factor: float, value: Any) -> Any:
-    """Convert a number in a unit to SI; ValueError if it is out of range."""
+    """Convert a number in a unit to SI; raise ValueError if it is out of range."""
     found = value if factor == 1.0 else factor * value
     if item.range is not None and not item.range.holds(found):
         names = item.unit.factors.items() if item.unit and factor != 1.0 else ()
@@ -171,7 +172,7 @@ def in_si(item: Declaration, factor: float, value: Any) -> Any:
 
 
 def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any], Callable[[Any], Any]]:
-    """Fields of a mapping, each with a unit of its own if the mapping has none, and what reads them."""
+    """Return the fields of a mapping, each with its own unit if the mapping has none, and their reader."""
     names, inner = get_args(kind)
     named = item.mark(quantities.Named)
     inside = item.unit is not None and item.mark(quantities.UnitInside) and not is_mapping(inner)
@@ -192,7 +193,7 @@ def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any
 
 
 def _type(item: Declaration, kind: Any, factor: float) -> Any:
-    """Type of a value in a file, validated as the value in SI."""
+    """Return the type of a value in a file, validated as the value in SI."""
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
     if get_origin(kind) is tuple:
@@ -214,7 +215,7 @@ def _type(item: Declaration, kind: Any, factor: float) -> Any:
 
 
 def _nullable(kind: Any, null: Any = MISSING) -> Any:
-    """A type that takes null for something, for a key that is left out as a rule."""
+    """Return a type that accepts null as another value, for keys that are usually left out."""
     return Annotated[
         Union[kind, None],  # noqa: UP007
         WrapValidator(lambda value, read: null if value is None else read(value)),
@@ -222,7 +223,7 @@ def _nullable(kind: Any, null: Any = MISSING) -> Any:
 
 
 def reads(parameters: type[Any]) -> Any:
-    """Make a class the base of the section of some parameters, for keys beside those of declared fields."""
+    """Register a class as the base of the section of some parameters, for keys other than declared fields."""
 
     def register(section: type[Section]) -> type[Section]:
         _readers[parameters] = section
@@ -236,13 +237,14 @@ _sections: dict[type[Any], Any] = {}
 
 
 def section_of(parameters: type[Any]) -> Any:
-    """The section of a dataclass of parameters."""
+    """Return the section of a dataclass of parameters."""
     if parameters not in _sections:
         _sections[parameters] = _section(parameters)
     return _sections[parameters]
 
 
 def _section(parameters: type[Any]) -> Any:
+    """Create the section of a dataclass of parameters."""
     base = next((_readers[kind] for kind in parameters.__mro__ if kind in _readers), Section)
     fields: dict[str, Any] = {}
     if parameters.kind:
@@ -269,7 +271,7 @@ def _section(parameters: type[Any]) -> Any:
 
 
 def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
-    """Type of a key, with its default and what a JSON Schema says of it."""
+    """Return the type of a key, with its default and its description in a JSON Schema."""
     kind = _type(item, item.kind, factor)
     said: dict[str, Any] = {}
     if item.range is not None and item.kind in _PLAIN:
@@ -282,11 +284,11 @@ def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
 
 
 def _limits(bounds: quantities.Range) -> dict[str, Any]:
-    """A range in the words of JSON Schema."""
+    """Express a range in the keywords of JSON Schema."""
     ends = {"exclusiveMinimum" if bounds.above else "minimum": bounds.least, "maximum": bounds.most}
     return {name: rounded(end) for name, end in ends.items() if math.isfinite(end)}
 
 
 def rounded(value: float) -> float:
-    """A number without what a change of its unit adds to its last digits."""
+    """Round a number so that a conversion of its unit leaves no trace in its last digits."""
     return float(f"{value:.12g}")

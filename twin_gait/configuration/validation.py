@@ -1,6 +1,6 @@
-"""Read YAML safely, lay mappings over each other, read ``--set key=value``; every mistake is one line.
+"""Safe reading of YAML, merging of mappings and parsing of ``--set key=value``; every error is one line.
 
-It names file, key, value and the way out.
+An error names file, key, value and the remedy.
 """
 
 import copy
@@ -22,15 +22,15 @@ from twin_gait.files import read_text
 from twin_gait.parameters.quantities import EXCHANGEABLE, Parameters
 from twin_gait.vocabulary import JointName
 
-# "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
+# "friction_ratio" is a name and not "friction" in another unit; only damping has a ratio as unit.
 _NO_UNIT = frozenset({"friction_ratio"})
 _JOINTS = frozenset(JointName)
 
 
 def quantity_of(key: str) -> str:
-    """Return the name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one.
+    """Return the name of a key without its unit, equal for ``damping_ratio`` and ``damping_Nms_per_rad``.
 
-    The longest unit wins. Worlds of other packages may declare more units at any time.
+    The longest matching unit is removed. Worlds of other packages may declare more units at any time.
     """
     if key.rpartition(".")[2] in _NO_UNIT:
         return key
@@ -43,7 +43,7 @@ def quantity_of(key: str) -> str:
 
 
 def refuse_two_units(keys: Iterable[Any], place: str = "") -> None:
-    """Raise a ParameterError if keys at a place give one quantity in two units: it is ambiguous."""
+    """Raise ParameterError if keys at a place give one quantity in two units, which is ambiguous."""
     said: dict[str, str] = {}
     for key in keys:
         other = said.setdefault(quantity_of(str(key)), key)
@@ -53,14 +53,14 @@ def refuse_two_units(keys: Iterable[Any], place: str = "") -> None:
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") -> dict[str, Any]:
-    """Lay changes over a mapping; a quantity given in another unit replaces the old one.
+    """Merge changes into a mapping; a quantity given in another unit replaces the old one.
 
-    Neither is changed; what no change touches is the same object in both. Another friction law of a joint has
-    other keys and takes the place of the old one.
+    Neither mapping is modified; a value without a change is the same object in the result. Another friction
+    law of a joint has other keys and replaces the old one.
     """
     refuse_two_units(changes, place)
     merged = dict(base)
-    # Most changes are of keys that are there, whose quantities need not be known.
+    # Most changes are of existing keys, whose quantities are not needed.
     same = {} if changes.keys() <= base.keys() else {quantity_of(name): name for name in base}
     for key, value in changes.items():
         if key not in merged:
@@ -77,7 +77,7 @@ def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bo
     return key in _JOINTS and "law" in new and new["law"] != old.get("law")
 
 
-_DIGITS = 9  # of a list position; no list is longer
+_DIGITS = 9  # largest number of digits of a list position; no list is longer
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d+)\]")
 _NAME = r"[A-Za-z_]\w*(?:\[\d+\])*"
 _PATH = re.compile(rf"\s*{_NAME}(?:\.{_NAME})*\s*")
@@ -102,16 +102,17 @@ def parse_path(key: str, text: str) -> list[str | int]:
 
 
 def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
-    """Split the assignments of one command line; of those with the same key the last one counts."""
+    """Split the assignments of one command line; the last one of equal keys counts."""
     assignments = [parse_assignment(text) for text in texts]
     converting("--set", "", lambda: refuse_two_units(_dotted(path) for path, _ in assignments))
     return assignments
 
 
 def assign(place: Any, path: Sequence[str | int], value: Any, depth: int = 0) -> Any:
-    """A mapping, or at some ``depth`` of the path what lies there, with one value set deep inside it.
+    """Return a mapping in which one value deep inside is replaced.
 
-    What lies on the path is copied; the rest is shared and stays as it is.
+    ``place``: the mapping, or the value inside it at some ``depth`` of the path. Containers on the path are
+    copied; all others are shared and not modified.
     """
     step, ends = path[depth], depth == len(path) - 1
     if isinstance(step, str) and isinstance(place, dict):
@@ -127,7 +128,7 @@ def assign(place: Any, path: Sequence[str | int], value: Any, depth: int = 0) ->
     raise ParameterError(f"--set {_dotted(path[: depth + 1])}: there is no such place")
 
 
-MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
+MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand bytes
 
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 3, 3
@@ -135,14 +136,14 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 57
 
 
 class Strict(BaseModel):
-    """Base of all file schemas: an unknown key is an error."""
+    """Base class of all file schemas: an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
-        """Say which key may have been meant; whatever is missing then does not matter."""
+        """Reject unknown keys with a suggestion; this comes first, so that missing keys are not reported."""
         if not isinstance(data, (dict, Mapping)):
             return data
         quantities = _quantities(cls)
@@ -166,7 +167,7 @@ def _quantities(model: type[Strict]) -> dict[str, str]:
 
 
 def _require_number(value: Any) -> Any:
-    """Return a number; text is none, even where Python could read it as one."""
+    """Return a number; reject text, even where Python could convert it."""
     if isinstance(value, bool):
         raise ValueError(f"expected a number, got {str(value).lower()}")
     if isinstance(value, str):
@@ -190,7 +191,7 @@ _Result = TypeVar("_Result")
 
 
 class _Loader(yaml12.Loader):
-    """Loader that refuses a key given twice, and a quantity given in two units."""
+    """Loader that rejects a key given twice, and a quantity given in two units."""
 
 
 def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -249,27 +250,27 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def packaged(folder: str) -> dict[str, Path]:
-    """YAML files in a folder of this package, by their names."""
+    """Return the YAML files in a folder of this package, by their names."""
     return yaml_files(Path(__file__).parent / folder)
 
 
 def yaml_files(folder: Path) -> dict[str, Path]:
-    """YAML files in a folder, by their names."""
+    """Return the YAML files in a folder, by their names."""
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
 def descriptions(found: Mapping[str, Path]) -> dict[str, str]:
-    """What files say of themselves, in one line each."""
+    """Return the descriptions of files, in one line each."""
     return {name: _one_line(str(read_yaml(path).get("description", ""))) for name, path in found.items()}
 
 
 def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: str = "") -> _Model:
-    """Check a mapping against a schema; ``place``: where it stands in its file."""
+    """Check a mapping against a schema; ``place``: key of the mapping in its file."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
         mistakes = error.errors(include_url=False)
-        # A misspelt key is also a missing one: its own message helps more.
+        # A misspelt key is usually a missing one as well; the message about the spelling helps more.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
         kind, problem, given = first["type"], first["msg"], short(first.get("input"))
         location = _as_written(first["loc"], data)
@@ -289,7 +290,7 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
 
 
 def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
-    """Run a conversion and put file and key in front of what it complains about."""
+    """Run a conversion and add file and key to the beginning of its error messages."""
     try:
         return convert()
     except ParameterFileError:
@@ -299,9 +300,9 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
 
 
 def _nearest(name: str, known: Sequence[str], model: type[BaseModel]) -> list[str]:
-    """Keys that may have been meant: of this place, or below it, where they have the name as a word.
+    """Return the keys that may have been meant: of this place, or below it with this name as a word.
 
-    A slip of the pen at this place comes first, then ``scenario.belt_speed_km_per_h`` for ``speed``.
+    A misspelt key of this place comes first, then ``scenario.belt_speed_km_per_h`` for ``speed``.
     """
     slip = difflib.get_close_matches(name, known, n=1, cutoff=0.9)
     if slip:
@@ -318,7 +319,7 @@ def _nearest(name: str, known: Sequence[str], model: type[BaseModel]) -> list[st
 
 
 def _paths(model: type[BaseModel]) -> Iterator[str]:
-    """Dotted keys of a schema and of everything below it."""
+    """Yield the dotted keys of a schema and of everything below it."""
     for name, info in model.model_fields.items():
         key = info.alias or name
         yield key
@@ -327,7 +328,7 @@ def _paths(model: type[BaseModel]) -> Iterator[str]:
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Schema classes inside an annotation such as ``dict[str, Phase] | None``."""
+    """Yield the schema classes inside an annotation such as ``dict[str, Phase] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):
@@ -335,7 +336,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _as_written(location: Sequence[Any], data: Any) -> list[Any]:
-    """Place of a mistake without the names of the variants of a section, which no file has."""
+    """Return the path of a mistake without the names of the variants of a section, which no file contains."""
     kept = []
     for part in location:
         if part in data if isinstance(data, Mapping) else isinstance(data, list) and part in range(len(data)):
@@ -355,7 +356,7 @@ def _short_name(name: str) -> str:
 
 
 def short(value: Any) -> str:
-    """Value in a few words; nested aliases are not written out, which could take all memory."""
+    """Return a value in a few words; nested aliases are not expanded, which could take all memory."""
     text = _one_line(_SHORT.repr(value))
     return text if len(text) <= 60 else text[:57] + "…"
 

@@ -1,4 +1,4 @@
-"""One frozen value that says everything a run needs, and what an engine makes of it."""
+"""Experiment: one frozen value that contains everything a run needs, and its conversion to models."""
 
 import lazy_loader
 

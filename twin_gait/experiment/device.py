@@ -1,4 +1,4 @@
-"""The device of an experiment: what its controller knows and may do, and what its leg is."""
+"""Parameters of the device of an experiment: controller, and plant of the leg."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ DELAYS = quantities.Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 
 
 FRICTION_RATIOS = quantities.Range(0.0, 10.0, reason="a cold and worn gear has some times the friction")
 
-# Which controller decides on k, b, θ0, G and the gravity share.
+# Names of the controllers that compute k, b, θ0, G and the gravity share.
 ControlMode = StrEnum("ControlMode", {name.upper(): name for name in CONTROLLERS})  # type: ignore[misc]
 
 _USUAL = ControlMode("impedance")
@@ -29,22 +29,22 @@ _USUAL = ControlMode("impedance")
 
 @dataclass(frozen=True, kw_only=True)
 class ControlParameters(quantities.Parameters):
-    """What the controller knows and may do.
+    """Parameters and limits of the controller.
 
     Attributes:
-        mode: Where the parameters of the joints come from.
-        assistance: How much of the impedance the legs are given.
-        path: Of the mode ``position``.
+        mode: Controller that computes the parameters of the joints.
+        assistance: Share of the impedance that the legs receive.
+        path: Path of the mode ``position``.
         friction_model: The compensator's own friction model (thesis, table 3.1).
         inertia_compensation: Gain g_in of the inertia term; off by default, because a differentiated
             encoder is noisy (thesis 2.4.2).
-        target_torque: Added to the command in [N m] (thesis, equation 2.16).
-        limits: Of torque and current.
-        safety: The monitor between controller and motor.
+        target_torque: Torque in [N m] that is added to the command (thesis, equation 2.16).
+        limits: Limits of torque and current.
+        safety: Safety monitor between controller and motor.
         patient: The wearer that gravity compensation assumes; None takes the true one.
-        delay: From a measurement to the current that answers it, in [s], a whole number of ticks; 0 for a
-            firmware that answers within the tick. Nothing is asked of the drives before the first command
-            arrives; what holds a leg after a trip comes as late.
+        delay: Delay from a measurement to the resulting current in [s], a whole number of ticks; 0 for a
+            firmware that responds within the tick. The command to the drives is zero until the first one
+            arrives; the hold after a trip is delayed equally.
     """
 
     mode: ControlMode = _USUAL
@@ -63,15 +63,15 @@ class ControlParameters(quantities.Parameters):
     delay: Annotated[quantities.Time, DELAYS] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that the delay is one of whole ticks."""
+        """Check the ranges, and that the delay is a whole number of ticks."""
         super().__post_init__()
         whole = abs(self.delay - self.delay_ticks * TICK) < 1e-9
         quantities.require(whole, "delay", DELAYS.expected, self.delay)
 
     def controller(self, own: Controller | None = None) -> Controller:
-        """The controller of the mode, or one of the user's own, with its assistance.
+        """Create the controller of the mode, or use one of the user's own, with its assistance.
 
-        A controller that ships has for its fields the parameters here of the same name.
+        The fields of a shipped controller are initialized with the parameters of the same name here.
         """
         kind = CONTROLLERS[self.mode]
         settings = {name: getattr(self, name) for name in getattr(kind, "__dataclass_fields__", ())}
@@ -86,18 +86,18 @@ class ControlParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class PlantParameters(quantities.Parameters):
-    """What the leg really is, beside its rigid bodies.
+    """True properties of the leg in addition to its rigid bodies.
 
     Attributes:
-        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that is left out of
-            a mapping made in Python.
-        friction: The friction law that the ratio scales; any law, the compensator keeps its own.
+        friction_ratio: True friction divided by the model of table 3.1, per joint; 1 for a joint that is left
+            out of a mapping created in Python.
+        friction: Friction law that the ratio scales; any law is possible, the compensator keeps its own.
         actuators: Motor and gear per joint.
-        battery: The pack.
-        electronics: What draws from it beside the windings.
+        battery: Battery pack.
+        electronics: Consumers of the pack other than the windings.
         stops: Mechanical stops.
-        ankle: The orthosis.
-        gravity: In [m] / [s²].
+        ankle: Orthosis of the ankle.
+        gravity: Gravitational acceleration in [m] / [s²].
     """
 
     friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], FRICTION_RATIOS] = field(
@@ -112,7 +112,7 @@ class PlantParameters(quantities.Parameters):
     gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
 
     def __post_init__(self) -> None:
-        """Check the ranges, that every drive has its friction, and write out the ratios that are left out."""
+        """Check the ranges and that every drive has its friction, and add the ratios that are left out."""
         super().__post_init__()
         left_out = {joint: 1.0 for joint in self.friction if joint not in self.friction_ratio}
         object.__setattr__(self, "friction_ratio", {**self.friction_ratio, **left_out})
@@ -121,7 +121,7 @@ class PlantParameters(quantities.Parameters):
                 raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
 
     def rows(self, model: LegModel) -> tuple[Plant, ...]:
-        """Friction, stops and ankle springs of every coordinate of a model."""
+        """Return friction, stops and ankle springs of every coordinate of a model."""
         found, friction = tuple(Plant() for _ in range(model.nv)), self.true_friction()
         tall, ankle = 0.0 if model.patient is None else model.patient.height, self.ankle
         stiffness = ankle.stiffness + ankle.relative_stiffness * model.total_mass * self.gravity * tall
@@ -139,5 +139,5 @@ class PlantParameters(quantities.Parameters):
         return found
 
     def true_friction(self) -> dict[JointName, parameters.FrictionLaw]:
-        """Friction of the plant: the law times the ratio, per joint."""
+        """Compute the friction of the plant: the law times the ratio, per joint."""
         return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}

@@ -1,7 +1,8 @@
 """Events of a run: changes of its parameters, pushes, steps by hand and the emergency stop, with their times.
 
 Faults and requests of the operating modes also have times; in an experiment they are its ``faults`` and its
-``requests``, wherever its file gives them. :mod:`twin_gait.simulation.scripted_engine` executes events.
+``requests``, regardless of the place in its file. :mod:`twin_gait.simulation.scripted_engine` executes
+events.
 """
 
 from collections.abc import Mapping
@@ -10,16 +11,16 @@ from dataclasses import dataclass, field
 from twin_gait.parameters import require
 from twin_gait.vocabulary import GaitPhase
 
-FADE_TICKS = 300  # Length of the fade of a change that gives none.
+FADE_TICKS = 300  # Default length of the fade of a change, in ticks.
 HELD_PHASE = GaitPhase.LATE_STANCE  # Phase at whose end a leg waits for a step by hand.
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that is done to a run at the beginning of a tick."""
+    """Action on a run at the beginning of a tick."""
 
-    tick: int  # First tick that it acts on.
-    by: str = ""  # Name of the person who did it in a live session; empty in a script.
+    tick: int  # First tick on which the event acts.
+    by: str = ""  # Name of the person who caused it in a live session; empty in a script.
 
     def __post_init__(self) -> None:
         """Check the time."""
@@ -37,7 +38,7 @@ class Change(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Push(Event):
-    """A torque on a joint from outside. A later push of the same joint replaces an earlier one."""
+    """Torque on a joint from outside. A later push of the same joint replaces an earlier one."""
 
     joint: str  # Joint with its leg, for example ``left_knee``.
     torque: float  # Torque in [N m], positive towards flexion.
@@ -46,9 +47,9 @@ class Push(Event):
 
 @dataclass(frozen=True, kw_only=True)
 class Step(Event):
-    """Release of the leg that waits for a step by hand, or of the next one that will."""
+    """Release of the leg that waits for a step by hand, or of the next one that will wait."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stop(Event):
-    """The emergency stop: the legs are held and lowered, and the belt comes to rest."""
+    """Emergency stop: the legs are held and lowered, and the belt comes to rest."""

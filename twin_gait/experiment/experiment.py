@@ -1,4 +1,4 @@
-"""One frozen value that says everything a run needs."""
+"""Experiment: one frozen value that contains everything a run needs."""
 
 import warnings
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ from twin_gait.worlds.registry import built
 
 
 class Engine(StrEnum):
-    """What steps through the episode: the same laws, as Python on Pinocchio or compiled."""
+    """Engine that simulates the episode: the same laws, in Python on Pinocchio or compiled."""
 
     PINOCCHIO = "pinocchio"
     COMPILED = "compiled"
@@ -37,10 +37,11 @@ class IntegrationMethod(StrEnum):
     RK4 = "rk4"
 
 
-# In [s]. Finer steps gain nothing: rounding outgrows the integrator's error, and a second takes minutes.
+# Finest step in [s]. Finer ones gain nothing: rounding exceeds the integrator's error, and a second takes
+# minutes.
 FINEST_STEP = 1e-7
 STEPS = Range(FINEST_STEP, TICK, words=f"{FINEST_STEP:g} to {TICK:g} s")
-_BRACED_STEP = 0.1e-3  # in [s] of the compiled engine
+_BRACED_STEP = 0.1e-3  # step of the compiled engine in [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,15 +49,15 @@ class Integration(Parameters):
     """Integrator and step.
 
     Attributes:
-        method: The integrator.
-        step: In [s]; a whole number of steps must fill a tick of 1 ms.
+        method: Integration method.
+        step: Step in [s]; a whole number of steps must fill a tick of 1 ms.
     """
 
     method: IntegrationMethod = IntegrationMethod.SEMI_IMPLICIT_EULER
     step: Annotated[Time, STEPS] = 0.25e-3
 
     def __post_init__(self) -> None:
-        """Check that steps fill a tick."""
+        """Check that a whole number of steps fills a tick."""
         super().__post_init__()
         ratio = TICK / self.step
         such = f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s"
@@ -64,16 +65,17 @@ class Integration(Parameters):
 
     @property
     def substeps(self) -> int:
-        """Steps in a tick."""
+        """Number of steps in a tick."""
         return round(TICK / self.step)
 
 
 def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = False) -> Integration:
-    """Integrator and step where none is asked for.
+    """Return the default integrator and step of an engine.
 
-    The compiled engine can afford what the accuracy of the solution calls for: Runge-Kutta at 1 ms, and at
-    0.1 ms where stiff contacts open and close or braces bind a light foot. The Pinocchio engine steps in
-    Python and takes the largest step at which it still runs the contacts stably and faster than real time.
+    The compiled engine is fast enough for the step that the accuracy of the solution requires: Runge-Kutta at
+    1 ms, and at 0.1 ms where stiff contacts open and close or braces bind a light foot. The Pinocchio engine
+    steps in Python and uses the largest step at which it still simulates the contacts stably and faster than
+    real time.
     """
     if engine is Engine.PINOCCHIO:
         return Integration()
@@ -81,36 +83,35 @@ def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = Fa
     return Integration(method=IntegrationMethod.RK4, step=step)
 
 
-# A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
+# A log takes about 1 kB of memory a millisecond; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
 DURATIONS = Range(TICK, LONGEST_RUN, words=f"a number of seconds from {TICK:g} to {LONGEST_RUN:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment(Parameters):
-    """Everything that a run needs; two runs of equal experiments give equal logs.
+    """All parameters of a run; two runs of equal experiments give equal logs.
 
     Attributes:
         name: Name of the preset or file.
-        scenario: The world.
+        scenario: World in which the legs walk.
         leg: URDF and joint names.
-        table: The gait table, before scaling.
-        duration: In [s], rounded to whole ticks.
+        table: Gait table, before scaling.
+        duration: Duration in [s], rounded to whole ticks.
         patient: The wearer, or None for the empty device.
-        control: The controller.
-        plant: The leg.
+        control: Parameters of the controller.
+        plant: True properties of the leg.
         sensors: Encoders and filters.
         integration: Integrator and step; None takes those of :func:`default_integration`.
-        engine: What computes the forward dynamics.
-        seed: Of every random draw.
-        faults: What breaks on the way.
+        engine: Engine that computes the forward dynamics.
+        seed: Seed of every random draw.
+        faults: Faults that occur during the run.
         interface: Braces between wearer and device, or None if the two are one body.
-        network: The CAN bus between central unit and boards, or None where nothing is late.
+        network: CAN bus between central unit and boards, or None for signals without delay.
         modes: Operating modes, or None where the legs walk by their own guards alone.
-        initial_mode: In which the device begins; None for the first of the modes.
-        requests: What is asked of the supervisor, and when.
-        controller: Record of a controller of the user's own that takes the place of ``control.mode``, or
-            None.
+        initial_mode: Mode in which the device begins; None for the first of the modes.
+        requests: Requests to the supervisor, with their times.
+        controller: Record of a controller of the user's own that replaces ``control.mode``, or None.
         events: Changes, pushes, steps by hand and stops with their times, in the order of time.
     """
 
@@ -160,7 +161,7 @@ class Experiment(Parameters):
         require(self.interface is None or not bare, "interface", expected, "brace")
 
     def _check_modes(self) -> None:
-        """Modes read joints of two legs, and have postures that the gait table offers."""
+        """Check that modes read joints of two legs, and have postures that the gait table offers."""
         check_requests(self.requests, self.modes)
         if self.modes is None:
             require(self.initial_mode is None, "initial_mode", "modes, such as twin", str(self.initial_mode))
@@ -196,7 +197,7 @@ class Experiment(Parameters):
         return HELD_PHASE in self.table.phases and self.modes is None
 
     def _check_joints(self) -> None:
-        """Every joint that the table controls is one of the legs' and has a drive, friction and a path."""
+        """Check that every joint of the table belongs to the legs and has a drive, friction and a path."""
         table, names = f"gait table {self.table.name!r}", ", ".join(self.table.joints)
         ordered = [joint for joint in JointName if joint in self.table.joints] == list(self.table.joints)
         require(ordered, f"joints of {table}", f"some of {', '.join(JointName)}, in this order", names)
@@ -213,17 +214,17 @@ class Experiment(Parameters):
 
     @cached_property
     def joints(self) -> tuple[JointName, ...]:
-        """Controlled joints of a leg, in the order of the chain."""
+        """Controlled joints of a leg, from proximal to distal."""
         return tuple(JointName(name) for name in self.table.joints)
 
     @property
     def known_patient(self) -> Patient | None:
-        """The wearer as the controller knows them."""
+        """Wearer that the controller assumes."""
         return self.control.patient or self.patient
 
     @property
     def stepping(self) -> Integration:
-        """Integrator and step that are used."""
+        """Integrator and step of the run."""
         braced = self.interface is not None
         return self.integration or default_integration(self.engine, self.scenario, braced=braced)
 
@@ -233,7 +234,7 @@ class Experiment(Parameters):
         return round(self.duration / TICK)
 
     def build_world(self) -> World:
-        """Build the world and its rigid bodies; ModelError or ParameterError if something does not fit."""
+        """Build the world and its rigid bodies; raise ModelError or ParameterError if a part does not fit."""
         plant, pelvis = self.plant, self.scenario.pelvis
         require(pelvis in list(PelvisGuide), f"world {self.scenario.kind!r}: pelvis", "a PelvisGuide", pelvis)
         model = self.leg_model(self.patient, pelvis)
@@ -269,7 +270,7 @@ class Experiment(Parameters):
     def leg_model(
         self, patient: Patient | None, pelvis: PelvisGuide, bodies: Bodies = Bodies.BOTH
     ) -> LegModel:
-        """Rigid bodies of the legs with a wearer, or None, and a pelvis that is held in some way."""
+        """Build the rigid bodies of the legs with a wearer, or None, and a guide of the pelvis."""
         return LegModel(
             self.leg.urdf,
             self.leg.legs,
@@ -283,7 +284,7 @@ class Experiment(Parameters):
         )
 
     def _require_step_for(self, world: World, keys: str, what: str) -> None:
-        """Refuse what would oscillate more from step to step."""
+        """Raise ParameterError if the step is too large for stable braces or bristles."""
         step, runge_kutta = self.stepping.step, self.stepping.method is IntegrationMethod.RK4
         if carries(world, step, runge_kutta=runge_kutta):
             return
@@ -296,5 +297,5 @@ class Experiment(Parameters):
         )
 
     def build_control_model(self) -> LegModel:
-        """Model of the controller: pelvis fixed, the wearer as it assumes them."""
+        """Build the model of the controller: pelvis fixed, with the wearer that the controller assumes."""
         return self.leg_model(self.known_patient, PelvisGuide.FIXED)

@@ -1,9 +1,9 @@
-r"""Estimate the time by which the current leads the angle in the logs of a bench.
+r"""Estimation of the time by which the current leads the angle in the logs of a bench.
 
 A current that leads by :math:`\tau` changes the balance of torques by :math:`\tau\,\dot T_m`, the rate of the
-motor's torque. Within equal speed, friction of any law is constant; the rest of the balance is regressed on
-that rate, on load and acceleration. Noise of the current would shrink the estimate. The rate of inertia and
-load, which follow from the angle alone, is therefore the instrument of the rate (two-stage least squares).
+motor's torque. At equal speed, friction of any law is constant; the remaining balance is regressed on this
+rate, on load and on acceleration. Noise of the current would reduce the estimate. The rate of inertia and
+load, which follows from the angle alone, is therefore the instrument of the rate (two-stage least squares).
 """
 
 import math
@@ -18,13 +18,15 @@ from twin_gait.identification.models import FrictionTest, join_tests
 from twin_gait.identification.processing import BenchSetup, Processing
 from twin_gait.identification.statistics import LEVEL, blocks_of
 
-_KNOTS = 100  # of the piecewise linear friction over the speed, as many samples between each two
-_MOST_SAMPLES = 40_000  # evenly taken
+# Knots of the piecewise linear friction over the speed, with equal numbers of samples between them.
+_KNOTS = 100
+_MOST_SAMPLES = 40_000  # largest number of samples, taken evenly
 # Below this share of the usual speed, ripple of the friction looks like a delay, because the filter mixes
-# speeds with different friction. In falls, friction that depends on the load looks like one, too: this share
-# of the fast samples has to move in each direction.
+# speeds with different friction. In falls, friction that depends on the load looks like a delay, too: this
+# share of the fast samples has to move in each direction.
 _FAST, _BOTH_WAYS = 0.25, 0.2
-_NOTICED = 1e-4  # [s]; friction of a knee at 1 Hz is biased by less than 1 %
+# [s], least delay of a warning; friction of a knee at 1 Hz is biased by less than 1 % below it.
+_NOTICED = 1e-4
 _RANK = 1e-10  # relative singular value below which the rate cannot be distinguished
 
 
@@ -36,7 +38,7 @@ class Delay(NamedTuple):
 
 
 def estimate_delay(tests: Sequence[FrictionTest], bench: BenchSetup) -> Delay | None:
-    """Estimate by how much the current still leads the angle; None if the logs do not determine it."""
+    """Estimate the remaining lead of the current over the angle; None if the logs do not determine it."""
     rows = join_tests(tests)
     chosen = np.flatnonzero(rows.used & (np.abs(rows.velocity) > _FAST * usual_speed(rows)))
     if rows.rows(chosen).rarer_direction < _BOTH_WAYS:
@@ -76,7 +78,10 @@ def _derivative(test: FrictionTest, values: np.ndarray) -> np.ndarray:
 def delay_warnings(
     tests: Sequence[FrictionTest], bench: BenchSetup | None, processing: Processing
 ) -> list[str]:
-    """Return a warning if the current leads or lags the angle; the thesis's late velocity has its own."""
+    """Return a warning if the current leads or lags the angle, except for the thesis's processing.
+
+    Its late velocity has a warning of its own.
+    """
     tests = [test for test in tests if test.from_bench]
     if bench is None or not tests or processing is Processing.THESIS:
         return []

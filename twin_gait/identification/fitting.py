@@ -1,4 +1,4 @@
-"""Fit one friction model: robust non-linear least squares from many scaled starts.
+"""Fit of one friction model: robust non-linear least squares from many scaled starts.
 
 The starts exploit that every model is linear in part of its parameters: for a shape drawn from a scrambled
 Sobol sequence over its bounds, the best coefficients follow from one linear least squares. The best few are
@@ -18,64 +18,65 @@ from scipy.stats import median_abs_deviation, qmc
 from twin_gait.identification.laws import BRISTLE_DAMPING, SIGNED
 from twin_gait.identification.models import FrictionModel, Samples, thinned, thinned_path
 
-HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count linearly
+HUBER_SIGMAS = 3.0  # number of robust standard deviations beyond which residuals count linearly
 _STARTS = 128
-_START_SAMPLES = 4_000  # that starts are compared on and polished
+_START_SAMPLES = 4_000  # number of samples on which starts are compared and polished
 _POLISHED, _POLISH_TOLERANCE, _POLISH_STEPS = 6, 1e-5, 50  # starts; share of the loss; evaluations
-_APART = 0.1  # of the span of the bounds
-_REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
-_CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
-_NEGLIGIBLE = 1e-5  # of the loss per sample and variance: far below what noise moves the parameters by
-_SMALLEST_MOVE = 1e-10  # of the parameters: the last step
-MOST_SAMPLES = 40_000  # that a fit uses, evenly taken; statistics use all
-_GROSS_SIGMAS = 6.0  # robust standard deviations beyond which a residual may be an outlier
-_ALONE = 0.5  # share of such residuals with none beside them
+_APART = 0.1  # least distance of starts, as a share of the span of the bounds
+_REFIT_TOLERANCE = 1e-7  # share of the loss: four digits of a fold's error are sufficient
+_CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; largest number of samples with it
+_NEGLIGIBLE = 1e-5  # share of the loss per sample and variance: noise moves the parameters by far more
+_SMALLEST_MOVE = 1e-10  # relative change of the parameters in the last step
+MOST_SAMPLES = 40_000  # largest number of samples of a fit, taken evenly; statistics use all
+_GROSS_SIGMAS = 6.0  # number of robust standard deviations beyond which a residual may be an outlier
+_ALONE = 0.5  # share of such residuals without another one next to them
 
 
 Bounds = tuple[np.ndarray, np.ndarray]  # least and largest parameter vector, shape ``(size,)`` each
 
 
 def huber_weights(values: np.ndarray, threshold: float) -> np.ndarray:
-    """Weight of each residual in the normal equations: 1 up to the threshold, falling beyond."""
+    """Compute the weight of each residual in the normal equations: 1 up to the threshold, falling beyond."""
     if math.isinf(threshold):
         return np.ones_like(values)
     return np.asarray(threshold / np.maximum(np.abs(values), threshold))
 
 
 class Loss(StrEnum):
-    """How residuals are weighed."""
+    """Loss function of the residuals."""
 
-    AUTO = "auto"  # Huber's, if there are large residuals and they stand alone as outliers do; else linear
+    # Huber's loss if there are large residuals and they are isolated like outliers; else linear.
+    AUTO = "auto"
     HUBER = "huber"  # squared up to three robust standard deviations, linear beyond
     LINEAR = "linear"  # squared: ordinary least squares
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
-    """How to fit."""
+    """Options of a fit."""
 
-    loss: Loss = Loss.AUTO  # weighing of residuals
-    # whether torques and coefficients must be 0 or more and break-away at least Coulomb
+    loss: Loss = Loss.AUTO  # loss function of the residuals
+    # Whether torques and coefficients must be 0 or more and break-away at least Coulomb.
     physical: bool = False
-    seed: int = 0  # of the starts
+    seed: int = 0  # seed of the starts
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model."""
+    """Fitted model."""
 
-    model: FrictionModel  # the model
+    model: FrictionModel  # friction model
     x: np.ndarray  # linear coefficients and logarithms of the shape, shape ``(size,)``
-    bounds: Bounds  # of x
-    threshold: float  # of Huber's loss in [N m]; infinite for least squares
+    bounds: Bounds  # bounds of x
+    threshold: float  # threshold of Huber's loss in [N m]; infinite for least squares
 
     def residuals(self, samples: Samples) -> np.ndarray:
-        """Measured less predicted torque of the samples that are used, in [N m]."""
+        """Compute measured less predicted torque of the samples that are used, in [N m]."""
         return -self.model.errors(self.x, samples)
 
     @property
     def at_bound(self) -> np.ndarray:
-        """Positions in x that lie on a bound."""
+        """Indices of the elements of x that lie on a bound."""
         low, high = self.bounds
         span = np.where(np.isfinite(high - low), high - low, 1.0)
         return np.flatnonzero(np.minimum(self.x - low, high - self.x) <= 1e-4 * span)
@@ -104,19 +105,19 @@ def fit_model(
 ) -> Fit:
     """Fit a model to samples with every column that it needs.
 
-    ``seeds``: further starts beside the many: the fits of simpler models.
+    ``seeds``: further starts in addition to the random ones, from the fits of simpler models.
     """
     full = rows_of(model, samples)
     limits, threshold = bounds(model, full, physical=options.physical), math.inf
     number = int(full.used.sum())
-    # Share of the loss that is worth another step: less than noise decides, exact for few samples.
+    # Tolerance of the loss: below the effect of noise, but exact for few samples.
     tolerance = _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
     x = _best_start(model, full, limits, seeds, options)
     x = refine(model, full, x, limits, tolerance=tolerance)
     values = model.errors(x, full)
     sigma = median_abs_deviation(values, scale="normal")
     if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
-        # The scale settles in two rounds: the first fit may itself be pulled by outliers.
+        # The scale settles in two rounds, because outliers may bias the first fit.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
             x = refine(model, full, x, limits, threshold, tolerance=tolerance)
@@ -125,10 +126,10 @@ def fit_model(
 
 
 def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
-    """Whether to weigh large residuals less.
+    """Decide whether to reduce the weight of large residuals.
 
-    Errors of measurement stand alone. Residuals that stay large for many samples say that the law misses
-    something there, and a law that is told to look away from it predicts worse.
+    Errors of measurement are isolated. Residuals that stay large for many samples mean that the law lacks
+    something there, and a law that is fitted with less weight on them predicts worse.
     """
     if loss is not Loss.AUTO:
         return loss is Loss.HUBER
@@ -138,14 +139,14 @@ def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
 
 
 def rows_of(model: FrictionModel, samples: Samples) -> Samples:
-    """Samples that a model is fitted to: not too many count, and a state keeps its path."""
+    """Return the samples of a fit: a limited number counts, and a model with a state keeps its path."""
     if model.dynamic:
         return thinned_path(samples, MOST_SAMPLES)
     return thinned(samples.used_only(), MOST_SAMPLES)
 
 
 def refit(fit: Fit, samples: Samples) -> Fit:
-    """Fit to much the same samples, from a fit of them and with its loss."""
+    """Fit a model to similar samples, starting from an existing fit and with its loss."""
     full = rows_of(fit.model, samples)
     x = refine(fit.model, full, fit.x, fit.bounds, fit.threshold, tolerance=_REFIT_TOLERANCE)
     return replace(fit, x=x)
@@ -167,13 +168,13 @@ def _best_start(
     polished = [
         refine(model, few, x, limits, tolerance=_POLISH_TOLERANCE, steps=_POLISH_STEPS) for x in starts
     ]
-    # Compared on all samples, so that no model comes out worse than a simpler one that it contains.
+    # Candidates are compared on all samples, so that no model is worse than a simpler one that it contains.
     candidates = [*polished, *(np.clip(seed, *limits) for seed in seeds)]
     return min(candidates, key=lambda x: float(np.sum(model.errors(x, samples) ** 2)))
 
 
 def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
-    """The best starts that do not lie beside a better one, in the unit cube of the shape."""
+    """Select the best starts that are not close to a better one, in the unit cube of the shape."""
     chosen: list[int] = []
     for index in np.argsort(costs, kind="stable"):
         if all(np.abs(places[index] - places[other]).max() > _APART for other in chosen):
@@ -184,9 +185,9 @@ def _apart(places: np.ndarray, costs: np.ndarray) -> list[int]:
 
 
 def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
-    """Fewer samples: some by chance for a static law; the beginnings of the tests, unthinned, for a state.
+    """Reduce the samples: a random selection for a static law, the unthinned beginnings of tests for a state.
 
-    Every so many would show the same few moments of a motion that repeats in a multiple of them.
+    Samples at even intervals would always hit the same few points of a periodic motion.
     """
     if len(samples) <= limit:
         return samples
@@ -199,7 +200,7 @@ def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
     return chosen if chosen.used.sum() > 10 * model.size else samples
 
 
-@np.errstate(over="ignore")  # a step along what the samples do not determine may be as long as 1e157
+@np.errstate(over="ignore")  # a step in a direction that the samples do not determine may be as long as 1e157
 def refine(
     model: FrictionModel,
     samples: Samples,
@@ -212,7 +213,7 @@ def refine(
 ) -> np.ndarray:
     """Descend to the minimum near a start within the bounds, for a threshold of Huber's loss in [N m].
 
-    A step that lowers the loss by less than the share ``tolerance`` of it is the last.
+    The descent ends after a step that reduces the loss by less than the share ``tolerance``.
     """
     robust = math.isfinite(threshold)
     result = least_squares(
@@ -233,9 +234,9 @@ def refine(
 
 
 def best_coefficients(model: FrictionModel, shape: np.ndarray, samples: Samples) -> tuple[np.ndarray, float]:
-    """Coefficients of a shape that leave the least sum of squares, and that sum.
+    """Compute the coefficients of a shape with the least sum of squares, and this sum.
 
-    Zeros and infinity for a shape at which the law overflows.
+    Returns zeros and infinity for a shape at which the law overflows.
     """
     basis = model.basis(shape, samples)[samples.used]
     torque = (samples.torque - model.constant(shape, samples))[samples.used]

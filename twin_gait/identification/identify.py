@@ -1,4 +1,4 @@
-"""Identify friction: logs in, models out, best first; which models samples can tell, and their starts."""
+"""Identification of friction: reading of logs, choice and fit of models, their order and warnings."""
 
 import itertools
 import math
@@ -23,7 +23,10 @@ ONE_WAY = 0.02  # share of the samples below which a direction was not measured
 
 
 def find_models(names: tuple[str, ...]) -> tuple[FrictionModel, ...]:
-    """Look models up by their names, in their order; all without a name, a ParameterError for one of none."""
+    """Look up models by their names, in their order, or all models without names.
+
+    Raises ParameterError for an unknown name.
+    """
     for name in names:
         if name not in MODELS:
             raise ParameterError(f"model: no {name!r}; there are {', '.join(MODELS)}")
@@ -31,20 +34,20 @@ def find_models(names: tuple[str, ...]) -> tuple[FrictionModel, ...]:
 
 
 def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
-    """What a model needs and the samples lack: columns that vary, or motion in both directions."""
+    """Return the needs of a model that the samples do not meet: columns that vary, motion both ways."""
     columns = {name: getattr(samples, name) for name in model.needs}
     lacking = [name for name, values in columns.items() if values is None or np.ptp(values) <= 1e-9]
-    # In one direction an offset is not told from Coulomb friction.
+    # Motion in one direction only: an offset cannot be distinguished from Coulomb friction.
     if OFFSET in model.coefficients and samples.rarer_direction < ONE_WAY:
         lacking.append("motion in both directions")
     return tuple(lacking)
 
 
-_ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction changes: the law with sgn ω
+_ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction changes, as in the law with sgn ω
 _Rule = Callable[[np.ndarray, np.ndarray], tuple[list[float], list[float]]]
 
 
-# By model and simpler one: from the parameters of the simpler one to those that give the same law.
+# Conversion of the parameters of a simpler model to those with the same law, by model and simpler model.
 _RULES: Mapping[tuple[str, str], _Rule] = {
     ("asymmetric", "coulomb_viscous_tanh"): lambda b, e: ([b[0], b[1], b[1], 0.0], [1.0 / e[0]]),
     ("asymmetric_stribeck", "asymmetric"): lambda b, e: ([0.0, *b], [e[0], 10.0 * e[0], 2.0, 1.0]),
@@ -59,7 +62,7 @@ _RULES: Mapping[tuple[str, str], _Rule] = {
 
 
 def inherited_starts(name: str, fits: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    """Parameter vectors that give a model the law of a simpler one."""
+    """Return the parameter vectors that give a model the law of a simpler one."""
     found = []
     for (model, parent), rule in _RULES.items():
         if model == name and parent in fits:
@@ -69,32 +72,32 @@ def inherited_starts(name: str, fits: Mapping[str, np.ndarray]) -> list[np.ndarr
 
 
 Progress = Callable[[int, int], None]
-MOST_SAMPLES = 1_000_000  # of which fits and errors are made; noise of so many moves no digit that is shown
-_TIE = 2e-4  # share by which errors differ from rounding of the fits alone
+MOST_SAMPLES = 1_000_000  # largest number for fits and errors; noise of so many changes no displayed digit
+_TIE = 2e-4  # share by which errors differ because of rounding of the fits alone
 
 
 @dataclass(frozen=True, kw_only=True)
 class IdentificationOptions:
-    """How to identify."""
+    """Options of an identification."""
 
-    columns: LogColumns = field(default_factory=LogColumns)  # which column of the logs holds what
-    bench: BenchSetup | None = None  # the bench; None for series of friction torques
-    processing: Processing = Processing.ZERO_PHASE  # how the logs of a bench are smoothed
-    fit: FitOptions = field(default_factory=FitOptions)  # how the models are fitted
+    columns: LogColumns = field(default_factory=LogColumns)  # columns of the quantities in the logs
+    bench: BenchSetup | None = None  # test bench; None for series of friction torques
+    processing: Processing = Processing.ZERO_PHASE  # smoothing of the logs of a bench
+    fit: FitOptions = field(default_factory=FitOptions)  # options of the fits
     models: tuple[str, ...] = ()  # names of the models; empty for all that the columns allow
     cross_validation: bool = True  # whether to leave files and weights out in turn
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel:
-    """A model with all that is known about it."""
+    """Fitted model with its statistics."""
 
-    fit: Fit  # the fit
-    goodness: Goodness  # on all samples
-    uncertainty: Uncertainty  # of the parameters
-    validations: tuple[CrossValidation, ...]  # errors on what was left out
-    residuals: np.ndarray  # of the samples that are used, in [N m]
-    warnings: tuple[str, ...]  # what is doubtful, one line each
+    fit: Fit  # fit on all samples
+    goodness: Goodness  # goodness of fit on all samples
+    uncertainty: Uncertainty  # uncertainty of the parameters
+    validations: tuple[CrossValidation, ...]  # errors on the samples left out
+    residuals: np.ndarray  # residuals of the samples that are used, in [N m]
+    warnings: tuple[str, ...]  # doubts about the fit, one line each
 
     @property
     def name(self) -> str:
@@ -103,7 +106,7 @@ class IdentifiedModel:
 
     @property
     def rank(self) -> tuple[float, float]:
-        """What models are ordered by: the error on files left out, else the Bayesian criterion."""
+        """Criteria of the order of models: the error on files left out, else the Bayesian criterion."""
         left_out = self.validations[0].rmse if self.validations else math.nan
         return (left_out if math.isfinite(left_out) else math.inf, self.goodness.bic)
 
@@ -113,20 +116,20 @@ class Identification:
     """Result of an identification."""
 
     tests: tuple[FrictionTest, ...]  # the tests after processing
-    samples: Samples  # the same, joined; evenly taken if there are more than a million
-    models: tuple[IdentifiedModel, ...]  # best first
+    samples: Samples  # joined samples of the tests; taken evenly if there are more than a million
+    models: tuple[IdentifiedModel, ...]  # models, the best first
     skipped: dict[str, tuple[str, ...]]  # models that lack a column, with the column
-    options: IdentificationOptions  # how it was done
-    warnings: tuple[str, ...]  # what the samples cannot tell, one line each
+    options: IdentificationOptions  # options of the identification
+    warnings: tuple[str, ...]  # limits of the samples, one line each
 
 
 def identify_logs(
     paths: Sequence[Path], options: IdentificationOptions, progress: Progress = lambda done, total: None
 ) -> Identification:
-    """Read, process and identify logs, one file a test; ``progress`` hears the steps done and their number.
+    """Read, process and identify logs, one file a test.
 
-    Raises ParameterFileError if a file cannot be used. Raises ParameterError if an option is wrong or too
-    little is left to fit.
+    ``progress`` is called with the number of steps done and their total. Raises ParameterFileError if a file
+    cannot be used. Raises ParameterError if an option is wrong or too few samples are left to fit.
     """
     find_models(options.models)
     tests: list[FrictionTest] = []
@@ -141,10 +144,10 @@ def identify_tests(
     options: IdentificationOptions,
     progress: Progress = lambda done, total: None,
 ) -> Identification:
-    """Fit models to tests, after their processing; errors as of :func:`identify_logs`."""
+    """Fit models to processed tests; raise the errors of :func:`identify_logs`."""
     tests, flipped = _along_the_velocity(tests)
     if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
-        # The filter spreads an outlier, such as a touch of the stop, over samples.
+        # The filter spreads an outlier, such as a contact with the stop, over samples.
         options = replace(options, fit=replace(options.fit, loss=Loss.HUBER))
     samples = thinned(join_tests(tests), MOST_SAMPLES)
     asked = find_models(options.models)
@@ -192,10 +195,10 @@ def identify_tests(
 
 
 def _best_first(models: Sequence[IdentifiedModel], tie: float) -> tuple[IdentifiedModel, ...]:
-    """By the error on files left out; the simplest of those that are as good as the best leads.
+    """Order models by the error on files left out; the simplest of those that equal the best comes first.
 
-    Errors that differ by less than the share ``tie`` are equal: a dynamic model knows the first torque of
-    every test, which makes it better by up to one sample in each.
+    Errors that differ by less than the share ``tie`` are equal: a dynamic model uses the first torque of
+    every test, which improves it by up to one sample in each.
     """
     ordered = sorted(models, key=lambda item: item.rank)
     least = ordered[0].rank[0]
@@ -207,7 +210,7 @@ def _best_first(models: Sequence[IdentifiedModel], tie: float) -> tuple[Identifi
 
 
 def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTest], list[str]]:
-    """Turn friction torques that oppose the velocity, as many logs write them; not those of a balance."""
+    """Reverse friction torques that oppose the velocity, as in many logs; reject those of a balance."""
     power = sum(float((test.torque * test.velocity)[test.used].sum()) for test in tests)
     if power >= 0.0:
         return list(tests), []
@@ -221,6 +224,7 @@ def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
 
 
 def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequence[FrictionTest]) -> None:
+    """Raise ParameterError if too few samples are left, or too few of them move."""
     velocity = samples.velocity[samples.used]
     needed, moving = 3 * max(model.size for model in models), int((velocity != 0.0).sum())
     if len(velocity) < needed:
@@ -233,13 +237,13 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequ
         raise ParameterError(f"logs: {text}; expected at least {needed} at several speeds")
 
 
-_ONE_WAY = 0.05  # share of the samples in the rarer direction
+_ONE_WAY = 0.05  # share of the samples in the rarer direction below which a warning is given
 _FAST, _SLOW = 1.0, 0.1  # [rad] / [s]: a gait needs the knee up to 3.6; table 3.1 changes below 0.2
-_FEW = 0.02  # share of the samples that counts as none
+_FEW = 0.02  # share of the samples below which there are too few
 
 
 def _sample_warnings(samples: Samples) -> list[str]:
-    """What the samples cannot tell, whatever the model."""
+    """Return warnings about properties that the samples cannot determine with any model."""
     back, few = samples.rarer_direction, f"fewer than {100.0 * _FEW:g} %"
     speed = np.abs(samples.velocity[samples.used])
     doubts = {
@@ -251,7 +255,7 @@ def _sample_warnings(samples: Samples) -> list[str]:
 
 
 def _file_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
-    """What to know about the files."""
+    """Return warnings about the files."""
     found = []
     for note in dict.fromkeys(note for test in tests for note in test.notes):
         names = [test.name for test in tests if note in test.notes]

@@ -1,8 +1,8 @@
-"""The friction models: their laws over samples, from linear coefficients ``beta`` and shape ``eta``.
+"""Friction models: their laws over samples, from linear coefficients ``beta`` and shape ``eta``.
 
 Break-away friction is fitted as its excess over Coulomb friction, stiffness and break-away friction of
-bristles as ratios to it, so that each law is linear in its coefficients; ``public`` of a model turns them
-into what is reported.
+bristles as ratios to it, so that each law is linear in its coefficients; ``public`` of a model converts them
+to the reported parameters. The formula of a model is the first line of its law without "Compute".
 """
 
 import math
@@ -26,18 +26,18 @@ _TINY = 1e-12
 
 
 def usual_speed(samples: Samples) -> float:
-    """The speed that 95 % of the samples stay below, in [rad] / [s]."""
+    """Return the speed below which 95 % of the samples are, in [rad] / [s]."""
     return max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
 
 
 def fineness(samples: Samples) -> float:
-    """The inverse of the way from one sample to the next, in [1] / [rad]: a scale of stiffness."""
+    """Return the inverse of the distance between samples, in [1] / [rad], as a scale of stiffness."""
     moved = np.abs(samples.velocity * (0.0 if samples.period is None else samples.period))
     return 1.0 / max(float(np.median(moved[moved > 0.0])), _TINY) if moved.any() else 1.0
 
 
 def spans_in_a_turn(samples: Samples) -> float:
-    """How many spans of the samples a turn of the joint has."""
+    """Compute the number of spans of the samples in a turn of the joint."""
     return 1.0 if samples.angle is None else 2.0 * np.pi / max(float(np.ptp(samples.angle)), _TINY)
 
 
@@ -47,7 +47,7 @@ _BOTH_WAYS = "viscous_friction_forward_Nm", "viscous_friction_backward_Nm"
 _PER_LOAD = "coulomb_per_load"
 _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_per_radK"
 _RIPPLES = "ripple_cosine_Nm", "ripple_sine_Nm"
-# Coefficients that a physical friction may have below 0.
+# Coefficients that may be below 0 in a physical friction.
 SIGNED = frozenset({OFFSET, *_PER_KELVIN, *_RIPPLES})
 _TRANSITION = Shape("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
 _STRIBECK = Shape("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
@@ -56,11 +56,11 @@ _BREAKAWAY_VELOCITY = replace(_STRIBECK, name="breakaway_velocity_rad_per_s")
 _CURVE = _STRIBECK, Shape("stribeck_exponent", 0.4, 10.0), Shape("viscous_exponent", 0.1, 3.0)
 _STEEPNESS = Shape("steepness_s_per_rad", 1.0, 1e4, lambda samples: 1.0 / usual_speed(samples))
 _RIPPLE = Shape("ripple_per_turn", 1.0, 60.0, spans_in_a_turn)
-# σ0/T_c, the inverse of the deflection at which the bristles slide, and T_b/T_c.
+# Ratio σ0/T_c, the inverse of the deflection at which the bristles slide, and ratio T_b/T_c.
 _BRISTLES = Shape("bristle_stiffness_Nm_per_rad", 1e-5, 1e5, fineness)
 _RATIO = Shape(_BREAKAWAY, 0.1, 10.0, physical_low=1.0, by_factor=False)
 
-# The laws of the plant, run over arrays: the same functions with NumPy's in place of core's.
+# Laws of the plant for arrays: the same functions with those of NumPy instead of core's.
 _NUMPY = {
     "exponential": np.exp,
     "hyperbolic_tangent": np.tanh,
@@ -73,24 +73,24 @@ over_arrays = SimpleNamespace(**{law.__name__: bind(law, _NUMPY) for law in _PLA
 
 
 def breakaway_first(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Coefficients are break-away less Coulomb friction, and Coulomb friction."""
+    """Convert a model with the coefficients break-away less Coulomb friction, and Coulomb friction, first."""
     return (beta[0] + beta[1], *beta[1:], *eta)
 
 
 def bristles_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Shape begins with stiffness, and break-away friction if there is one, over Coulomb friction."""
+    """Convert a model whose shape begins with ratios to Coulomb friction: stiffness, break-away friction."""
     return (*beta, *(eta[:2] * beta[0]), *eta[2:])
 
 
 _Law = Callable[[Samples, np.ndarray, np.ndarray], Any]  # torque of each sample in [N m], shape ``(n,)``
-MODELS: dict[str, FrictionModel] = {}  # by name, which is that of the law
+MODELS: dict[str, FrictionModel] = {}  # models by the names of their laws
 
 
 def _model(coefficients: tuple[str, ...], *shape: Shape, **more: Any) -> Callable[[_Law], _Law]:
-    """Make a model of a law, whose formula begins what is said of it; see :class:`FrictionModel`."""
+    """Return a decorator that registers a law as a model; see :class:`FrictionModel`."""
 
     def add(law: _Law) -> _Law:
-        formula = summary_of(law).removesuffix(".")
+        formula = summary_of(law).removeprefix("Compute ").removesuffix(".")
         MODELS[law.__name__] = FrictionModel(law.__name__, formula, coefficients, shape, law, **more)
         return law
 
@@ -99,7 +99,7 @@ def _model(coefficients: tuple[str, ...], *shape: Shape, **more: Any) -> Callabl
 
 @_model((_COULOMB, _VISCOUS))
 def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """T_c sgn ω + d ω.
+    """Compute T_c sgn ω + d ω.
 
     Coefficients: Coulomb, viscous.
     """
@@ -108,7 +108,7 @@ def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
 @_model((_COULOMB, _VISCOUS), _STEEPNESS)
 def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """T_c tanh(κ ω) + d ω.
+    """Compute T_c tanh(κ ω) + d ω.
 
     Coefficients: Coulomb, viscous; shape: steepness.
     """
@@ -117,7 +117,7 @@ def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) ->
 
 @_model((_BREAKAWAY, _COULOMB, _VISCOUS), *_CURVE[:2], public=breakaway_first)
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """[T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω.
+    """Compute [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω.
 
     Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent.
     """
@@ -127,7 +127,7 @@ def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
 @_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first)
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """√(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω.
+    """Compute √(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω.
 
     Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity.
     """
@@ -137,9 +137,9 @@ def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
 @_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first)
 def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """√(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, ω_1 = √2 ω_b, ω_2 = ω_b/10.
+    """Compute √(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, ω_1 = √2 ω_b, ω_2 = ω_b/10.
 
-    As :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity.
+    The parameters are those of :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity.
     """
     breakaway, velocities = beta[0] + beta[1], (math.sqrt(2.0) * eta[0], 0.1 * eta[0])
     return over_arrays.two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
@@ -147,7 +147,7 @@ def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> 
 
 @_model((_COULOMB, _VISCOUS, _PER_LOAD), _TRANSITION, needs=("load",))
 def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """(T_c + c_l |T_L|) tanh(ω/ω_t) + d ω.
+    """Compute (T_c + c_l |T_L|) tanh(ω/ω_t) + d ω.
 
     Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity.
     """
@@ -156,7 +156,7 @@ def load_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
 @_model((_COULOMB, _VISCOUS, *_PER_KELVIN), _TRANSITION, needs=("temperature",))
 def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """(T_c + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C.
+    """Compute (T_c + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C.
 
     Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity.
     """
@@ -165,7 +165,7 @@ def temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -
 
 @_model((_COULOMB, _VISCOUS, _PER_LOAD, *_PER_KELVIN), _TRANSITION, needs=("load", "temperature"))
 def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """(T_c + c_l |T_L| + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C.
+    """Compute (T_c + c_l |T_L| + c_ϑ Δϑ) tanh(ω/ω_t) + (d + d_ϑ Δϑ) ω, Δϑ = ϑ − 25 °C.
 
     Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity.
     """
@@ -175,7 +175,7 @@ def load_temperature_dependent(samples: Samples, beta: np.ndarray, eta: np.ndarr
 def _conditioned(
     samples: Samples, eta: np.ndarray, coulomb: Any, viscous: Any, per_load: Any, *per_kelvin: Any
 ) -> Any:
-    """Friction under load and warmth, of which a model may know one: its coefficients of the other are 0."""
+    """Compute friction that depends on load and temperature; zero coefficients remove a dependence."""
     load = 0.0 if samples.load is None else samples.load
     warm = REFERENCE_TEMPERATURE if samples.temperature is None else samples.temperature
     parts = coulomb, per_load, per_kelvin[0], viscous, per_kelvin[1]
@@ -184,7 +184,7 @@ def _conditioned(
 
 @_model((_COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION)
 def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """T_0 + T_c tanh(ω/ω_t) + d± ω.
+    """Compute T_0 + T_c tanh(ω/ω_t) + d± ω.
 
     Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity.
     """
@@ -195,9 +195,10 @@ def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
 @_model((_BREAKAWAY, _COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION, *_CURVE, public=breakaway_first)
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω.
+    """Compute T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω.
 
-    As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind.
+    The parameters are those of :func:`asymmetric`, with break-away over Coulomb first and exponents at the
+    end.
     """
     excess, coulomb, *both_ways, offset = beta
     level = over_arrays.stribeck_level(samples.velocity, coulomb, coulomb + excess, *eta[1:3])
@@ -207,7 +208,7 @@ def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> 
 
 @_model((_COULOMB, _VISCOUS, OFFSET, *_RIPPLES), _TRANSITION, _RIPPLE, needs=("angle",))
 def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """T_c tanh(ω/ω_t) + d ω + T_0 + C cos nθ + S sin nθ.
+    """Compute T_c tanh(ω/ω_t) + d ω + T_0 + C cos nθ + S sin nθ.
 
     Coefficients: Coulomb, viscous, offset, cosine, sine; shape: transition velocity, ripples a turn.
     """
@@ -221,7 +222,7 @@ _DYNAMIC = {"public": bristles_reported, "needs": ("period",), "dynamic": True}
 
 @_model((_COULOMB, _VISCOUS), _BRISTLES, **_DYNAMIC)
 def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """σ0 z + d ω, ż = ω − σ0 |ω| z / T_c.
+    """Compute σ0 z + d ω, ż = ω − σ0 |ω| z / T_c.
 
     Coefficients: Coulomb, viscous; shape: stiffness over Coulomb.
     """
@@ -231,7 +232,7 @@ def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
 @_model((_COULOMB, BRISTLE_DAMPING, _VISCOUS), _BRISTLES, _RATIO, _STRIBECK, **_DYNAMIC)
 def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
-    """σ0 z + σ1 ż + d ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−(ω/ω_st)²).
+    """Compute σ0 z + σ1 ż + d ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−(ω/ω_st)²).
 
     Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity.
     """
@@ -243,7 +244,8 @@ def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """T_0 + σ0 z + σ1 ż + d± |ω|^α sgn ω, ż = ω − σ0 |ω| z / h, h = T_c + (T_b − T_c) exp(−|ω/ω_st|^δ).
 
-    As :func:`lugre`, viscous forward and backward, with an offset; shape: both exponents behind.
+    The parameters are those of :func:`lugre`, viscous forward and backward, with an offset; shape: both
+    exponents at the end.
     """
     coulomb, damping, *viscous, offset = beta
     rest = offset + over_arrays.directional_viscous_torque(samples.velocity, *viscous, eta[4])
@@ -253,10 +255,10 @@ def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any
 def _bristles(
     samples: Samples, eta: np.ndarray, exponent: float, scales: tuple[float, float], rest: np.ndarray
 ) -> np.ndarray:
-    """Torque of bristles, scaled by Coulomb friction and damping, and the rest, with what a start leaves.
+    """Compute the torque of bristles, scaled by Coulomb friction and damping, plus rest and initial state.
 
-    Bristles are those of a Coulomb friction of 1 N m. How they were bent at the start of a test is not known;
-    its first torque, less what is not theirs, tells.
+    Bristles are those of a Coulomb friction of 1 N m. Their deflection at the start of a test is not known;
+    it follows from its first torque, less the other parts of the torque.
     """
     stiffness, ratio, stribeck_velocity = eta
     velocity, period, fresh = samples.velocity, samples.period, samples.fresh
@@ -274,13 +276,13 @@ def _bristles(
 def bristle_deflection(
     velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
 ) -> np.ndarray:
-    """Deflection of the bristles in [rad] at every sample, shape ``(n,)``.
+    """Compute the deflection of the bristles in [rad] at every sample, shape ``(n,)``.
 
-    The velocity holds from the sample before to the sample. A test starts with straight bristles; what is
-    left of another start is :func:`remembered_start`.
+    The velocity holds from the sample before to the sample. A test starts with straight bristles; the effect
+    of another start is :func:`remembered_start`.
 
-    ``velocity``: in [rad] / [s], shape ``(n,)`` as the next three. ``period``: since the sample before in
-    [s]. ``fresh``: where a test starts; true at the first sample. ``level``: h of
+    ``velocity`` in [rad] / [s], shape ``(n,)`` like the next three. ``period``: time since the sample before
+    in [s]. ``fresh``: whether a test starts; true at the first sample. ``level``: h of
     :func:`twin_gait.core.friction_models.bristle_rate` in [N m]. ``stiffness``: σ0 in [N m] / [rad].
     """
     deflection = np.empty(len(velocity))
@@ -294,14 +296,15 @@ def bristle_deflection(
 def remembered_start(
     velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
 ) -> np.ndarray:
-    """Share of the deflection at the start of a test that is left at every sample: the law is linear in it.
+    """Compute the share of the deflection at the start of a test that is left at every sample.
 
-    From 1 at the start towards 0, shape ``(n,)``. The arguments are those of :func:`bristle_deflection`.
+    The law is linear in this deflection. The share falls from 1 at the start towards 0, shape ``(n,)``. The
+    arguments are those of :func:`bristle_deflection`.
     """
     travelled = np.cumsum(np.where(fresh, 0.0, stiffness * np.abs(velocity) * period / level))
     return np.asarray(np.exp(-(travelled - travelled[_start_of(fresh)])))
 
 
 def _start_of(fresh: np.ndarray) -> np.ndarray:
-    """Index of the first sample of the test of each sample."""
+    """Return the index of the first sample of the test of each sample."""
     return np.asarray(np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), 0)))

@@ -1,4 +1,4 @@
-"""What a friction model is, and what it is fitted to: samples of speed and friction torque, test by test.
+"""Friction models, and the samples of speed and friction torque, test by test, to which they are fitted.
 
 Every model is linear in some of its parameters (torques, viscous coefficients) once the others (velocities,
 exponents, ratios: its *shape*) are held. A fit works on the vector ``x``: the linear coefficients, then the
@@ -21,21 +21,21 @@ LONGEST_GAP = 10.0  # samples; a longer gap in a test restarts the state of a dy
 class FrictionTest:
     """One test after its processing."""
 
-    name: str  # of the file it came from
+    name: str  # name of the file
     velocity: np.ndarray  # joint velocity in [rad] / [s], shape ``(n,)``
     torque: np.ndarray  # friction torque in [N m] with the sign of the velocity, shape ``(n,)``
-    # which samples a fit may use, shape ``(n,)``; the others only carry the state of dynamic models
+    # Samples that a fit may use, shape ``(n,)``; the others only update the state of dynamic models.
     used: np.ndarray
-    # in [s], shape ``(n,)``; None if the file has none. Where it goes back a record begins
+    # Time in [s], shape ``(n,)``; None if the file has none. A new record begins where time goes back.
     time: np.ndarray | None = None
     angle: np.ndarray | None = None  # joint angle in [rad], or None
     load: np.ndarray | None = None  # load torque in [N m], or None
     motor_rate: np.ndarray | None = None  # rate of the motor's torque at the joint in [N m] / [s], or None
-    temperature: np.ndarray | None = None  # in [°C], or None
+    temperature: np.ndarray | None = None  # temperature in [°C], or None
     mass: float | None = None  # weight on the link in [kg], or None
-    # how many samples were read, used, and rejected by cause
+    # Number of samples that were read, used, and rejected by cause.
     counts: Mapping[str, int] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()  # what a reader should know about how the file was read
+    notes: tuple[str, ...] = ()  # remarks on the reading of the file
 
     def __len__(self) -> int:
         return len(self.velocity)
@@ -50,16 +50,16 @@ class FrictionTest:
 class Samples:
     """Samples of one or more tests in one row of arrays, each of shape ``(n,)``."""
 
-    velocity: np.ndarray  # in [rad] / [s]
+    velocity: np.ndarray  # joint velocity in [rad] / [s]
     torque: np.ndarray  # friction torque in [N m]
-    used: np.ndarray  # which samples count
+    used: np.ndarray  # whether each sample counts
     test: np.ndarray  # index of the test
-    fresh: np.ndarray  # where the state of a dynamic model starts anew
-    period: np.ndarray | None = None  # since the sample before in [s]; None if a test has no time
-    time: np.ndarray | None = None  # in [s] from the start of each test, or None
-    angle: np.ndarray | None = None  # in [rad]; None unless all tests have it, like the next two
-    load: np.ndarray | None = None  # in [N m]
-    temperature: np.ndarray | None = None  # in [°C]
+    fresh: np.ndarray  # whether the state of a dynamic model restarts at each sample
+    period: np.ndarray | None = None  # time since the sample before in [s]; None if a test has no time
+    time: np.ndarray | None = None  # time from the start of each test in [s], or None
+    angle: np.ndarray | None = None  # angle in [rad]; None unless all tests have it, like the next two
+    load: np.ndarray | None = None  # load torque in [N m]
+    temperature: np.ndarray | None = None  # temperature in [°C]
 
     def __len__(self) -> int:
         return len(self.velocity)
@@ -72,17 +72,17 @@ class Samples:
         return float(min((way > 0.0).sum(), (way < 0.0).sum())) / moving
 
     def rows(self, chosen: np.ndarray) -> Samples:
-        """Some of the samples, by a mask or indices; a dynamic model needs whole tests."""
+        """Select samples by a mask or indices; a dynamic model needs whole tests."""
         columns = {name: None if values is None else values[chosen] for name, values in vars(self).items()}
         return Samples(**cast("dict[str, Any]", columns))
 
     def used_only(self) -> Samples:
-        """The samples that count, for models without a state."""
+        """Return the samples that count, for models without a state."""
         return self if self.used.all() else self.rows(self.used)
 
 
 def join_tests(tests: Sequence[FrictionTest]) -> Samples:
-    """Lay tests end to end; a quantity that one of them lacks is left out."""
+    """Concatenate tests; a quantity that one of them lacks is left out."""
 
     def joined(column: str) -> Any:
         columns = [getattr(test, column) for test in tests]
@@ -100,7 +100,7 @@ def join_tests(tests: Sequence[FrictionTest]) -> Samples:
 
 
 def thinned_path(samples: Samples, limit: int) -> Samples:
-    """Fewer samples for a model with a state, which needs the path between them."""
+    """Reduce the number of samples for a model with a state, but keep the path between them."""
     path = thinned(samples, PATH_FACTOR * limit)
     counted = np.flatnonzero(path.used)
     chosen = counted[:: max(-(-len(counted) // limit), 1)]
@@ -108,7 +108,7 @@ def thinned_path(samples: Samples, limit: int) -> Samples:
 
 
 def thinned(samples: Samples, limit: int) -> Samples:
-    """Every so many samples, so that a fit of millions takes no longer than one of thousands."""
+    """Take samples at even intervals, so that a fit of millions takes no longer than one of thousands."""
     step = -(-len(samples) // limit)
     if step <= 1:
         return samples
@@ -124,7 +124,7 @@ def thinned(samples: Samples, limit: int) -> Samples:
 
 
 def _fresh(test: FrictionTest) -> np.ndarray:
-    """Where a record begins: at first, behind a gap, and where time goes back."""
+    """Determine where a record begins: at the first sample, after a gap, and where time goes back."""
     fresh = np.zeros(len(test), dtype=bool)
     fresh[:1] = True
     if len(test) > 2 and test.time is not None:
@@ -140,27 +140,27 @@ _DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shap
 
 @dataclass(frozen=True)
 class Shape:
-    """A parameter that enters non-linearly."""
+    """Parameter that enters non-linearly."""
 
-    name: str  # of the parameter that is reported in its place, with its unit
+    name: str  # name of the reported parameter, with its unit
     low: float  # lower bound, a multiple of the scale
-    high: float  # upper bound
-    scale: Callable[[Samples], float] = lambda samples: 1.0  # what the bounds are multiples of
+    high: float  # upper bound, a multiple of the scale
+    scale: Callable[[Samples], float] = lambda samples: 1.0  # scale of the bounds
     physical_low: float | None = None  # lower bound of a physical friction; ``low`` if None
-    by_factor: bool = True  # whether what is reported is uncertain by a factor: an interval of its logarithm
+    by_factor: bool = True  # whether the reported parameter has an interval of its logarithm
 
 
 @dataclass(frozen=True)
 class FrictionModel:
-    """A friction model."""
+    """Friction model: its law, its parameters and the columns that it needs."""
 
-    name: str  # as the user writes it
-    formula: str  # in one line, for reports
-    coefficients: tuple[str, ...]  # parameters that enter linearly, as they are reported with their units
-    shape: tuple[Shape, ...]  # the others
-    # law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``
+    name: str  # name in options and reports
+    formula: str  # formula in one line, for reports
+    coefficients: tuple[str, ...]  # reported names, with units, of the parameters that enter linearly
+    shape: tuple[Shape, ...]  # the other parameters
+    # Law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``.
     torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
-    # coefficients and shape -> reported parameters; works on columns of many at once
+    # Conversion of coefficients and shape to reported parameters; accepts many of them as columns.
     public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = lambda beta, eta: (*beta, *eta)
     needs: tuple[str, ...] = ()  # columns of the samples, beyond speed and torque
     dynamic: bool = False  # whether it has a state
@@ -176,20 +176,20 @@ class FrictionModel:
         return len(self.coefficients) + len(self.shape)
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients and shape of a vector, shape ``(size,)`` or ``(size, n)``."""
+        """Split a vector of shape ``(size,)`` or ``(size, n)`` into coefficients and shape."""
         count = len(self.coefficients)
         return x[:count], np.exp(x[count:])
 
     def predict(self, x: np.ndarray, samples: Samples) -> np.ndarray:
-        """Friction torque in [N m] of a parameter vector, shape ``(n,)``."""
+        """Compute the friction torque in [N m] of a parameter vector, shape ``(n,)``."""
         return self.torque(samples, *self.split(x))
 
     def errors(self, x: np.ndarray, samples: Samples) -> np.ndarray:
-        """Predicted less measured torque of the samples that are used, in [N m], shape ``(n_used,)``."""
+        """Compute predicted less measured torque of the used samples, in [N m], shape ``(n_used,)``."""
         return np.asarray((self.predict(x, samples) - samples.torque)[samples.used])
 
     def jacobian(self, x: np.ndarray, samples: Samples) -> np.ndarray:
-        """Derivative of the errors by the parameter vector, shape ``(n_used, size)``.
+        """Compute the derivative of the errors by the parameter vector, shape ``(n_used, size)``.
 
         Exact for the linear coefficients, by central differences for the logarithms of the shape.
         """
@@ -203,16 +203,16 @@ class FrictionModel:
         return np.concatenate(columns, axis=1)
 
     def basis(self, shape: np.ndarray, samples: Samples) -> np.ndarray:
-        """Torque by each coefficient, shape ``(n, n_coefficients)``: the law is linear in them."""
-        units = np.eye(len(self.coefficients))[:, :, None]  # each coefficient a column: laws broadcast
+        """Compute the torque by each coefficient, shape ``(n, n_coefficients)``; it is linear in them."""
+        units = np.eye(len(self.coefficients))[:, :, None]  # one column for each coefficient; laws broadcast
         torques = np.asarray(self.torque(samples, units, shape))
         return (torques - self.constant(shape, samples)).T if self.dynamic else torques.T
 
     def constant(self, shape: np.ndarray, samples: Samples) -> np.ndarray:
-        """Torque without any coefficient, shape ``(n,)``: what a test's start leaves in a state."""
+        """Compute the torque without any coefficient, shape ``(n,)``: effect of a test's initial state."""
         return np.asarray(self.torque(samples, np.zeros(len(self.coefficients)), shape))
 
     def parameters(self, x: np.ndarray) -> dict[str, float]:
-        """Reported parameters of a vector."""
+        """Return the reported parameters of a vector."""
         values = self.public(*self.split(x))
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}

@@ -1,4 +1,4 @@
-"""From a log of the joint test bench to samples of speed and friction torque (thesis 2.2.1, 2.3 and 3.1)."""
+"""Processing of logs of the joint test bench to speed and friction torque (thesis 2.2.1, 2.3 and 3.1)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,15 +27,17 @@ class BenchSetup(quantities.Parameters):
 
     Attributes:
         actuator: Motor and gear.
-        mass: On the link in [kg], where the name of a log does not say.
-        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
-        link_inertia: About the axis in [kg m²]; an assumption.
+        mass: Mass on the link in [kg], used if the name of a log does not contain it.
+        lever: Lever b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        link_inertia: Inertia of the link about the axis in [kg m²]; an assumption.
         link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
-        start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
+        start_angle: Angle to which the first angle of a log is set in [rad]; None leaves the angles
+            unchanged.
         load_angle: Form of the load torque.
         mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
-        current_delay: Time by which the current leads the angle in the logs in [s]; it is delayed by it. A
-            current that is logged at the start of the period in which it is held leads by half a period.
+        current_delay: Time in [s] by which the current leads the angle in the logs, and by which it is
+            delayed. A current that is logged at the start of the period in which it is held leads by half a
+            period.
     """
 
     actuator: ActuatorParameters
@@ -51,45 +53,47 @@ class BenchSetup(quantities.Parameters):
     ] = 0.0
 
     def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
-        """Torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
+        """Compute the torque of gravity on the joint in [N m], equation (2.8); positive along the fall.
 
-        ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: on the link in [kg].
+        ``angle``: joint angle in [rad], shape ``(n,)``. ``mass``: mass on the link in [kg].
         """
         tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
         return np.asarray(_GRAVITY * (mass * self.lever + self.link_moment) * np.cos(tilt))
 
     def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
-        """J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
+        """Compute J of equation (2.12) at the joint in [kg m²]: armature, link and weight."""
         weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
         return self.actuator.armature + self.link_inertia + weight
 
 
 class Processing(StrEnum):
-    """How a log of a bench is smoothed before the friction torque is computed; a series is as recorded."""
+    """Smoothing of a log of a bench before the friction torque is computed; a series is not smoothed."""
 
-    ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
+    ZERO_PHASE = "zero_phase"  # the same filter without delay for angle, current and load
     THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
 
 
-CUTOFF = 40.0  # [Hz] of the zero-phase filter; a fifth of the rate of a log that is slow
-RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
+CUTOFF = 40.0  # [Hz], cutoff of the zero-phase filter; a fifth of the rate of a slow log
+RATE = 100.0  # [Hz], rate of the samples of a fit, as in the thesis
 WINDOW = 10  # samples of the thesis's moving average
-_SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
-# Of 1/cutoff. So long after an impulse 1e-4 of the filter's response is left. After 1/cutoff it is 0.7 %:
-# with the jump of friction in a reversal the break-away velocity of the knee is 0.1 % too large.
+_SLOWEST = 50.0  # [Hz], least rate of a log whose acceleration can be used
+# Reach of the filter in units of 1/cutoff. At this time after an impulse 1e-4 of the filter's response is
+# left. After 1/cutoff it is 0.7 %: with the jump of friction in a reversal the break-away velocity of the
+# knee would be 0.1 % too large.
 REVERSAL_REACH = 2.0
-_UNEVEN = 0.02  # of a period, beyond which a log is put on an even grid
-# Without a sample, in periods, and in shares of 1/cutoff: across so little the filter sees the same curve.
+_UNEVEN = 0.02  # deviation in periods beyond which a log is interpolated to an even grid
+# Gaps without a sample, in periods and in shares of 1/cutoff, that are interpolated because the filter
+# removes the difference.
 _GAP, _SHORT = 1.5, 0.125
-_STANDSTILL = 0.002  # [rad] / [s] that a log of a bench must exceed
+_STANDSTILL = 0.002  # [rad] / [s], speed that samples of a bench must exceed
 
 
 def process_log(
     log: Log, bench: BenchSetup | None, processing: Processing = Processing.ZERO_PHASE
 ) -> FrictionTest:
-    """Turn a log into samples of friction torque; without a bench only friction torques are expected.
+    """Convert a log to samples of friction torque; without a bench only friction torques are expected.
 
-    Raises ParameterFileError if the log lacks what is needed, or cannot be what it is read as.
+    Raises ParameterFileError if the log lacks a needed column, or its columns contradict their names.
     """
     log, counts, notes = clean(log, joint_known=bench is not None)
     series = Quantity.FRICTION_TORQUE in log.columns
@@ -106,7 +110,7 @@ def process_log(
 
 
 def _series(log: Log) -> FrictionTest:
-    """A plain series of velocity and friction torque, as it was recorded."""
+    """Return a plain series of velocity and friction torque, as it was recorded."""
     return FrictionTest(
         name=Path(log.source).name,
         velocity=log.columns[Quantity.VELOCITY],
@@ -121,7 +125,7 @@ def _series(log: Log) -> FrictionTest:
 
 
 def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTest:
-    """Friction torque at 100 Hz by the balance of torques, equation (2.12)."""
+    """Compute the friction torque at 100 Hz by the balance of torques, equation (2.12)."""
     mass, thesis = bench.mass if log.mass is None else log.mass, processing is Processing.THESIS
     if mass is None:
         text = "is not known: add --mass, or name the file by its weight, such as knee_2.5kg_1.log"
@@ -136,7 +140,7 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
         raise ParameterFileError(log.source, "time", text)
 
     def smooth(values: np.ndarray) -> np.ndarray:
-        """Angle, current and load go through the same filter."""
+        """Filter angle, current and load equally."""
         return values if thesis else zero_phase(values, cutoff, rate)
 
     raw = columns[Quantity.ANGLE]
@@ -162,8 +166,9 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
         told = (angle, velocity, torque, inertial)
         stopped[kept] |= signals.soft_stop(*(values[kept] for values in told))
     standing = ~stopped & (np.abs(velocity) < _STANDSTILL)
-    # So near a fast reversal the filter mixes friction of both directions: what comes out of it is the
-    # filtered friction, not the friction at the filtered velocity.
+    # Near a fast reversal the filter mixes friction of both directions: its output is the filtered friction,
+    # not
+    # the friction at the filtered velocity.
     near = np.abs(velocity) < REVERSAL_REACH * np.abs(acceleration) / cutoff
     turning = ~stopped & ~standing & near & (not thesis)
     rejected = {"stop": stopped, "standstill": standing, "reversal": turning}
@@ -188,7 +193,7 @@ def _balance(log: Log, bench: BenchSetup, processing: Processing) -> FrictionTes
 
 
 def _motion(angle: np.ndarray, recorded: np.ndarray, rate: float, guard: int) -> tuple[np.ndarray, ...]:
-    """Velocity and acceleration, and where only recorded samples are within so many: from the angle."""
+    """Compute velocity and acceleration, and whether only recorded samples are within ``guard``."""
     velocity = np.gradient(angle, 1.0 / rate)
     settled = ~signals.widened(~recorded, guard)
     settled[:guard] = settled[-guard:] = False
@@ -196,7 +201,7 @@ def _motion(angle: np.ndarray, recorded: np.ndarray, rate: float, guard: int) ->
 
 
 def _late_motion(speed: np.ndarray, recorded: np.ndarray, rate: float) -> tuple[np.ndarray, ...]:
-    """The same by the thesis: the velocity alone is averaged, and so late against current and load."""
+    """Compute the same as in the thesis: only the velocity is averaged, so it lags current and load."""
     velocity = moving_average(speed, WINDOW)
     settled = ~signals.widened(~recorded, WINDOW)
     settled[: WINDOW - 1] = settled[-1:] = False
@@ -204,6 +209,7 @@ def _late_motion(speed: np.ndarray, recorded: np.ndarray, rate: float) -> tuple[
 
 
 def _needed(log: Log, quantity: Quantity) -> np.ndarray:
+    """Return a column; raise ParameterFileError if it is missing."""
     if quantity not in log.columns:
         text = f"no such column; name one with --columns {quantity}=NAME"
         raise ParameterFileError(log.source, quantity, text)
@@ -211,7 +217,7 @@ def _needed(log: Log, quantity: Quantity) -> np.ndarray:
 
 
 def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray], np.ndarray]:
-    """Put a log on an even grid: time, columns, and where there were samples."""
+    """Interpolate a log to an even grid: time, columns, and whether there were samples."""
     if rate < 0.999 * _SLOWEST:
         text = (
             f"has {rate:.3g} samples per second; expected at least {_SLOWEST:g} to see the acceleration: is "
@@ -233,31 +239,34 @@ def _even(log: Log, rate: float, cutoff: float) -> tuple[np.ndarray, dict[Quanti
 
 
 def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndarray:
-    """Largest acceleration up to the next decimated sample in [rad] / [s²], from the zero-phase angle.
+    """Compute the largest acceleration up to the next decimated sample in [rad] / [s²], without filter delay.
 
-    A late average would hide an impact, and so would a sample beside its peak.
+    The filter has zero phase, because a late average would hide an impact. All samples in between are used,
+    because a single one could miss its peak.
     """
     velocity = np.gradient(zero_phase(angle, cutoff, rate), 1.0 / rate)
     acceleration = np.abs(np.gradient(velocity, 1.0 / rate))
     return np.asarray(np.maximum.reduceat(acceleration, np.arange(0, len(angle), step)))
 
 
-_SPEEDS = 100  # classes of speed, as many samples in each
-_TELLING = 0.5  # [N m] of load, RMS, that the speed does not predict; less says nothing about the load
-# Load-dependent friction of a one-way fall, or an inertia that is a little wrong, do less.
-_GAIN, _TILT = 0.15, 8.0  # of the load's size, and of its angle in [deg]
+_SPEEDS = 100  # classes of speed, with equal numbers of samples
+_TELLING = 0.5  # [N m], least RMS of the load that is independent of the speed for a statement about the load
+# Limits of warnings; load-dependent friction of a one-way fall, or a slightly wrong inertia, have smaller
+# effects.
+_GAIN, _TILT = 0.15, 8.0  # relative error of the load's size, and error of its angle in [deg]
 
 
 def balance_warnings(
     tests: Sequence[FrictionTest], bench: BenchSetup | None, processing: Processing
 ) -> list[str]:
-    r"""Whether the motor bears the weight that the bench says; a ParameterError if it bears it upside down.
+    r"""Check whether the motor carries the weight that the bench setup states, and return a warning if not.
 
-    Friction of any law goes with the speed. With a load that is truly g times as large, at angles that are δ
+    Friction of any law depends on the speed. With a load that is truly g times as large, at angles that are δ
     smaller, the balance of torques is
     :math:`f(\omega) + (1 - g \cos\delta)\,F\ell\cos\varphi - g \sin\delta\,F\ell\sin\varphi` at the angle φ
-    from the horizontal; its parts are told within classes of equal speed. The thesis's late velocity would
-    look like such an angle, and is warned of itself.
+    from the horizontal; its parts are separated within classes of equal speed. The thesis's late velocity
+    would look like such an angle, and has a warning of its own. Raises ParameterError if the current has the
+    sign of a weight that pulls upwards.
     """
     tests = [test for test in tests if test.from_bench]
     if bench is None or not tests:

@@ -1,6 +1,7 @@
-"""Read logs and series of measurements: any text table, any column names, units declared or by name.
+"""Reading of logs and series of measurements from text tables with any column names and units.
 
-Then rows and columns that cannot be used: empty cells, disordered times, other units, missing-value marks.
+Rows and columns that cannot be used are removed: empty cells, disordered times, other units, marks of missing
+values.
 """
 
 import math
@@ -21,7 +22,7 @@ from twin_gait.runs.log_files import LogTable, read_text_table
 
 
 class Quantity(StrEnum):
-    """A column that the identification can use."""
+    """Quantity of a column that the identification can use."""
 
     TIME = "time"
     ANGLE = "angle"
@@ -34,11 +35,11 @@ class Quantity(StrEnum):
 
 
 class Kind(NamedTuple):
-    """How a quantity is written."""
+    """Names and units by which the column of a quantity is recognized."""
 
-    names: tuple[str, ...]  # of its columns without their unit, lower case, best first
-    units: Mapping[str, float]  # factor to SI by the way a unit is written, that of SI first
-    largest: float = math.inf  # beyond this no joint of a robot goes; such a column is in another unit
+    names: tuple[str, ...]  # names of its columns without their unit, lower case, best first
+    units: Mapping[str, float]  # factor to SI by the notation of a unit, the SI unit first
+    largest: float = math.inf  # no joint of a robot exceeds this; a column that does is in another unit
 
 
 _TURN = ANGLES["turn"]  # [rad]
@@ -63,17 +64,17 @@ _WEIGHT = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNOREC
 
 @dataclass(frozen=True, kw_only=True)
 class LogColumns:
-    """Which column holds what."""
+    """Columns of the quantities in a log."""
 
-    # column of a quantity; a minus before it turns the sign
+    # Column of a quantity; a minus in front of it reverses the sign.
     names: Mapping[Quantity, str] = field(default_factory=dict)
-    # unit of a quantity, where the column does not state it; SI without one
+    # Unit of a quantity whose column does not state it; SI without one.
     units: Mapping[Quantity, str] = field(default_factory=dict)
     unwrap: bool = False  # whether the angle is that of an encoder that starts again at each turn
 
 
 def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
-    """Name of the column of each quantity, and the factor to SI with the sign."""
+    """Return the name of the column of each quantity, and the factor to SI with the sign."""
     found: dict[Quantity, tuple[str, float]] = {}
     asked_for = {name.lstrip("-") for name in columns.names.values()}
     free = [name for name in table.names if name not in asked_for]
@@ -89,7 +90,7 @@ def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[st
 
 
 def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
-    """The one column whose name is the quantity's; an optional one in a strange unit is left."""
+    """Return the only column with a name of the quantity; None for an optional one in an unknown unit."""
     units = KINDS[quantity].units
     plain = [plain_name(name, units) for name in names]
     known = next((name for name in KINDS[quantity].names if plain.count(name) == 1), None)
@@ -103,7 +104,7 @@ def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
 
 
 def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
-    """Factor of a column to SI: by the unit in its name, else by the one that the user gives, else 1."""
+    """Return the factor of a column to SI: by the unit in its name, else by the given one, else 1."""
     units = KINDS[quantity].units
     _, stated = split_heading(column, units)
     known, told = find_unit(stated, units), find_unit(given, units)
@@ -120,12 +121,12 @@ def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log in SI units, as it was recorded."""
+    """Log in SI units, as it was recorded."""
 
-    source: str  # the file
-    # of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty
+    source: str  # path of the file
+    # Values of each quantity in the log, shape ``(n,)``; NaN where a cell is empty.
     columns: Mapping[Quantity, np.ndarray]
-    mass: float | None = None  # weight on the link in [kg], if the file's name says so
+    mass: float | None = None  # weight on the link in [kg], if the file's name contains it
     notices: tuple[str, ...] = ()  # deviations from the format that were accepted, one line each
 
     def __len__(self) -> int:
@@ -137,7 +138,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
 
     The separator may be a comma, a semicolon, a tab or blanks; lines that begin with # are comments. A file
     without column names has columns 1, 2 and so on. Columns with a known name are found without being named
-    in ``columns``. The file's name may say the weight on the link: ``knee_2.5kg_1.log``.
+    in ``columns``. The file's name may contain the weight on the link: ``knee_2.5kg_1.log``.
 
     Raises ParameterFileError if the file cannot be read as numbers; one line with file, column and row.
     """
@@ -157,34 +158,35 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     return Log(str(path), values, mass, table.notices)
 
 
-FEWEST = 20  # samples of a test
-_MOSTLY_EMPTY = 0.1  # share of empty cells beyond which an optional column is left out, not the rows
-_PERIODS = (2e-5, 0.5)  # [s] between the samples of measured friction
+FEWEST = 20  # least number of samples of a test
+_MOSTLY_EMPTY = 0.1  # share of empty cells beyond which an optional column is removed instead of the rows
+_PERIODS = (2e-5, 0.5)  # [s], plausible periods of the samples of measured friction
 _CURRENTS = frozenset({Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT})
-# In a series and in a log of a bench: columns that the torque is computed from, and those of no use.
+# Columns from which the torque is computed, and those without use, in a series (True) and in a log of a
+# bench.
 _NEEDED = {
     True: frozenset({Quantity.VELOCITY, Quantity.FRICTION_TORQUE}),
     False: _CURRENTS | {Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY},
 }
 _USELESS = {True: _CURRENTS, False: frozenset({Quantity.LOAD_TORQUE})}
-_SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
+_SLOPE = (0.7, 1.4)  # plausible ratios of the velocity to the derivative of the angle
 _MEASURED = _CURRENTS | {Quantity.VELOCITY, Quantity.FRICTION_TORQUE}
 _WRAP = 0.1  # Largest motion of the joint while the encoder wraps, as a share of a turn.
-_USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
+_USUAL, _MARK = 0.95, 500.0  # share of usual values; a value larger by this factor is not a measurement
 
 
 def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[str, ...]]:
-    """Take out rows that hold a NaN or repeat the one before, and refuse a log that cannot be used.
+    """Remove rows that contain a NaN or repeat the previous one, and reject a log that cannot be used.
 
-    A column that can be done without is left out if it is mostly empty or cannot be what its name says. Also:
-    how many rows there were of each, and what one should know.
+    An optional column is removed if it is mostly empty or cannot be the quantity of its name. Returns the
+    log, the numbers of rows read and removed by cause, and remarks.
     """
     series = Quantity.FRICTION_TORQUE in log.columns
     columns = {name: values for name, values in log.columns.items() if name not in _USELESS[series]}
     needed, notes = _NEEDED[series], list(log.notices)
 
     def refuse(quantity: Quantity, why: str) -> None:
-        """Leave a column out; a log is not read without one that is needed."""
+        """Remove a column; raise ParameterFileError if it is needed."""
         if quantity in needed:
             raise ParameterFileError(log.source, quantity, why)
         notes.append(f"{quantity} was left out: {why}")
@@ -197,7 +199,7 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     rows = pd.DataFrame(columns).dropna()
     counts = {"read": len(log), "not_a_number": len(log) - len(rows), "duplicate_time": 0}
     if Quantity.TIME in rows:
-        # A clock may stand still in a series; derivatives of a log of a bench cannot.
+        # A clock may repeat its time in a series; derivatives of a log of a bench need one that advances.
         clocks = rows if series else rows[[Quantity.TIME]]
         same = (clocks.diff() == 0.0).all(axis=1)
         rows, counts["duplicate_time"] = rows[~same], int(same.sum())
@@ -225,7 +227,7 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
 
 
 def _disorder(columns: Mapping[Quantity, np.ndarray], notes: list[str], *, series: bool) -> str:
-    """What is said of times that cannot be used; nothing of others, or a note.
+    """Return the problem of times that cannot be used; empty for others, with a note if they are unusual.
 
     In a series records may follow one another.
     """
@@ -250,7 +252,7 @@ def _disorder(columns: Mapping[Quantity, np.ndarray], notes: list[str], *, serie
 
 
 def _check_mark(source: str, quantity: Quantity, values: np.ndarray) -> None:
-    """Refuse values that stand for a missing one, such as -9999 or 1e30."""
+    """Reject values that mark a missing one, such as -9999 or 1e30."""
     size = np.abs(values)
     usual, row = float(np.quantile(size, _USUAL)), int(np.argmax(size))
     if size[row] > _MARK * usual > 0.0:
@@ -262,7 +264,7 @@ def _check_mark(source: str, quantity: Quantity, values: np.ndarray) -> None:
 
 
 def _beyond(quantity: Quantity, values: np.ndarray) -> str:
-    """What is said of values beyond what a joint can do; nothing of others."""
+    """Return the problem of values beyond the range of a joint; empty for others."""
     found, (unit, other, *_) = float(np.abs(values).max()), KINDS[quantity].units
     if found <= KINDS[quantity].largest:
         return ""
@@ -270,7 +272,7 @@ def _beyond(quantity: Quantity, values: np.ndarray) -> str:
 
 
 def _wrapping(angle: np.ndarray) -> str:
-    """Return a text about an encoder that starts again at each turn; empty if the angle is continuous."""
+    """Return the problem of an encoder that starts again at each turn; empty if the angle is continuous."""
     jumps = np.abs(np.abs(np.diff(angle)) - _TURN) < _WRAP * _TURN
     if not jumps.any():
         return ""
@@ -278,13 +280,14 @@ def _wrapping(angle: np.ndarray) -> str:
 
 
 def _wrong_slope(columns: Mapping[Quantity, np.ndarray]) -> str:
-    """What is said of an angle that does not move about as far as the integral of the velocity."""
+    """Return the problem of an angle that moves much less or more than the integral of the velocity."""
     if not {Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY} <= set(columns):
         return ""
     time, angle, velocity = (columns[name] for name in (Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY))
-    # Displacements over a tenth of the log: noise of single differences would hide the slope.
+    # Displacements over a tenth of the log are used, because noise of single differences would hide the
+    # slope.
     stride = max(len(time) // 10, 1)
-    elapsed = np.maximum(np.diff(time, prepend=time[:1]), 0.0).cumsum()  # without the way to another record
+    elapsed = np.maximum(np.diff(time, prepend=time[:1]), 0.0).cumsum()  # without steps back to a new record
     travelled = cumulative_trapezoid(velocity, elapsed, initial=0)
     moved, integrated = angle[stride:] - angle[:-stride], travelled[stride:] - travelled[:-stride]
     energy = float(moved @ moved)

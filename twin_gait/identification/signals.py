@@ -1,8 +1,8 @@
-"""Filters of recorded signals, and samples at a mechanical stop, which are no friction.
+"""Filters of recorded signals, and detection of samples at a mechanical stop, which are not friction.
 
-Hard stops show by their impact: an acceleration that no drive makes. A soft one brakes gently. It shows on
-the way to the end of the range, where the balance of torques becomes larger than it was before at such
-speeds, by more than a wrong inertia could explain.
+Hard stops are detected by their impact: an acceleration that no drive can produce. A soft stop brakes gently.
+It is detected on the way to the end of the range, where the balance of torques becomes larger than it was
+before at similar speeds, by more than a wrong inertia could explain.
 """
 
 import numpy as np
@@ -10,14 +10,14 @@ import pandas as pd
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
-ORDER = 2  # of the Butterworth filter; run forwards and backwards it acts twice
+ORDER = 2  # order of the Butterworth filter; running forwards and backwards doubles its effect
 
 
 def zero_phase(values: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
-    """Low-pass filter without delay: Butterworth, forwards and backwards, of evenly sampled values.
+    """Low-pass filter evenly sampled values without delay: Butterworth, forwards and backwards.
 
-    ``values``: shape ``(n,)``. ``cutoff``: of one pass in [Hz]; half the amplitude is left there. ``rate``:
-    samples per second in [Hz], above twice the cutoff.
+    ``values``: shape ``(n,)``. ``cutoff``: cutoff frequency of one pass in [Hz]; half the amplitude is left
+    there. ``rate``: samples per second in [Hz], above twice the cutoff. Returns shape ``(n,)``.
     """
     sections = butter(ORDER, cutoff, fs=rate, output="sos")
     padding = min(len(values) - 1, int(3.0 * rate / cutoff))
@@ -25,30 +25,30 @@ def zero_phase(values: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
 
 
 def moving_average(values: np.ndarray, window: int) -> np.ndarray:
-    """Mean of the last ``window`` samples, equation (2.9); of those there are at the beginning.
+    """Compute the mean of the last ``window`` samples, equation (2.9); of fewer samples at the beginning.
 
-    It is late by (window - 1)/2 samples.
+    The mean is late by (window - 1)/2 samples.
     """
     return pd.Series(values).rolling(window, min_periods=1).mean().to_numpy()
 
 
-_IMPACT = 25.0  # [rad] / [s²] beyond which the link has hit a stop
-_MARGIN = 0.01  # [rad] before the place of a stop that count as at the stop
-_APPROACH = 10  # samples over which the direction of an impact is taken
-_LONGEST = 200  # samples of an approach, of which the fastest is the first
-_FEWEST = 10  # samples before the approach that a comparison needs
-_FASTER = 1.25  # speeds up to so many times the present one are compared
-_SLOW = 0.02  # [rad] / [s] up to which all speeds are alike
+_IMPACT = 25.0  # [rad] / [s²], acceleration beyond which the link has hit a stop
+_MARGIN = 0.01  # [rad], distance before a stop within which samples count as at the stop
+_APPROACH = 10  # samples from which the direction of an impact is determined
+_LONGEST = 200  # largest number of samples of an approach, whose first sample is the fastest
+_FEWEST = 10  # least number of samples before the approach for a comparison
+_FASTER = 1.25  # ratio to the present speed up to which speeds are compared
+_SLOW = 0.02  # [rad] / [s], speed up to which all speeds are considered equal
 _USUAL = 0.95  # share of the torques before that are usual
-_LEAST = 0.5  # [N m] beyond the usual that a spring must add
-_OF_INERTIA = 0.5  # and the share of the torque of inertia, of which parameters are wrong by less
+_LEAST = 0.5  # [N m], least torque of a spring beyond the usual torque
+_OF_INERTIA = 0.5  # least torque of a spring as a share of the torque of inertia, whose error is smaller
 
 
 def hard_stop(angle: np.ndarray, acceleration: np.ndarray, reach: int) -> np.ndarray:
-    """Mask of samples around an impact, and wherever the joint is as far as it was then, shape ``(n,)``.
+    """Mark samples around an impact, and those with the joint as far as at the impact; mask ``(n,)``.
 
-    ``angle``: in [rad], shape ``(n,)``. ``acceleration``: its size in [rad] / [s²], shape ``(n,)``.
-    ``reach``: samples before and after an impact that the filter spreads it over.
+    ``angle`` in [rad], shape ``(n,)``. ``acceleration``: its magnitude in [rad] / [s²], shape ``(n,)``.
+    ``reach``: samples before and after an impact over which the filter spreads it.
     """
     hit = acceleration > _IMPACT
     around = widened(hit, max(reach, _APPROACH))
@@ -62,10 +62,10 @@ def hard_stop(angle: np.ndarray, acceleration: np.ndarray, reach: int) -> np.nda
 def soft_stop(
     angle: np.ndarray, velocity: np.ndarray, torque: np.ndarray, inertial: np.ndarray
 ) -> np.ndarray:
-    """Mask of samples at which a spring brakes the joint at an end of its range, shape ``(n,)``.
+    """Mark samples at which a spring brakes the joint at an end of its range; mask ``(n,)``.
 
-    ``angle``: in [rad], shape ``(n,)``. ``velocity``: in [rad] / [s]. ``torque``: balance of torques without
-    the stop in [N m]. ``inertial``: what inertia takes of it in [N m].
+    ``angle`` in [rad], shape ``(n,)``. ``velocity`` in [rad] / [s]. ``torque``: balance of torques without
+    the stop in [N m]. ``inertial``: torque of inertia in this balance in [N m].
     """
     stopped = np.zeros(len(angle), dtype=bool)
     for direction in (1.0, -1.0):
@@ -77,15 +77,15 @@ def soft_stop(
 
 
 def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial: np.ndarray) -> int | None:
-    """Sample at which a spring is touched on the way to the farthest place; None if there is none."""
+    """Find the sample at which a spring is touched on the way to the farthest place; None without one."""
     end = int(np.argmax(place))
     start = max(end - _LONGEST, 0)
     peak = start + int(np.argmax(speed[start : end + 1]))
     before = np.flatnonzero(speed[:peak] > 0.0)
     if end - peak < 2 or len(before) < _FEWEST:
         return None
-    for sample in reversed(range(peak, end)):  # the last one that nothing brakes is soon found
-        # What 95 % of the torques before were below, at such speeds if there were enough of them.
+    for sample in reversed(range(peak, end)):  # the last sample without braking is found after a few steps
+        # The usual torque is the 95 % quantile of the torques before, at similar speeds if there are enough.
         alike = before[speed[before] < _FASTER * max(speed[sample], _SLOW)]
         usual = np.quantile(torque[alike if len(alike) >= _FEWEST else before], _USUAL)
         excess = float(torque[sample] - usual)
@@ -95,5 +95,5 @@ def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial:
 
 
 def widened(mask: np.ndarray, by: int) -> np.ndarray:
-    """Mask that also covers so many samples before and after."""
+    """Extend a mask by a number of samples before and after."""
     return np.asarray(binary_dilation(mask, iterations=by))

@@ -1,9 +1,9 @@
-"""How well a fitted law describes its samples, predicts tests that it was not fitted to, and is determined.
+"""Goodness of a fitted law, its prediction of tests to which it was not fitted, and its uncertainty.
 
 Intervals come from a bootstrap over whole tests: residuals of one test share its errors (weight, temperature,
-offset, the filter), so that samples are far from independent; tests are. Each draw takes as many tests as
+offset, the filter), so that samples are far from independent, but tests are. Each draw takes as many tests as
 there are, with replacement, and moves the fit by one Gauss-Newton step with the normal equations of the tests
-drawn. This costs no fit per draw and agrees with full fits as far as the law is linear over the interval.
+drawn. This needs no fit per draw and agrees with full fits as far as the law is linear over the interval.
 """
 
 import math
@@ -23,19 +23,23 @@ from twin_gait.identification.models import FrictionTest, Samples
 class Goodness:
     """Goodness of fit."""
 
-    samples: int  # n
-    parameter_count: int  # p
+    samples: int  # number of samples n
+    parameter_count: int  # number of parameters p
     sse: float  # sum of squared residuals in [N² m²]
     r_squared: float  # 1 - SSE/SST about the mean; negative if the mean alone is better
     adjusted_r_squared: float  # the same per degree of freedom
     rmse: float  # sqrt(SSE/n) in [N m]
-    residual_standard_error: float  # sqrt(SSE/(n - p)) in [N m]: what MATLAB's fits call RMSE
+    residual_standard_error: float  # sqrt(SSE/(n - p)) in [N m], called RMSE in MATLAB's fits
     aic: float  # Akaike's criterion of normal residuals, up to a constant of the samples
-    bic: float  # the Bayesian one. Both count every sample as independent, which samples of a filter are not
+    # Bayesian criterion. Both criteria treat the samples as independent, which filtered samples are not.
+    bic: float
 
 
 def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Goodness:
-    """Goodness of a fit with so many parameters, of torques and residuals in [N m], shape ``(n,)``."""
+    """Compute the goodness of a fit from measured torques and residuals in [N m], shape ``(n,)``.
+
+    ``parameters``: number of parameters of the fit.
+    """
     n, freedom = len(measured), max(len(measured) - parameters, 1)
     sse = float(residuals @ residuals)
     sst = float(np.sum((measured - measured.mean()) ** 2))
@@ -55,20 +59,20 @@ def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Go
 
 
 MOST_FOLDS = 12
-_PIECES = 5  # that a single test is cut into
+_PIECES = 5  # number of pieces into which a single test is cut
 
 
 @dataclass(frozen=True, kw_only=True)
 class CrossValidation:
-    """Error on what was left out."""
+    """Error on the samples that were left out."""
 
     left_out: str  # ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file
-    folds: int  # how often
-    rmse: float  # over all samples, each predicted by the fit that did not see it, in [N m]
+    folds: int  # number of folds
+    rmse: float  # error over all samples, each predicted by the fit without it, in [N m]
 
 
 def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> dict[str, np.ndarray]:
-    """The ways to leave something out of these tests: by what (see CrossValidation), fold of each sample."""
+    """Return the possible divisions into folds: the fold of each sample by the kind of CrossValidation."""
     kind, fold = "file" if len(tests) <= MOST_FOLDS else "files", samples.test % MOST_FOLDS
     if len(tests) == 1:
         kind, fold = "piece", np.arange(len(samples)) * _PIECES // max(len(samples), 1)
@@ -81,10 +85,10 @@ def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> dict[str, np.nd
 
 
 def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> CrossValidation:
-    """Fit without each fold and predict it; ``folds``: that of each sample, shape ``(n,)``.
+    """Fit without each fold and predict it; ``folds``: fold of each sample, shape ``(n,)``.
 
-    Each fit starts from that of all samples. A dynamic model runs through whole tests, of which the samples
-    left out do not count in the fit.
+    Each fit starts from that of all samples. A dynamic model is simulated over whole tests, in which the
+    samples left out do not count in the fit.
     """
     if not fit.model.dynamic:
         samples, folds = samples.used_only(), folds[samples.used]
@@ -100,36 +104,36 @@ def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> Cr
 
 
 def _without(samples: Samples, out: np.ndarray) -> Samples:
-    """The same samples, of which some do not count; tests of which none counts are left out."""
+    """Return the same samples, of which some do not count; tests without any that count are removed."""
     used = samples.used & ~out
     return replace(samples, used=used).rows(np.isin(samples.test, np.unique(samples.test[used])))
 
 
 DRAWS = 1000
 LEVEL = 0.95
-FEWEST_TESTS = 6  # below this many, tests are cut into blocks
-BLOCKS = 24  # that few tests are cut into
+FEWEST_TESTS = 6  # number of tests below which they are cut into blocks
+BLOCKS = 24  # number of blocks into which few tests are cut
 _FURTHEST = 30.0
 _FAR, _MOST_FAR = 10.0, 0.1  # robust standard deviations; share of the draws that may lie beyond
-_RANK = 1e-11  # relative singular value below which parameters cannot be told apart
+_RANK = 1e-11  # relative singular value below which parameters cannot be distinguished
 
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """What is known about the parameters of a fit."""
+    """Uncertainty of the parameters of a fit."""
 
-    # lower and upper end by parameter, 95 %; infinite where the samples do not determine it
+    # Lower and upper end of the 95 % interval by parameter; infinite where the samples do not determine it.
     intervals: Mapping[str, tuple[float, float]]
-    correlations: np.ndarray  # between the parameters, shape ``(p, p)``; NaN where one is not determined
-    # of ordinary theory, all samples independent: for comparison with other programs
+    correlations: np.ndarray  # correlations of the parameters, ``(p, p)``; NaN where one is not determined
+    # Standard errors by ordinary theory with independent samples, for comparison with other programs.
     standard_errors: Mapping[str, float]
-    blocks: int  # how many tests, or stretches of few of them, were drawn from
+    blocks: int  # number of tests, or of blocks of few tests, from which the draws are made
 
 
 def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
-    """Estimate intervals of the parameters of a fit from its samples, by draws of a seed."""
+    """Estimate intervals of the parameters of a fit from its samples, by bootstrap draws with a seed."""
     model = fit.model
-    rows = fitting.rows_of(model, samples)  # more than were fitted would promise too much
+    rows = fitting.rows_of(model, samples)  # more samples than were fitted would give too short intervals
     values, matrix = fit.residuals(rows), model.jacobian(fit.x, rows)
     free = np.setdiff1d(np.arange(model.size), fit.at_bound)
     scale = np.sqrt((matrix[:, free] ** 2).sum(axis=0))
@@ -148,7 +152,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     draws = np.tile(fit.x, (len(steps), 1))
     draws[:, free] += steps
     count = len(model.coefficients)
-    # A shape that the samples hardly determine would overflow; e^±30 of its value says as much.
+    # A shape that the samples hardly determine would overflow; a factor of e^±30 is wide enough.
     draws[:, count:] = np.clip(draws[:, count:], fit.x[count:] - _FURTHEST, fit.x[count:] + _FURTHEST)
     errors, reported = _standard_errors(fit, unit, scale, free, values), _public(fit, draws)
     with np.errstate(divide="ignore", invalid="ignore"):  # NaN for one that does not vary
@@ -157,7 +161,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
 
 
 def blocks_of(test: np.ndarray) -> np.ndarray:
-    """Return the number of the block of each sample: its test, or a stretch of it if tests are few."""
+    """Return the number of the block of each sample: its test, or a part of it if there are few tests."""
     _, index, lengths = np.unique(test, return_inverse=True, return_counts=True)
     pieces = 1 if len(lengths) >= FEWEST_TESTS else -(-BLOCKS // len(lengths))
     place = np.arange(len(index)) - (np.cumsum(lengths) - lengths)[index]
@@ -167,7 +171,7 @@ def blocks_of(test: np.ndarray) -> np.ndarray:
 def _draws(
     unit: np.ndarray, values: np.ndarray, weights: np.ndarray, block: np.ndarray, number: int, seed: int
 ) -> np.ndarray:
-    """Steps of the parameters, one row a draw, in units of the columns."""
+    """Draw steps of the parameters, one row a draw, in units of the columns."""
     size = unit.shape[1]
     normal, gradient = np.zeros((number, size, size)), np.zeros((number, size))
     weighted = unit * weights[:, None]
@@ -179,14 +183,14 @@ def _draws(
     generator = np.random.default_rng(seed)
     times = generator.multinomial(number, np.full(number, 1.0 / number), size=DRAWS).astype(float)
     left, right = np.einsum("db,bij->dij", times, normal), times @ gradient
-    # A draw that misses the tests which tell two parameters apart moves along what it does determine.
+    # A draw without the tests that distinguish two parameters moves in the directions that it determines.
     return np.asarray((np.linalg.pinv(left, rcond=1e-9, hermitian=True) @ right[:, :, None])[:, :, 0])
 
 
 def _telling(steps: np.ndarray) -> np.ndarray:
-    """Which draws say something: a few may miss all samples that determine a parameter, and step anywhere.
+    """Select the draws that are informative: a few may miss all samples that determine a parameter.
 
-    If many do, the parameter is not determined, and they all count.
+    Such draws step anywhere. If there are many, the parameter is not determined, and all draws count.
     """
     spread = median_abs_deviation(steps, scale="normal")
     far = (np.abs(steps - np.median(steps, axis=0)) > _FAR * spread).any(axis=1)
@@ -194,9 +198,9 @@ def _telling(steps: np.ndarray) -> np.ndarray:
 
 
 def _without_leverage(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Gradient that each block would have about the fit of the others (the jackknife's correction).
+    """Compute the gradient of each block about the fit of the others (the jackknife's correction).
 
-    A block that moves the fit has made its own residuals small: without it intervals come out too short.
+    A block that moves the fit has reduced its own residuals; without the correction intervals are too short.
     """
     total = normal.sum(axis=0)
     others = np.linalg.pinv(total - normal, rcond=1e-9, hermitian=True)
@@ -205,13 +209,13 @@ def _without_leverage(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
 
 
 def _public(fit: Fit, draws: np.ndarray) -> np.ndarray:
-    """Reported parameters of each draw, shape ``(n_names, n_draws)``."""
+    """Compute the reported parameters of each draw, shape ``(n_names, n_draws)``."""
     beta, eta = fit.model.split(draws.T)
     return np.array([np.broadcast_to(row, len(draws)) for row in fit.model.public(beta, eta)])
 
 
 def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[float, float]]:
-    """Student's intervals with the bootstrap's standard error; of the logarithm for a shape parameter.
+    """Compute Student's intervals with the bootstrap's standard error; logarithmic for a shape parameter.
 
     With few tests the bootstrap's spread is too small by sqrt((n-1)/n) and its tails too short.
     """
@@ -230,7 +234,10 @@ def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[f
 def _standard_errors(
     fit: Fit, unit: np.ndarray, scale: np.ndarray, free: np.ndarray, values: np.ndarray
 ) -> dict[str, float]:
-    """Of ordinary least squares: sqrt of the diagonal of s² (JᵀJ)⁻¹, carried over to what is reported."""
+    """Compute the standard errors of ordinary least squares, propagated to the reported parameters.
+
+    Those of x are the square roots of the diagonal of s² (JᵀJ)⁻¹.
+    """
     freedom = max(len(values) - len(free), 1)
     covariance = np.linalg.inv(unit.T @ unit) / np.outer(scale, scale) * float(values @ values) / freedom
     names = fit.model.names
@@ -241,12 +248,12 @@ def _standard_errors(
     return {name: math.sqrt(max(float(item), 0.0)) for name, item in zip(names, variance, strict=True)}
 
 
-_WIDE = 0.25  # half-width of an interval over the parameter
+_WIDE = 0.25  # half-width of an interval, relative to the parameter, beyond which a warning is given
 _CORRELATED = 0.98
 
 
 def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
-    """What is doubtful about a fit."""
+    """Return warnings about a fit."""
     names, correlations, found = fit.model.names, uncertainty.correlations, []
     for name, value in fit.model.parameters(fit.x).items():
         low, high = uncertainty.intervals[name]

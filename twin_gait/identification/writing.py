@@ -1,4 +1,4 @@
-"""What an identification leaves behind: the document, parameter files and figures in a folder."""
+"""Output of an identification in a folder: the document, parameter files and figures."""
 
 import contextlib
 import math
@@ -30,7 +30,7 @@ DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
 PRESET = "bench_leg"
-# Models that a simulation takes, with the law whose keys are their parameters.
+# Models that a simulation accepts, with the law whose keys are their parameters.
 PARAMETER_FILES: Mapping[str, Mapping[str, type[parameters.FrictionLaw]]] = {
     PLANT_FILE: {
         "rotational": parameters.FrictionParameters,
@@ -52,7 +52,11 @@ def write_identification(
     force: bool = False,
     pictures: bool = True,
 ) -> dict[str, Any]:
-    """Write everything into a folder that appears when all is written."""
+    """Write document, parameter files and figures into a folder, which appears when all are complete.
+
+    ``joint``: joint of the parameter files, or None for no such files; ``force``: replace an existing folder.
+    Returns the document.
+    """
     files = {} if joint is None else _parameter_files(result, joint)
     document: dict[str, Any] = plain(_identification_document(result, joint))
     document["parameter_files"] = {file: model for file, (model, _) in files.items()}
@@ -67,7 +71,7 @@ def write_identification(
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
-    """The result as plain numbers, SI units in the keys."""
+    """Convert the result to plain numbers, with SI units in the keys."""
     options, best = result.options, result.models[0]
     order = f"rmse with {best.validations[0].left_out} left out" if math.isfinite(best.rank[0]) else "BIC"
     bench = options.bench if any(test.from_bench for test in result.tests) else None
@@ -102,23 +106,23 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
 
 
 def _parameter_files(result: Identification, joint: JointName) -> dict[str, tuple[str, str]]:
-    """Model and text of each parameter file: the best that its reader knows and that takes no power back.
+    """Return model and text of each parameter file: the best supported model that dissipates energy.
 
-    The plant takes static laws and bristles, the compensator the firmware's law alone.
+    The plant supports static laws and bristles, the compensator only the firmware's law.
     """
     found: dict[str, tuple[str, str]] = {}
     for item in result.models:
         for file, entries in PARAMETER_FILES.items():
             if file not in found and item.name in entries:
                 values = item.fit.model.parameters(item.fit.x)
-                with contextlib.suppress(ValueError):  # pydantic's, of a law that would drive the joint
+                with contextlib.suppress(ValueError):  # pydantic's error for a law that would drive the joint
                     law = law_of(entries[item.name], values)
                     found[file] = (item.name, _parameter_file(file, law, item.name, joint))
     return found
 
 
 def law_of(kind: type[parameters.FrictionLaw], values: dict[str, float]) -> parameters.FrictionLaw:
-    """A law with the parameters of a model, whose linear viscous friction is that of both directions."""
+    """Create a law from the parameters of a model; linear viscous friction is the same in both directions."""
     if issubclass(kind, parameters.StribeckFriction) and "viscous_friction_Nms_per_rad" in values:
         linear = values.pop("viscous_friction_Nms_per_rad")
         values |= {"viscous_friction_forward_Nm": linear, "viscous_friction_backward_Nm": linear}
@@ -127,9 +131,9 @@ def law_of(kind: type[parameters.FrictionLaw], values: dict[str, float]) -> para
 
 
 def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: JointName) -> str:
-    """An experiment with the law in the plant or in the compensator.
+    """Write an experiment with the law in the plant or in the compensator.
 
-    The other joint keeps that of the preset. A plant that was measured has a friction ratio of 1.
+    The other joint keeps the law of the preset. A plant that was measured has a friction ratio of 1.
     """
     laws = {str(joint): section_of(type(law)).document(law)}
     section = {"plant": {"friction": laws, "friction_ratio": {str(joint): 1.0}}}
@@ -141,13 +145,13 @@ def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: J
 
 
 _SHOWN_SAMPLES = 15_000
-_COLOURS = (VERMILLION, BLUE, BLUISH_GREEN, ORANGE)  # of the best models
+_COLOURS = (VERMILLION, BLUE, BLUISH_GREEN, ORANGE)  # colours of the best models
 _BINS = 30
-_PANELS = {"all speeds": 1.0, "slow": 0.25}  # share of the largest speed that each shows
+_PANELS = {"all speeds": 1.0, "slow": 0.25}  # share of the largest speed that each panel shows
 
 
 def draw_fits(result: Identification) -> Figure:
-    """Draw the torque that was measured and what the best models make of it, over the speed."""
+    """Draw the measured torque and the predictions of the best models, over the speed."""
     samples, best = result.samples.used_only(), result.models[0]
     shown = _shown(samples)
     velocity, low, high = samples.velocity[shown], samples.velocity.min(), samples.velocity.max()
@@ -168,7 +172,7 @@ def draw_fits(result: Identification) -> Figure:
 
 
 def _shown(samples: Samples) -> slice:
-    """Every so many samples, as many as a figure shows."""
+    """Return the slice of evenly spaced samples that a figure shows."""
     return slice(None, None, -(-len(samples) // _SHOWN_SAMPLES))
 
 

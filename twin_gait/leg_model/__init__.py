@@ -1,4 +1,4 @@
-"""Rigid bodies: the URDF, the wearer's segments, and the one room that knows Pinocchio."""
+"""Rigid-body model of the legs: URDF, segments of the wearer, and the interface to Pinocchio."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
+"""Assembly of a rigid-body model from a URDF: choose the legs, fit the device, add the wearer."""
 
 import copy
 import math
@@ -20,12 +20,12 @@ from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
-# Robots' joints turn by up to ten, or have thousands where they have no stops; between two turns in [rad] and
-# in degrees, degrees were taken for radians.
+# Joints of robots turn by up to ten radians, or by thousands where they have no stops. A limit between two
+# turns in [rad] and two turns in degrees means that degrees were taken for radians.
 LARGEST_LIMIT = 4.0 * math.pi  # [rad]
 
 
-# Arguments of :class:`Assembly`, with the text of the file so that an edited file is read again.
+# Arguments of :class:`Assembly`, with the text of the file, so that an edited file is read again.
 Source = tuple[Path, str, tuple[tuple[Side, LegJoints], ...], PelvisGuide, str]
 
 
@@ -38,7 +38,7 @@ def new_assembly(
 ) -> "Assembly":
     """Return a new copy of the device of a URDF, fitted to some sizes unless they are None.
 
-    Other arguments and errors as of :class:`Assembly`.
+    The other arguments and the errors are those of :class:`Assembly`.
     """
     source = path, urdf_text(path), tuple(legs.items()), pelvis, up_axis
     device = _device(source) if sizes is None else _fitted(source, sizes)
@@ -61,18 +61,18 @@ def _fitted(source: Source, sizes: wearer.DeviceSizes) -> "Assembly":
 
 
 class Assembly:
-    """A rigid-body model in the making.
+    """Rigid-body model under construction.
 
     Attributes:
-        model: The Pinocchio model as it is so far.
+        model: The Pinocchio model in its current state.
         legs: Joint names of each leg in the URDF, without signs.
         warnings: Warnings about the file, which are issued for each copy.
     """
 
     def __init__(self, path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> None:
-        """Read a URDF and lock the joints that are not asked for.
+        """Read a URDF and lock the joints that do not belong to ``legs``.
 
-        ``legs``: joint names of each leg; a minus in front turns a joint round. ``pelvis``: how it is held.
+        ``legs``: joint names of each leg; a minus in front reverses a joint. ``pelvis``: guide of the pelvis.
         ``up_axis``: ``"z"`` or ``"y"``. Raises ModelError if the URDF cannot be read or lacks a joint or
         frame.
         """
@@ -99,7 +99,7 @@ class Assembly:
         return found
 
     def fit(self, sizes: wearer.DeviceSizes) -> None:
-        """Set femur, tibia, waist and foot: places of joints and soles, and the device's own inertia.
+        """Set femur, tibia, waist and foot: positions of joints and soles, and the device's own inertia.
 
         The mass of a link stays; its centre of mass along the tube moves with the length and its
         transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
@@ -125,7 +125,7 @@ class Assembly:
     def put_on(self, patient: Patient, *, alone: bool = False) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
-        ``alone``: leave the joints where they are and the links of the device without mass.
+        ``alone``: keep the joints in place, but remove the mass of the links of the device.
         """
         for joint in range(self.model.njoints) if alone else ():
             self.model.inertias[joint] = pin.Inertia.Zero()
@@ -144,9 +144,9 @@ class Assembly:
             self._append_trunk(patient)
 
     def load(self, gravity: float, armature: Mapping[JointName, float]) -> None:
-        """Let gravity in [m] / [s²] pull down, and rotors and gears turn with the joints.
+        """Set gravity in [m] / [s²], downwards, and the inertia of rotors and gears.
 
-        ``armature``: their inertia per joint name in [kg m²]; 0 if absent.
+        ``armature``: inertia per joint name in [kg m²]; 0 if absent.
         """
         values = np.zeros(self.model.nv)
         for leg in self.legs.values():
@@ -161,7 +161,7 @@ class Assembly:
         return build_model(self._path, [(joints[name], name) for name in GUIDES[self._pelvis]], turned)
 
     def _check_names(self, model: pin.Model) -> None:
-        """Every part is there, has one place, and hangs on the one before it in its leg."""
+        """Check that every part exists, is used once, and is connected to the previous one of its leg."""
         known = {
             "joint": [name for name in model.names if name not in ("universe", *GUIDES[self._pelvis])],
             "frame": sorted(frame.name for frame in model.frames),
@@ -196,7 +196,7 @@ class Assembly:
         return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
 
     def _check_joint(self, name: str, *, first: bool) -> None:
-        """One angle about an axis, away from the joint above it if it is not the first, limits in radians."""
+        """Check that a joint is revolute, apart from the joint above it (if any), and limited in radians."""
         joint = self.model.joints[self._id(name)]
         kind = joint.shortname().removeprefix("JointModel")
         limits = self.model.lowerPositionLimit, self.model.upperPositionLimit

@@ -1,4 +1,4 @@
-"""A rigid-body model as plain numbers, for engines that do not know Pinocchio."""
+"""A rigid-body model as plain numbers, for backends that do not use Pinocchio."""
 
 from collections.abc import Sequence
 from itertools import islice
@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 
-# Below this an exported number is rounding of a zero; a model has grams and millimetres, not less.
+# An exported number below this is a rounded zero; a model has grams and millimetres, not less.
 _ROUNDING = 1e-13
 _IDENTITY = np.eye(3)
 _ROWS = 9  # number of rows of three numbers that describe a body
@@ -20,14 +20,14 @@ class BodyArrays(NamedTuple):
 
     parent: int  # index of the parent body, -1 for the world
     prismatic: bool  # whether the joint slides instead of turning
-    axis: Any  # of the joint, in its own frame, shape ``(3,)``
-    rotation: Any  # of the joint frame in the parent frame at zero, shape ``(3, 3)``
-    position: Any  # of the joint frame in the parent frame in [m], shape ``(3,)``
-    mass: Any  # in [kg]
+    axis: Any  # axis of the joint in its own frame, shape ``(3,)``
+    rotation: Any  # rotation of the joint frame in the parent frame at zero, shape ``(3, 3)``
+    position: Any  # position of the joint frame in the parent frame in [m], shape ``(3,)``
+    mass: Any  # mass in [kg]
     first_moment: Any  # mass times centre of mass in the joint frame in [kg m], shape ``(3,)``
-    inertia: Any  # about the joint frame's origin in [kg m²], shape ``(3, 3)``
+    inertia: Any  # inertia about the joint frame's origin in [kg m²], shape ``(3, 3)``
     armature: Any  # inertia of the rotor at the joint
-    name: str = ""  # Name of the joint, from which a kernel names its results.
+    name: str = ""  # name of the joint, from which a kernel names its results
 
 
 class ContactPoint(NamedTuple):
@@ -40,7 +40,7 @@ class ContactPoint(NamedTuple):
 def export_bodies(model: pin.Model) -> list[BodyArrays]:
     """Export a Pinocchio model of joints with one degree of freedom.
 
-    A continuous joint counts with its angle, where Pinocchio has cosine and sine.
+    A continuous joint is exported with its angle, although Pinocchio represents it by cosine and sine.
 
     Returns bodies in the order of the joints, so that ``q[i]`` moves body ``i``. Raises ModelError if a joint
     has more than one degree of freedom or is a helical or mimic joint.
@@ -56,7 +56,7 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
         rows += [axis, *placement.rotation, placement.translation, mass * lever, *about_origin]
         armature = float(model.armature[joint.idx_v])
         rest.append((int(model.parents[index]) - 1, prismatic, mass, armature, str(model.names[index])))
-    plain = iter(_plain(rows))  # in one call, which takes most of the time
+    plain = iter(_plain(rows))  # one call for all rows, because it takes most of the time
     bodies = []
     for parent, prismatic, mass, armature, name in rest:
         axis, *rotation, position, first_moment, x, y, z = islice(plain, _ROWS)
@@ -70,7 +70,7 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
 
 
 def _axis(joint: pin.JointModel, name: str) -> tuple[bool, list[float]]:
-    """Whether a joint slides, and its axis."""
+    """Return whether a joint slides, and its axis."""
     motion = np.asarray(joint.createData().S).ravel() if joint.nv == 1 else np.zeros(6)
     along, about = motion[:3].tolist(), motion[3:].tolist()
     if any(along) == any(about):
@@ -80,7 +80,7 @@ def _axis(joint: pin.JointModel, name: str) -> tuple[bool, list[float]]:
 
 
 def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint]:
-    """Where named frames sit on their bodies."""
+    """Return the positions of named frames on their bodies."""
     points = []
     for name in frames:
         frame = model.frames[model.getFrameId(name)]
@@ -89,5 +89,6 @@ def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint
 
 
 def _plain(values: Any) -> list[Any]:
+    """Convert arrays to lists of numbers, with rounded zeros as zeros."""
     plain: list[Any] = np.where(np.abs(values) < _ROUNDING, 0.0, values).tolist()
     return plain

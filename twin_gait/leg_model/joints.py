@@ -1,4 +1,4 @@
-"""How the joints of a leg are called in a URDF, which way they turn, and how the pelvis is held."""
+"""Names of the joints of a leg in a URDF, their positive directions, and the guides of the pelvis."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import pinocchio as pin
 from twin_gait.parameters.quantities import Parameters
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
-# Joints of the pelvis in the model.
-PELVIS_JOINT = "pelvis_vertical"  # up
-FORWARD_JOINT = "pelvis_forward"  # forwards
-PITCH_JOINT = "pelvis_pitch"  # of the trunk
+# Names of the pelvis joints in the model.
+PELVIS_JOINT = "pelvis_vertical"  # translation upwards
+FORWARD_JOINT = "pelvis_forward"  # translation forwards
+PITCH_JOINT = "pelvis_pitch"  # rotation of the trunk
 ALL_GUIDES = FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
-# Joints between world and pelvis, from the world on; the pitch is positive as the trunk leans forward.
+# Joints between world and pelvis, starting at the world; the pitch is positive if the trunk leans forward.
 GUIDES = {
     PelvisGuide.FIXED: (),
     PelvisGuide.VERTICAL: (PELVIS_JOINT,),
@@ -29,14 +29,14 @@ GUIDES = {
 }
 
 FORWARD = np.array([1.0, 0.0, 0.0])
-# About the axis to the left, by the right-hand rule: hip flexion takes the thigh from down to forward, knee
-# flexion the shank from down to backward, dorsiflexion the toes from forward to up.
+# Rotations about the axis to the left, by the right-hand rule: hip flexion takes the thigh from down to
+# forward, knee flexion the shank from down to backward, dorsiflexion the toes from forward to up.
 _FLEXION = {JointName.HIP: -1.0, JointName.KNEE: 1.0, JointName.ANKLE: -1.0}
-_SIDEWAYS = 0.5  # an axis more than 60° off the line from left to right tells no sign
+_SIDEWAYS = 0.5  # an axis more than 60° off the line from left to right gives no sign
 
 
 class Bodies(StrEnum):
-    """Whose bodies a model has."""
+    """Selection of the bodies that a model contains."""
 
     BOTH = "both"
     DEVICE = "device"
@@ -47,14 +47,14 @@ class Bodies(StrEnum):
 class LegJoints(Parameters):
     """Names of the joints and contact frames of one leg in the URDF.
 
-    A minus in front of a joint's name, as in ``-KneeFE``, counts its angle the other way; a plus says that
-    the URDF's way is meant. Without a sign the direction of the axis decides.
+    A minus in front of a joint's name, as in ``-KneeFE``, reverses the sign of its angle; a plus confirms the
+    direction of the URDF. Without a sign the direction of the axis decides.
 
     Attributes:
         hip: Name of the hip flexion joint.
         knee: Name of the knee joint.
         ankle: Name of the ankle joint, or None.
-        contact_frames: Names of the frames that touch the ground (heel, toe), maybe none.
+        contact_frames: Names of the frames that touch the ground (heel, toe), if any.
     """
 
     hip: str
@@ -79,7 +79,7 @@ class LegJoints(Parameters):
 
 
 class ReversedJointWarning(UserWarning):
-    """A joint of a URDF turns the other way than this package counts."""
+    """Warning that a joint of a URDF turns opposite to the convention of this package."""
 
 
 def reversed_joints(
@@ -87,11 +87,11 @@ def reversed_joints(
 ) -> tuple[frozenset[str], list[Warning]]:
     """Find the joints whose angle has to change its sign, so that flexion and dorsiflexion are positive.
 
-    A minus in front of a name says that it has to, a plus that it has not. Without a sign the joint's axis at
-    zero posture decides, and a warning, which is returned too, says so, or that it cannot.
+    A minus in front of a name reverses the joint, a plus keeps it. Without a sign the joint's axis at zero
+    posture decides, and a warning reports the decision, or that none is possible.
 
-    ``path``: of the URDF, for messages. ``model``: as the URDF has it, x forward. ``up``: unit vector that
-    points up, shape ``(3,)``.
+    ``path``: path of the URDF, for messages. ``model``: the model as in the URDF, x forward. ``up``: unit
+    vector that points up, shape ``(3,)``. Returns the names of the joints to reverse, and the warnings.
     """
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))

@@ -1,8 +1,8 @@
-"""What the rigid bodies of legs, device and wearer are asked: torques, inertias, energies, places.
+"""Rigid-body dynamics of legs, device and wearer: torques, inertias, energies, positions.
 
 Conventions: joint angles in [rad] with hip flexion, knee flexion and ankle dorsiflexion positive (joints
-that a user's URDF counts the other way are turned round, see :mod:`twin_gait.leg_model.joints`); all joints
-have one degree of freedom, so ``q`` and ``v`` and all that is returned have shape ``(nv,)`` unless said;
+that a user's URDF counts the other way are reversed, see :mod:`twin_gait.leg_model.joints`); all joints
+have one degree of freedom, so ``q``, ``v`` and all results have shape ``(nv,)`` unless stated otherwise;
 torques act on the joints.
 """
 
@@ -32,12 +32,13 @@ class LegModel:
         nv: Number of coordinates (and velocities).
         sides: Legs of the model, in the order of the log.
         sizes: Device sizes after fitting to the wearer, or None if the URDF was left as it is.
-        urdf_path: The file.
+        urdf_path: Path of the URDF.
         patient: The wearer, or None.
         total_mass: Mass of all links, wearer included, in [kg].
         pelvis_index: Position of the vertical pelvis coordinate, or None if the pelvis is fixed.
-        forward_index: Of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards.
-        pitch_index: Of the pitch of pelvis and trunk, forwards positive, or None if the pelvis is guided.
+        forward_index: Position of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards.
+        pitch_index: Position of the pitch of pelvis and trunk, forwards positive, or None if the pelvis is
+            guided.
         trunk_joint: Name of the joint that carries pelvis and trunk, or None if the pelvis is fixed.
     """
 
@@ -58,16 +59,16 @@ class LegModel:
 
         Args:
             urdf: Path of a URDF, or the name of a packaged one.
-            legs: Joint names of each leg, one with a minus in front turned round; every other joint of the
-                URDF is locked at zero.
+            legs: Joint names of each leg, with a minus in front of a joint that is reversed; every other
+                joint of the URDF is locked at zero.
             patient: Wearer whose segments are added to the links; None adds nothing.
             fit_device: Whether to set femur, tibia, waist and foot to the wearer's size.
-            pelvis: How it is held.
+            pelvis: Guide of the pelvis.
             armature: Rotor and gear inertia at the joint per joint name in [kg m²]; 0 if absent.
             gravity: Magnitude in [m] / [s²].
-            up_axis: ``"z"`` or ``"y"``: the vertical of the URDF.
-            bodies: Those of device and wearer, or of one of them alone on the same joints, which are those
-                of the device fitted to the wearer; the wearer alone has no rotors.
+            up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
+            bodies: Whether the model contains device and wearer or only one of them. In each case its joints
+                are those of the device fitted to the wearer; a model of the wearer alone has no rotors.
 
         Raises:
             ModelError: If the URDF cannot be read or lacks a joint or frame.
@@ -103,17 +104,21 @@ class LegModel:
         }
 
     def _place_of(self, name: str) -> int:
+        """Return the position of a joint in ``q`` by its name in the URDF."""
         return int(self.model.joints[self.model.getJointId(name)].idx_v)
 
     def index(self, side: Side, joint: JointName) -> int:
-        """Position of a joint in ``q``, ``v`` and ``tau``; a ModelError if the leg has no such joint."""
+        """Return the position of a joint in ``q``, ``v`` and ``tau``.
+
+        Raises ModelError if the leg has no such joint.
+        """
         place = self._places.get((side, joint))
         if place is None:
             raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}; legs: {', '.join(self.legs)}")
         return place
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
-        """Lower and upper limit of a joint from the URDF in [rad]."""
+        """Return the lower and upper limit of a joint from the URDF in [rad]."""
         index = self.index(side, joint)
         return float(self.model.lowerPositionLimit[index]), float(self.model.upperPositionLimit[index])
 
@@ -122,47 +127,47 @@ class LegModel:
         return float(self.model.effortLimit[self.index(side, joint)]) or math.inf
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
-        """Torques :math:`g(q)` that hold the posture against gravity, in [N m] ([N] at the pelvis)."""
+        """Compute the torques :math:`g(q)` that balance gravity, in [N m] ([N] at the pelvis)."""
         return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
-        """Joint-space inertia :math:`M(q)` with armature, in [kg m²], shape ``(nv, nv)``, symmetric."""
+        """Compute the inertia :math:`M(q)` with armature, in [kg m²], shape ``(nv, nv)``, symmetric."""
         return np.array(pin.crba(self.model, self.data, q))
 
     def inertia_torque(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        r"""Torques in [N m] that accelerate the joints: :math:`M(q)\,\ddot q`, armature included."""
+        r"""Compute the torques of inertia in [N m]: :math:`M(q)\,\ddot q`, armature included."""
         return np.asarray(self.mass_matrix(q) @ a)
 
     def effective_inertia(self, q: np.ndarray, index: int) -> float:
-        """Effective inertia :math:`M_{jj}` of one joint, all others held, in [kg m²]."""
+        """Compute the effective inertia :math:`M_{jj}` of one joint, all others held, in [kg m²]."""
         return float(self.mass_matrix(q)[index, index])
 
     def nonlinear_effects(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        r"""Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m]."""
+        r"""Compute Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m]."""
         return np.array(pin.nonLinearEffects(self.model, self.data, q, v))
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Torques in [N m] that give an acceleration, armature included (recursive Newton-Euler)."""
+        """Compute torques in [N m] for an acceleration, armature included (recursive Newton-Euler)."""
         return np.array(pin.rnea(self.model, self.data, q, v, a))
 
     def forward_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        """Joint accelerations in [rad] / [s²] under torques (articulated-body algorithm)."""
+        """Compute joint accelerations in [rad] / [s²] under torques (articulated-body algorithm)."""
         return np.asarray(pin.aba(self.model, self.data, q, v, tau))
 
     def kinetic_energy(self, q: np.ndarray, v: np.ndarray) -> float:
-        """Kinetic energy with that of the rotors, in [J]."""
+        """Compute the kinetic energy, rotors included, in [J]."""
         return float(0.5 * v @ self.mass_matrix(q) @ v)
 
     def potential_energy(self, q: np.ndarray) -> float:
-        """Potential energy in the field of gravity, in [J]."""
+        """Compute the potential energy in the field of gravity, in [J]."""
         return float(pin.computePotentialEnergy(self.model, self.data, q))
 
     def frame_position(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Return the position of a frame in the world in [m], shape ``(3,)``; ModelError without one."""
+        """Return the position of a frame in the world in [m], shape ``(3,)``; ModelError if it is missing."""
         return self.frame_positions(q, (frame,))[0]
 
     def frame_positions(self, q: np.ndarray, frames: Sequence[str]) -> list[np.ndarray]:
-        """Return the positions of some frames, each as :meth:`frame_position`."""
+        """Return the positions of several frames, each like :meth:`frame_position`."""
         pin.forwardKinematics(self.model, self.data, q)
         found = []
         for frame in frames:

@@ -1,4 +1,4 @@
-"""Checks that the segments of a leg in a URDF can be those of a device or of a person."""
+"""Checks whether the segments of a leg in a URDF can belong to a device or a person."""
 
 import itertools
 from collections.abc import Mapping
@@ -12,18 +12,18 @@ from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.urdf_document import UrdfWarning, joint_elements, mimic_joints, urdf_document
 from twin_gait.vocabulary import Side
 
-# From the orthosis of an infant to more than the thigh of the tallest known person: 2.72 m tall, of which the
-# thigh is a quarter. Lengths in centimetres or millimetres lie outside.
+# The range extends from the orthosis of an infant to more than the thigh of the tallest known person: 2.72 m
+# tall, a quarter of it thigh. Lengths in centimetres or millimetres lie outside.
 SHORTEST_SEGMENT, LONGEST_SEGMENT = 0.05, 1.0  # [m]
-LARGEST_MASS = 100.0  # [kg] of one segment; the leg of a person of 250 kg weighs 45 kg
-# Digits that a drawing program leaves out of a file; an impossible inertia is off by more.
+LARGEST_MASS = 100.0  # [kg], largest mass of one segment; the leg of a person of 250 kg weighs 45 kg
+# Tolerance for the digits that a drawing program leaves out of a file; an impossible inertia is off by more.
 _ROUNDED_SHARE = 0.01
 
 
 def check_segments(path: Path, model: pin.Model, legs: Mapping[Side, LegJoints]) -> None:
     """Check lengths, masses and inertias of the bodies that the joints of the legs carry.
 
-    ``path``: the URDF, for messages. ``model``: the device as the file has it, all other joints locked.
+    ``path``: path of the URDF, for messages. ``model``: the device as in the file, all other joints locked.
     Raises ModelError if a segment is too short or too long, too heavy, or has an inertia that no rigid body
     can have; or if no segment has a mass.
     """

@@ -1,4 +1,4 @@
-"""Find and read URDF files, with errors that help."""
+"""Search and reading of URDF files, with error messages that name the cause and the remedy."""
 
 import contextlib
 import hashlib
@@ -17,12 +17,12 @@ from twin_gait.files import read_bytes, shipped_file
 from twin_gait.leg_model.urdf_document import joint_elements, urdf_text
 
 _SILENCE = threading.Lock()
-_STDERR = 2  # C's own, whatever Python's stands for
+_STDERR = 2  # file descriptor of C, independent of Python's sys.stderr
 PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf")
 
 
 def packaged_urdf(name: str) -> Path:
-    """Path of a URDF that ships with the package, installed or in a checkout, for example ``twin.urdf``.
+    """Return the path of a URDF that ships with the package, such as ``twin.urdf``, installed or not.
 
     Raises ModelError if there is no such file.
     """
@@ -42,14 +42,14 @@ def find_urdf(path_or_name: str | Path) -> Path:
 
 
 def kinematic_text(path: Path, turned: frozenset[str] = frozenset()) -> str:
-    """Return a URDF as the text that Pinocchio builds a model of: links with their inertia, and joints.
+    """Return a URDF as the text from which Pinocchio builds a model: links with their inertia, and joints.
 
     Visual and collision geometry, materials and transmissions are left out, so that none of them can make a
     leg unusable. Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine); every law here
     acts on one angle, so such joints become revolute ones without limits.
 
-    ``turned``: joints that get the opposite axis, and limits to it. Raises ModelError if the file cannot be
-    read or is not a URDF.
+    ``turned``: joints whose axis is reversed, and their limits with it. Raises ModelError if the file cannot
+    be read or is not a URDF.
     """
     return _kinematic_text(urdf_text(path), turned)
 
@@ -66,7 +66,7 @@ def _kinematic_text(text: str, turned: frozenset[str]) -> str:
 
 
 def visual_document(path: Path) -> ElementTree.Element:
-    """Return a URDF as the document that Pinocchio reads its visual geometry from.
+    """Return a URDF as the document from which Pinocchio reads its visual geometry.
 
     Raises ModelError if the file cannot be read or is not a URDF.
     """
@@ -85,7 +85,7 @@ def _normalized(text: str, turned: frozenset[str] = frozenset()) -> ElementTree.
 
 
 def _normalize_joint(joint: ElementTree.Element, *, turned: bool) -> None:
-    """Give a joint the form that Pinocchio needs, and the opposite axis if it is turned."""
+    """Convert a joint to the form that Pinocchio needs, and reverse its axis if it is turned."""
     for dynamics in joint.findall("dynamics"):
         joint.remove(dynamics)
     limit = joint.find("limit")
@@ -95,13 +95,13 @@ def _normalize_joint(joint: ElementTree.Element, *, turned: bool) -> None:
             limit = ElementTree.SubElement(joint, "limit", effort="1e3", velocity="1e3")
         limit.attrib |= {"lower": "-1e3", "upper": "1e3"}
     if limit is not None:
-        # Pinocchio refuses a limit without them; 0 means that none is stated.
+        # Pinocchio rejects a limit without these attributes; 0 means that no limit is stated.
         limit.attrib = {"effort": "0", "velocity": "0", **limit.attrib}
     if turned:
         axis = joint.find("axis")
         if axis is None:
             axis = ElementTree.SubElement(joint, "axis")
-        # 0 - x, so that no zero becomes -0.
+        # The difference 0 - x avoids that a zero becomes -0.
         axis.set("xyz", " ".join(repr(0.0 - float(word)) for word in axis.get("xyz", "1 0 0").split()))
         assert limit is not None  # the parser has read the file before
         low, high = (float(limit.get(end, "0")) for end in ("lower", "upper"))
@@ -109,7 +109,7 @@ def _normalize_joint(joint: ElementTree.Element, *, turned: bool) -> None:
 
 
 def urdf_hash(path: Path) -> str:
-    """SHA-256 of a URDF file's content, in hexadecimal."""
+    """Compute the SHA-256 hash of a URDF file's content, in hexadecimal."""
     return hashlib.sha256(read_bytes(path)).hexdigest()
 
 
@@ -118,9 +118,9 @@ def build_model(
 ) -> pin.Model:
     """Build a Pinocchio model of a URDF file.
 
-    ``root_joints``: joints between world and root link with their names; none fixes the root link.
-    ``turned``: joints whose angle is counted the other way than in the file. Raises ModelError if Pinocchio
-    refuses the file.
+    ``root_joints``: joints between world and root link with their names; the root link is fixed without any.
+    ``turned``: joints whose angle has the opposite sign of that in the file. Raises ModelError if Pinocchio
+    rejects the file.
     """
     text = kinematic_text(path, turned)
     model, reason = None, ""
@@ -129,9 +129,9 @@ def build_model(
             model = _built(text, root_joints)
         except (ValueError, RuntimeError, IndexError) as error:
             reason = str(error) or type(error).__name__
-    # The parser goes on where it cannot read mass and inertia of a link, which then weighs nothing.
+    # The parser continues if it cannot read mass and inertia of a link, which then has no mass.
     told = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
-    told = [line for line in told if "is not initialized" not in line][:2]  # the rest is what came of it
+    told = [line for line in told if "is not initialized" not in line][:2]  # others are consequences
     if told or model is None:
         reason = " ".join(("; ".join(told) or reason).split())
         raise ModelError(f"{path}: Pinocchio cannot build a model from it ({reason})")
@@ -139,6 +139,7 @@ def build_model(
 
 
 def _built(text: str, root_joints: Sequence[tuple[pin.JointModel, str]]) -> pin.Model:
+    """Build a model with joints between world and root link."""
     if not root_joints:
         return pin.buildModelFromXML(text)
     *outer, (joint, name) = root_joints
@@ -152,9 +153,10 @@ def _built(text: str, root_joints: Sequence[tuple[pin.JointModel, str]]) -> pin.
 
 @contextlib.contextmanager
 def quiet_stderr() -> Iterator[list[str]]:
-    """Silence the C++ URDF parser, which prints to the file descriptor; afterwards the lines that it printed.
+    """Suppress the output of the C++ URDF parser to the file descriptor, and yield a list for its lines.
 
-    The descriptor belongs to the whole process, so only one thread at a time may swap it.
+    The list is filled when the context ends. The descriptor belongs to the whole process, so only one thread
+    at a time may swap it.
     """
     said: list[str] = []
     with _SILENCE, contextlib.ExitStack() as restored:
@@ -163,7 +165,7 @@ def quiet_stderr() -> Iterator[list[str]]:
             restored.callback(os.close, saved)
             kept = restored.enter_context(tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace"))
             restored.callback(lambda: said.extend(kept.read().splitlines()))
-            restored.callback(kept.seek, 0)  # before that
+            restored.callback(kept.seek, 0)  # callbacks run in reverse order, so this runs before the reading
             os.dup2(kept.fileno(), _STDERR)
             restored.callback(os.dup2, saved, _STDERR)
         yield said

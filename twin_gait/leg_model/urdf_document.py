@@ -1,4 +1,4 @@
-"""The XML of a URDF file: reading, checks of its structure and of its numbers, mimic joints.
+"""XML of a URDF file: reading, checks of its structure and its numbers, mimic joints.
 
 Only children of ``<robot>`` count as links and joints: ``<transmission>`` and extensions of simulators repeat
 the names of joints. Collision geometry is never used.
@@ -17,16 +17,17 @@ from twin_gait.files import read_bytes
 
 GIT_LFS_POINTER = b"version https://git-lfs"  # first bytes of the placeholder of a large file
 _NOT_NEGATIVE = ("value", "ixx", "iyy", "izz")  # attributes of a mass or an inertia
-# Drawing programs export a zero inertia as -5e-20 (iCub's hip); this much below zero is such a zero.
+# Drawing programs export a zero inertia as -5e-20 (iCub's hip); a number that is negative by no more than
+# this is such a zero.
 _ROUNDING = 1e-12
-# Masses in [kg], inertias in [kg m²] and distances in [m] beyond this are no robot's; squares of them would
+# No robot has masses in [kg], inertias in [kg m²] or distances in [m] beyond this; squares of them would
 # overflow later on.
 _LARGEST_NUMBER = 1e6
 _MIMIC_DEFAULTS = {"multiplier": "1", "offset": "0"}
 
 
 class UrdfWarning(UserWarning):
-    """A URDF can be used, but some of its content is left out or contradicts the experiment."""
+    """Warning that a URDF can be used, but some of its content is left out or contradicts the experiment."""
 
 
 class Mimic(NamedTuple):
@@ -115,7 +116,7 @@ def _check_numbers(path: Path, root: Element) -> None:
 
 
 def _numbers(element: Element) -> Iterator[tuple[str, float]]:
-    """Numbers in the attributes of an element; a text that is no number is left to Pinocchio's parser."""
+    """Yield the numbers in the attributes of an element; other texts are left to Pinocchio's parser."""
     for key, text in element.items():
         for word in text.split():
             try:
@@ -132,7 +133,7 @@ def joint_elements(root: Element) -> dict[str, Element]:
 
 
 def mimic_joints(path: Path) -> dict[str, Mimic]:
-    """Read the couplings of a URDF, by the name of the joint that follows.
+    """Read the couplings of a URDF, by the name of the coupled joint.
 
     Raises ModelError if a multiplier or an offset is no number, or a chain of couplings does not end at a
     joint that moves by itself.

@@ -10,20 +10,20 @@ from twin_gait.parameters import Patient, require
 from twin_gait.parameters.wearer import HEIGHT_RANGE, SHANK_LENGTH, TIBIA_RANGE
 from twin_gait.vocabulary import SegmentModel, Sex
 
-# Segment lengths as shares of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.
+# Segment lengths as fractions of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.
 THIGH_LENGTH = 0.245
 FOOT_LENGTH = 0.152
 FOOT_HEIGHT = 0.039
 HIP_BREADTH = 0.191
-SHOULDER_BREADTH = 0.258  # twice the way from the middle to a shoulder
+SHOULDER_BREADTH = 0.258  # twice the distance from the middle to a shoulder
 UPPER_ARM_LENGTH = 0.186
-FOREARM_LENGTH = 0.146  # elbow to wrist
-# From the heel along the foot, as shares of its length: the ankle (gait2d: 0.06 of 0.21 m) and the head of
-# the second metatarsal (an assumption; the tables do not say where it lies).
+FOREARM_LENGTH = 0.146  # distance from elbow to wrist
+# Distances from the heel along the foot, as fractions of its length: the ankle (gait2d: 0.06 of 0.21 m) and
+# the head of the second metatarsal (an assumption; the tables do not give its position).
 ANKLE_IN_FOOT = 0.25
 METATARSAL_IN_FOOT = 0.72
-# Greater trochanter to shoulder: (0.818 - 0.530) H; centre of mass and radius of gyration of head,
-# arms and trunk as shares of it: Winter (2009), table 4.1.
+# Distance from greater trochanter to shoulder: (0.818 - 0.530) H; centre of mass and radius of gyration of
+# head, arms and trunk as fractions of it: Winter (2009), table 4.1.
 SHOULDER_HEIGHT = TRUNK_LENGTH = 0.288
 TRUNK_CENTRE_OF_MASS = 0.626
 TRUNK_RADIUS_OF_GYRATION = 0.496
@@ -32,14 +32,15 @@ TRUNK_RADIUS_OF_GYRATION = 0.496
 # numbers are an assumption: they cover the 5th to 95th percentile, 1.50 to 1.88 m.
 FEMUR_SIZES = (0.36, 0.38, 0.40, 0.42, 0.44, 0.46)
 WAIST_SIZES = (0.34, 0.38, 0.42)
-WAIST_CLEARANCE = 0.05  # of the two hip actuators beside the body [m]
-# Foot of the wearer for whom the foot of a URDF is drawn (an assumption; ours is, see urdf/README.md) [m].
+WAIST_CLEARANCE = 0.05  # clearance of the two hip actuators next to the body [m]
+# Foot length of the wearer for whom the foot of a URDF is drawn [m] (an assumption; ours is, see
+# urdf/README.md).
 DRAWN_FOOT = FOOT_LENGTH * 1.75
 _IDENTITY = np.eye(3)
 
 
 class Segment(NamedTuple):
-    """Body segment as shares of body mass and segment length."""
+    """Body segment: mass as a fraction of body mass, lengths as fractions of the segment length."""
 
     mass: float  # share of the body mass
     centre_of_mass: float  # distance from the proximal end, share of the segment length
@@ -63,8 +64,8 @@ SEGMENTS: dict[Sex, dict[str, Segment]] = {
 
 # Winter (2009), Biomechanics and Motor Control of Human Movement, table 4.1, after Dempster (1955): thigh
 # greater trochanter to knee, shank knee to medial malleolus, foot lateral malleolus to second metatarsal. The
-# table knows one radius of gyration only; the longitudinal ones are those of de Leva's men, and a leg that
-# moves in its sagittal plane does not feel them.
+# table has one radius of gyration only; the longitudinal ones are those of de Leva's men, and have no effect
+# on a leg that moves in its sagittal plane.
 WINTER_SEGMENTS: dict[str, Segment] = {
     "thigh": Segment(0.100, 0.433, 0.323, 0.149),
     "shank": Segment(0.0465, 0.433, 0.302, 0.102),
@@ -73,20 +74,20 @@ WINTER_SEGMENTS: dict[str, Segment] = {
 
 
 def segments_of(patient: Patient) -> Mapping[str, Segment]:
-    """Thigh, shank and foot of a wearer, from the table that is asked for."""
+    """Return thigh, shank and foot of a wearer, from the table that the wearer's segment model selects."""
     if patient.segment_model is SegmentModel.WINTER:
         return WINTER_SEGMENTS
     return SEGMENTS[patient.sex]
 
 
 def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
-    """Line on which a table measures the foot.
+    """Return the line on which a table measures the foot.
 
-    It ends half the foot's height below the ankle: de Leva's runs there from heel to tip of the toe, Winter's
-    comes down from the ankle to the second metatarsal.
+    The line ends half the foot's height below the ankle: de Leva's runs there from heel to tip of the toe,
+    Winter's comes down from the ankle to the second metatarsal.
 
-    Returns its beginning, seen from the ankle, and the way to its end; forward and up in [m], shapes
-    ``(2,)``.
+    Returns its start relative to the ankle, and the vector from start to end; both forward and up in [m],
+    shapes ``(2,)``.
     """
     length = FOOT_LENGTH * patient.height
     drop = -0.5 * FOOT_HEIGHT * patient.height
@@ -97,22 +98,22 @@ def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceSizes:
-    """Sizes that the device is set to."""
+    """Sizes to which the device is adjusted."""
 
     femur: float  # distance from hip to knee in [m], one of ``FEMUR_SIZES``
     tibia: float  # distance from knee to ankle in [m]
     waist: float  # distance between the hips in [m], one of ``WAIST_SIZES``
-    # length of the wearer's foot in [m]; the foot plate is as much larger than drawn as it is longer than
-    # ``DRAWN_FOOT``
+    # Length of the wearer's foot in [m]. The foot plate is scaled from its drawn size by the ratio of this
+    # length to ``DRAWN_FOOT``.
     foot: float
 
 
 def device_sizes(patient: Patient) -> DeviceSizes:
-    """Sizes of the device that fit a wearer best.
+    """Choose the sizes of the device that fit a wearer best.
 
     The femur and waist are the nearest sizes; the tibia is adjusted to the shank of the wearer,
-    the foot plate made for the foot. The joints of wearer and device are taken as aligned: what is left
-    (at most 1 cm at the femur up to a height of 1.91 m) is neglected.
+    the foot plate made for the foot. The joints of wearer and device are assumed to be aligned: the remaining
+    difference (at most 1 cm at the femur up to a height of 1.91 m) is neglected.
 
     ``patient``: the wearer. Returns the sizes. Raises ParameterError if the shank is outside the range of the
     tibia.
@@ -133,11 +134,11 @@ def device_sizes(patient: Patient) -> DeviceSizes:
 def segment_inertia(
     segment: Segment, body_mass: float, axis: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, centre of mass and rotational inertia of a limb segment.
+    """Compute mass, centre of mass and rotational inertia of a limb segment.
 
-    ``body_mass``: in [kg]. ``axis``: from the proximal to the distal joint in [m], shape ``(3,)``. Returns
-    mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia about the centre
-    of mass in [kg m²], shape ``(3, 3)``.
+    ``body_mass`` in [kg]. ``axis``: vector from the proximal to the distal joint in [m], shape ``(3,)``.
+    Returns mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia about the
+    centre of mass in [kg m²], shape ``(3, 3)``.
     """
     mass = segment.mass * body_mass
     length = float(np.linalg.norm(axis))
@@ -149,6 +150,6 @@ def segment_inertia(
 
 
 def trunk_mass(patient: Patient) -> float:
-    """Mass of head, arms and trunk with pelvis: what the legs leave over, in [kg]."""
+    """Compute the mass of head, arms and trunk with pelvis, which is the mass without the legs, in [kg]."""
     legs = 2.0 * sum(segment.mass for segment in segments_of(patient).values())
     return (1.0 - legs) * patient.mass

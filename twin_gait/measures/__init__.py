@@ -1,13 +1,14 @@
 """Measures of a gait: contacts, strides, phases, torques and energy, references of healthy walking, outcome.
 
-Functions of plain arrays: where no shape is said one value a tick, shape ``(n,)``, in SI. ``tick`` is the
-sampling period in [s], ``phases`` are the indices of a table's, ``bounds`` are strides, the first tick of
-each and of the next one, shape ``(n_strides, 2)``. A leg of a run as they read it is :func:`leg_record`.
+Functions of plain arrays. Arrays have one value a tick, shape ``(n,)``, in SI units, unless a docstring gives
+another shape. ``tick`` is the sampling period in [s], ``phases`` are indices of the phases of a gait table,
+``bounds`` are strides: the first tick of each stride and of the next one, shape ``(n_strides, 2)``.
+:func:`leg_record` extracts one leg of a run in the form that the measures read.
 """
 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-# A module of the same name would be found in its place.
+# A module of the same name would be found instead of the function.
 from twin_gait.measures.leg_record import leg_record as leg_record  # noqa: E402

@@ -1,4 +1,4 @@
-"""What arms and crutches do for a walk, and how far the trunk leans."""
+"""Load, moment and work of arms and crutches, and the log column of the trunk's lean."""
 
 import math
 
@@ -11,17 +11,18 @@ TRUNK_PITCH = "trunk_pitch_rad"
 
 
 def crutch_use(log: pd.DataFrame, side: Side, tick: float, body_weight: float) -> dict[str, float] | None:
-    """Measures of one arm and its crutch over a run, as a summary has them; None without one.
+    """Compute the measures of one arm and its crutch over a run, by their names in a summary.
 
-    ``body_weight`` of wearer and device in [N]. Shares of it are the mean and the largest vertical load, the
-    push is along the strut, the moment that of the shoulder either way; the work that an arm takes up is zero
-    or negative; ``plantings`` count how often the crutch was put down.
+    ``body_weight``: weight of wearer and device in [N]. The mean and the largest vertical load are shares of
+    it; the push is the force along the strut; the moment is the largest magnitude of the shoulder's moment;
+    the work that an arm takes up is zero or negative; ``plantings`` counts how often the crutch was put down.
+    Returns None if the log has no crutch on this side or no rows.
     """
     if f"{side}_crutch_normal_force_N" not in log or len(log) == 0:
         return None
     load = log[f"{side}_crutch_normal_force_N"].to_numpy()
     power = log[f"{side}_arm_power_W"].to_numpy()
-    loaded, weight = load > 0.0, body_weight or math.nan  # nothing weighs anything without gravity
+    loaded, weight = load > 0.0, body_weight or math.nan  # shares are not defined without gravity
     return {
         "mean_share": float(load.mean()) / weight,
         "peak_share": float(load.max()) / weight,

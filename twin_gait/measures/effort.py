@@ -1,16 +1,17 @@
-r"""What the motors and the battery give, who does the work, and whether the energy is conserved.
+r"""Effort: saturation of the motors, use of the battery, shares of the work, and conservation of energy.
 
-Interaction torque. Where braces bind the wearer to the device, their torque is what the device does on the
-wearer, and the log has it. Without braces the leg and the device's frame are one rigid body, so nothing is
-measured in a cuff. What the device does on the leg at a joint is then what arrives behind its gear: the
-torque of the motor less the friction of motor and gear and less what accelerates the rotor,
+Interaction torque. Where braces bind the wearer to the device, their torque is the action of the device on
+the wearer, and the log contains it. Without braces the leg and the device's frame are one rigid body, so no
+torque of a cuff exists. The torque of the device on the leg at a joint is then the torque at the output of
+the gear: the torque of the motor less the friction of motor and gear and less the torque that accelerates
+the rotor,
 
 .. math::
 
     \tau_{int} = \tau_{motor} + \tau_{friction} - J_{rotor}\,\dot\omega
 
-A torque sensor between gear and frame would read it. The weight and inertia of the frame itself are still in
-it, as they are in such a sensor.
+A torque sensor between gear and frame would measure it. It still contains the weight and inertia of the
+frame itself, as the reading of such a sensor does.
 """
 
 import math
@@ -19,7 +20,7 @@ import numpy as np
 
 from twin_gait.parameters import LimitParameters
 
-# A target that is met in floating point differs from the current by less than this.
+# The current differs from a target that is met by less than this because of floating-point rounding.
 CURRENT_TOLERANCE = 1e-9  # [A]
 
 
@@ -60,17 +61,18 @@ def saturation_shares(
 
 
 def share_of_ticks(case: np.ndarray) -> float:
-    """Return the share of the ticks in which something holds; NaN for an empty record."""
+    """Return the share of the ticks in which a condition is true; NaN for an empty record."""
     return float(case.mean()) if len(case) else math.nan
 
 
 def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> dict[str, float]:
-    """What a run takes from the battery, by names in a summary; NaN for an empty record.
+    """Compute the power and energy that a run draws from the battery, by names in a summary.
 
     ``power_mean_W``, ``power_peak_W`` and ``power_lowest_W``, which is negative while braking motors feed the
-    pack; ``energy_J``: drawn less fed back; ``continuous_share``: mean power over what the pack can give for
-    ever. ``power``: drawn from it in [W], constant within a tick, shape ``(n,)``; ``continuous_power`` of the
-    pack in [W].
+    pack; ``energy_J``: energy drawn less energy fed back; ``continuous_share``: mean power divided by the
+    continuous power of the pack. NaN for an empty record. ``power``: power drawn from the pack in [W],
+    constant within a tick, shape ``(n,)``; ``continuous_power``: power that the pack can supply continuously,
+    in [W].
     """
     drawn = power if len(power) else np.full(1, math.nan)
     return {
@@ -83,10 +85,10 @@ def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> dict
 
 
 def battery_life(energy: float, power: float) -> float:
-    """How long a full battery lasts at a mean power.
+    """Compute how long a full battery lasts at a mean power.
 
-    ``energy`` of the full battery in [J]; ``power``: mean power drawn from it in [W]. Returns time in [s];
-    infinite where nothing is drawn on balance, NaN without a power.
+    ``energy``: energy of the full battery in [J]; ``power``: mean power drawn from it in [W]. Returns the
+    time in [s]; infinite where nothing is drawn on balance, NaN without a power.
     """
     if math.isnan(power):
         return math.nan
@@ -96,11 +98,12 @@ def battery_life(energy: float, power: float) -> float:
 def changes_at_switches(
     torque: np.ndarray, switches: np.ndarray, blending_ticks: np.ndarray | int
 ) -> np.ndarray:
-    """Largest change of a torque from the tick before each switch of phase to any up to the end of its blend.
+    """Compute the largest change of a torque after each switch of phase.
 
+    The torque at the tick before the switch is compared with every tick up to the end of the blend.
     ``torque`` in [N m], shape ``(n,)``; ``switches``: first ticks of new phases, each above 0 and below n,
-    shape ``(m,)``; ``blending_ticks``: length of each fade, or of all; 0 without. Returns magnitudes in
-    [N m], shape ``(m,)``.
+    shape ``(m,)``; ``blending_ticks``: length of each blend, or one length for all; 0 without blending.
+    Returns magnitudes in [N m], shape ``(m,)``.
     """
     ends = np.asarray(switches) + blending_ticks + 1
     spans = zip(switches, ends, strict=True)
@@ -111,8 +114,8 @@ def energy_balance(energy: np.ndarray, works: np.ndarray) -> dict[str, float]:
     """Compare the change of energy with the work of all sources, by names in a summary.
 
     ``energy_residual_J``: largest difference of the two since the start; ``energy_throughput_J``: all work in
-    and out, the sum over ticks and sources of its magnitude; ``energy_residual_share``: the first over the
-    second. NaN where the record is empty or nothing was done.
+    and out, the sum over ticks and sources of its magnitude; ``energy_residual_share``: the first divided by
+    the second. NaN where the record is empty or no work was done.
 
     ``energy``: kinetic and potential energy in [J]; ``works``: work done since some instant by every source
     in [J], shape ``(n_sources, n)``.
@@ -134,41 +137,41 @@ def energy_balance(energy: np.ndarray, works: np.ndarray) -> dict[str, float]:
 def interaction_torque(
     motor: np.ndarray, friction: np.ndarray, velocity: np.ndarray, rotor_inertia: float, tick: float
 ) -> np.ndarray:
-    r"""What the device does on the leg at one joint.
+    r"""Compute the torque of the device on the leg at one joint.
 
     ``motor``: motor torque at the joint in [N m], one value a tick; ``friction``: torque of the friction on
-    the joint in [N m]; ``velocity`` of the joint in [rad] / [s], n at least 2; ``rotor_inertia`` of motor and
-    gear seen at the joint in [kg m²]. Returns torque in [N m], positive in increasing angle; the acceleration
-    is a central difference.
+    the joint in [N m]; ``velocity`` of the joint in [rad] / [s], n at least 2; ``rotor_inertia``: inertia of
+    motor and gear seen at the joint in [kg m²]. Returns the torque in [N m], positive in increasing angle;
+    the acceleration is a central difference.
     """
     return np.asarray(motor + friction - rotor_inertia * np.gradient(velocity, tick))
 
 
 def root_mean_square(values: np.ndarray) -> float:
-    """Root mean square. Returned in the unit of the values; NaN for an empty record."""
+    """Compute the root mean square, in the unit of the values; NaN for an empty record."""
     return math.sqrt((values * values).mean()) if len(values) else math.nan
 
 
 def positive_work(torque: np.ndarray, velocity: np.ndarray, tick: float) -> float:
-    r"""Work that a torque puts into the motion, :math:`\int \max(0, \tau\omega)\,dt`.
+    r"""Compute the work that a torque puts into the motion, :math:`\int \max(0, \tau\omega)\,dt`.
 
-    ``torque`` in [N m], one value a tick; ``velocity`` in [rad] / [s]. Returns work in [J].
+    ``torque`` in [N m], one value a tick; ``velocity`` in [rad] / [s]. Returns the work in [J].
     """
     return float(np.sum(np.maximum(torque * velocity, 0.0)) * tick)
 
 
 def share_of_work(own: float, other: float) -> float:
-    """Share of one of two in the positive work of both.
+    """Compute the share of one of two sources in the positive work of both.
 
-    ``own``: positive work of one in [J]; ``other``: positive work of the other in [J]. Returns share in
-    [0, 1]; NaN if neither does any.
+    ``own``: positive work of the one in [J]; ``other``: positive work of the other in [J]. Returns the share
+    in [0, 1]; NaN if neither does any work.
     """
     total = own + other
     return own / total if total > 0.0 else math.nan
 
 
 def opposing_torque(device: np.ndarray, wearer: np.ndarray) -> np.ndarray:
-    r"""Torque with which device and wearer push against each other.
+    r"""Compute the torque with which device and wearer push against each other.
 
     .. math::
 

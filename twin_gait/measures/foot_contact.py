@@ -1,8 +1,8 @@
-"""Contacts of a foot with the ground, from its normal force, and how it passes over the ground in swing.
+"""Contacts of a foot with the ground, found in its normal force, and its clearance in swing.
 
-A leg goes back with the belt in stance and forwards in swing. A foot that leaves the ground and comes back
-has swung if it was off for long enough and its leg got ahead meanwhile. Otherwise it has bounced, however
-long that took, and its heel strike is the first touch of all.
+A leg moves back with the belt in stance and forwards in swing. A foot that leaves the ground and comes back
+has swung if it was off the ground for long enough and its leg moved forwards meanwhile. Otherwise it has
+bounced, however long that took, and its heel strike is the first touch of all.
 """
 
 from __future__ import annotations
@@ -14,14 +14,16 @@ import numpy as np
 
 from twin_gait.measures.strides import last_before
 
-# A foot is loaded from a rise above the first to a fall below the second, so that a force that trembles about
-# either is one contact. Force plates are read at 20 N in the field; that half of it is the end is our choice.
+# A foot is loaded from a rise above the first threshold to a fall below the second one, so that a force that
+# fluctuates about either threshold is one contact. Force plates are read at 20 N in the field; the release at
+# half of it is our choice.
 CONTACT_FORCE, RELEASE_FORCE = 20.0, 10.0  # [N]
 # A foot that is off the ground for less than this has bounced, not swung: a swing lasts 0.4 s in healthy
 # walking (Winter 1991) and some 0.3 s in running. Heels on this belt bounce for up to 0.23 s.
 SHORTEST_SWING = 0.25  # [s]
-# Nor has one whose hip flexes by less than this from where the foot left the ground. In healthy swings it
-# flexes by 25 to 30° (Koopman 2014); after a heel strike the leg goes back, also while its foot bounces.
+# A foot has also not swung if the hip flexes by less than this from the angle at which the foot left the
+# ground. In healthy swings it flexes by 25 to 30° (Koopman 2014); after a heel strike the leg goes back, also
+# while its foot bounces.
 LEAST_ADVANCE = math.radians(5.0)
 # A touch that is shorter than this between two swings is a scuff, not a stance.
 SHORTEST_STANCE = 0.15  # [s]
@@ -30,22 +32,22 @@ SHORTEST_STANCE = 0.15  # [s]
 class FootContacts(NamedTuple):
     """Contacts of one foot."""
 
-    # ticks at which a stance begins, shape ``(n,)``; a stance that begins within ``SHORTEST_SWING`` of the
-    # start of the record has no swing before it and no strike
+    # Ticks at which a stance begins, shape ``(n,)``. A stance that begins within ``SHORTEST_SWING`` of the
+    # start of the record has no swing before it and no heel strike.
     heel_strikes: np.ndarray
     toe_offs: np.ndarray  # ticks at which the foot leaves the ground for a swing, shape ``(m,)``
-    further_contacts: np.ndarray  # ticks of all other rises: bounces and scuffs
+    further_contacts: np.ndarray  # ticks of all other rises of the force: bounces and scuffs
 
     def before(self, tick: int) -> FootContacts:
-        """Those before a tick."""
+        """Return the contacts before a tick."""
         return FootContacts(*(ticks[ticks < tick] for ticks in self))
 
 
 def is_loaded(normal_force: np.ndarray) -> np.ndarray:
-    """Whether a foot carries, with hysteresis.
+    """Determine whether a foot carries load, with hysteresis.
 
-    ``normal_force`` of one foot in [N], shape ``(n,)``. Returned at each tick, shape ``(n,)``, booleans;
-    between the two forces as before, at the start as not yet.
+    ``normal_force``: force on one foot in [N], shape ``(n,)``. Returns booleans for each tick, shape
+    ``(n,)``. Between the two thresholds the previous state is kept; the foot is unloaded at the start.
     """
     known = (normal_force > CONTACT_FORCE) | (normal_force < RELEASE_FORCE)
     last_known = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1)) if len(known) else known
@@ -57,9 +59,9 @@ def find_foot_contacts(
 ) -> FootContacts:
     """Find heel strikes, toe-offs and further contacts.
 
-    ``normal_force`` of one foot in [N]; ``hip_angle`` of the same leg in [rad], flexion positive, NaN
-    where it is not known; without it the time off the ground alone tells swings from bounces. Returns the
-    contacts, as sample indices.
+    ``normal_force``: force on one foot in [N]; ``hip_angle``: angle of the same leg in [rad], flexion
+    positive, NaN where it is not known; without it, swings and bounces are distinguished by the time off the
+    ground alone. Returns the contacts as sample indices.
     """
     loaded = np.concatenate(([False], is_loaded(normal_force), [False]))
     edges = np.flatnonzero(loaded[1:] != loaded[:-1])
@@ -85,7 +87,7 @@ def find_foot_contacts(
 def _groups(
     spells: list[tuple[int, int]], shortest_gap: float, hip_angle: np.ndarray | None
 ) -> list[list[tuple[int, int]]]:
-    """Join contact spells without a swing between them."""
+    """Join contacts without a swing between them, each given as first tick and first tick after it."""
     groups: list[list[tuple[int, int]]] = []
     for start, end in spells:
         if groups and not _swings(groups[-1][-1][1], start, shortest_gap, hip_angle):
@@ -96,7 +98,7 @@ def _groups(
 
 
 def _swings(start: int, end: int, shortest: float, hip_angle: np.ndarray | None) -> bool:
-    """Whether a time off the ground is a swing."""
+    """Decide whether a time off the ground is a swing."""
     if end - start < shortest:
         return False
     if hip_angle is None:
@@ -105,14 +107,14 @@ def _swings(start: int, end: int, shortest: float, hip_angle: np.ndarray | None)
     return len(known) == 0 or bool(known.max() - known[0] >= LEAST_ADVANCE)
 
 
-# Lift-off and landing are left out: there the foot has to be low.
+# Lift-off and landing are left out, because the foot has to be low there.
 MIDDLE_OF_SWING = (0.25, 0.75)
 
 
 def swings(contacts: FootContacts) -> np.ndarray:
-    """Swings that the record holds from toe-off to heel strike.
+    """Find the swings that the record contains from toe-off to heel strike.
 
-    Returns first tick of each swing and of the stance after it, shape ``(n, 2)``, integers.
+    Returns the first tick of each swing and of the stance after it, shape ``(n, 2)``, integers.
     """
     strikes = contacts.heel_strikes
     pairs = [(off, strikes[strikes > off][0]) for off in contacts.toe_offs if (strikes > off).any()]
@@ -120,7 +122,7 @@ def swings(contacts: FootContacts) -> np.ndarray:
 
 
 def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarray:
-    """Least clearance of the foot in the middle half of each swing.
+    """Compute the least clearance of the foot in the middle half of each swing.
 
     ``clearance``: height of the lowest point of the sole in [m], shape ``(n_ticks,)``. Returns clearances in
     [m], shape ``(n_swings,)``.
@@ -135,7 +137,10 @@ def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarra
 
 
 def scuffs(contacts: FootContacts) -> np.ndarray:
-    """Further contacts in swing; those in stance are bounces. Returns ticks, shape ``(n,)``, integers."""
+    """Find the further contacts in swing; those in stance are bounces.
+
+    Returns ticks, shape ``(n,)``, integers.
+    """
     touches = contacts.further_contacts
     left = last_before(contacts.toe_offs, touches) > last_before(contacts.heel_strikes, touches)
     return np.asarray(touches[left])

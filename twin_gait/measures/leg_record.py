@@ -1,4 +1,4 @@
-"""The columns of one leg that gait measures read, taken out of a log once."""
+"""Record of one leg: the columns of a log that gait measures read, extracted once."""
 
 import math
 from collections.abc import Container, Mapping, Sequence
@@ -16,21 +16,22 @@ from twin_gait.vocabulary import JointName, Side
 
 
 def wearer_column(columns: Container[str], side: Side, joint: JointName, quantity: str) -> str:
-    """Column of the wearer's own motion, which is the gait: where they are one body with the device, its own.
+    """Return the name of the column of the wearer's own motion, which is the gait.
 
-    ``quantity``: ``angle_rad`` or ``velocity_rad_per_s``.
+    Where wearer and device are one body, this is the column of the device's joint. ``quantity``:
+    ``angle_rad`` or ``velocity_rad_per_s``.
     """
     own = f"{side}_{joint}_wearer_{quantity}"
     return own if own in columns else f"{side}_{joint}_{quantity}"
 
 
 def driven_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
-    """Joints of a leg that a log with these columns has the motors of, from proximal to distal."""
+    """Return the joints of a leg whose motors a log with these columns contains, from proximal to distal."""
     return tuple(joint for joint in JointName if f"{side}_{joint}_motor_torque_Nm" in columns)
 
 
 class LogColumns(Protocol):
-    """Columns of a log by name, one value a tick: a table, or arrays."""
+    """Columns of a log by name, one value a tick: a table or a mapping to arrays."""
 
     def __len__(self) -> int:
         """Return the number of ticks."""
@@ -43,36 +44,39 @@ class LogColumns(Protocol):
 
 
 def phase_indices(log: LogColumns, side: Side, phase_names: tuple[str, ...]) -> np.ndarray:
-    """Return the phase of a leg at each tick as its index among some names."""
+    """Return the phase of a leg at each tick as its index in ``phase_names``, shape ``(n,)``."""
     phases = log[f"{side}_phase"]
     if isinstance(phases, np.ndarray):  # an engine writes indices
         return phases.astype(int)
     return np.asarray(pd.Categorical(phases, dtype=_phase_type(phase_names)).codes, dtype=int)
 
 
-Spans = tuple[tuple[float, float], ...]  # first and last time in [s] of each
+Spans = tuple[tuple[float, float], ...]  # first and last time in [s] of each span
 ALWAYS: Spans = ((0.0, math.inf),)
 
 
 @dataclass(frozen=True, eq=False)
 class LegRecord:
-    """One leg over a run."""
+    """Record of one leg over a run."""
 
-    side: Side  # the leg
+    side: Side  # side of the leg
     tick: float  # sampling period in [s]
     phases: np.ndarray  # index of the phase, shape ``(n,)``
-    # the wearer's at each actuated joint in [rad], shape ``(n,)`` each; the device's if asked for
+    # Angle of each actuated joint of the wearer in [rad], shape ``(n,)`` each; of the device if requested.
     angles: Mapping[JointName, np.ndarray]
-    normal_force: np.ndarray | None  # of the foot in [N], shape ``(n,)``, or None without ground
-    clearance: np.ndarray | None  # of the foot in [m], shape ``(n,)``, or None without ground
-    # from when to when in [s] the leg walks evenly, once or more; strides outside do not count
+    normal_force: np.ndarray | None  # normal force on the foot in [N], shape ``(n,)``, or None without ground
+    clearance: np.ndarray | None  # clearance of the foot in [m], shape ``(n,)``, or None without ground
+    # Start and end in [s] of each span in which the leg walks evenly; strides outside do not count.
     steady: Spans = ALWAYS
-    # whether the legs wait for somebody to ask for a step at each tick, shape ``(n,)``, or None if never
+    # Whether the legs wait for a step request at each tick, shape ``(n,)``, or None if they never wait.
     waiting: np.ndarray | None = None
 
     @cached_property
     def clock(self) -> np.ndarray:
-        """Ticks before each tick, and before the end, in which the leg did not wait; shape ``(n + 1,)``."""
+        """Number of ticks before each tick, and before the end, in which the leg did not wait.
+
+        Shape ``(n + 1,)``.
+        """
         waiting = np.zeros(len(self.phases), dtype=bool) if self.waiting is None else self.waiting
         return np.append(0, np.cumsum(~waiting))
 
@@ -85,7 +89,7 @@ class LegRecord:
 
     @cached_property
     def loaded(self) -> np.ndarray | None:
-        """Whether the foot carries at each tick, or None without ground."""
+        """Whether the foot carries load at each tick, or None without ground."""
         return None if self.normal_force is None else is_loaded(self.normal_force)
 
     @cached_property
@@ -102,26 +106,27 @@ class LegRecord:
 
     @property
     def stride_events(self) -> np.ndarray:
-        """Ticks at which strides begin: heel strikes, or without ground entries into the first phase."""
+        """Ticks at which strides begin: heel strikes, or entries into the first phase without ground."""
         return self.entries if self.contacts is None else self.contacts.heel_strikes
 
     def strides(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
-        """Strides by heel strike, or without ground by entry into the first phase.
+        """Return the strides by heel strike, or by entry into the first phase without ground.
 
-        ``skip``: so many strides at the start do not count. Returns first tick of each stride and of the next
-        one, shape ``(n_strides, 2)``.
+        ``skip``: number of strides at the start that do not count. Returns the first tick of each stride and
+        of the next one, shape ``(n_strides, 2)``.
         """
         return self._steady_strides(self.stride_events)[skip:]
 
     def strides_by_phase(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
-        """Strides by entry into the first phase, on ground too.
+        """Return the strides by entry into the first phase, on ground too.
 
-        ``skip``: so many strides at the start do not count. Returns first tick of each stride and of the next
-        one, shape ``(n_strides, 2)``.
+        ``skip``: number of strides at the start that do not count. Returns the first tick of each stride and
+        of the next one, shape ``(n_strides, 2)``.
         """
         return self._steady_strides(self.entries)[skip:]
 
     def _steady_strides(self, events: np.ndarray) -> np.ndarray:
+        """Return the strides between events that lie within one span of even walking."""
         bounds = stride_bounds(events)
         even = np.zeros(len(bounds), dtype=bool)
         for first, last in self.steady:
@@ -139,11 +144,11 @@ def leg_record(
     waiting: np.ndarray | None = None,
     device: bool = False,
 ) -> LegRecord:
-    """Take one leg out of a log.
+    """Extract one leg from a log.
 
-    ``phase_names``: phases of the table in order; ``steady`` from when to when in [s] the leg walks evenly;
-    ``waiting``: whether it waits at each tick for somebody to ask for a step; ``device``: whether the angles
-    are the device's where braces let the wearer move against it.
+    ``phase_names``: phases of the table in order; ``steady``: start and end in [s] of each span in which the
+    leg walks evenly; ``waiting``: whether the leg waits for a step request at each tick; ``device``: whether
+    the angles are those of the device where braces let the wearer move relative to it.
     """
     columns = () if device else log
     angles = {
@@ -163,6 +168,7 @@ def leg_record(
     )
 
 
-@lru_cache(maxsize=16)  # pandas takes longer to look at the names than at the column
+@lru_cache(maxsize=16)  # pandas takes longer to check the names than to convert the column
 def _phase_type(names: tuple[str, ...]) -> pd.CategoricalDtype:
+    """Return the pandas type of a column of phase names."""
     return pd.CategoricalDtype(list(names))

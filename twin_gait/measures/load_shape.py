@@ -23,25 +23,25 @@ from twin_gait.measures.phases import phase_spells
 
 TWO_PEAKS = "two peaks"
 # The following three numbers are assumptions.
-SWING_LOAD = 0.05  # share of the carried weight below which the mean foot counts as unloaded
+SWING_LOAD = 0.05  # share of the carried weight below which the foot counts as unloaded in the mean stride
 LEAST_PROMINENCE = 0.02  # share of the carried weight by which a peak rises above the lower of its two sides
-MIDDLE_TENTH, MIDDLE_THIRD = (0.45, 0.55), (1.0 / 3.0, 2.0 / 3.0)  # shares of stance
+MIDDLE_TENTH, MIDDLE_THIRD = (0.45, 0.55), (1.0 / 3.0, 2.0 / 3.0)  # intervals of stance, as shares of it
 
 
 class LoadShape(NamedTuple):
-    """The two peaks and the trough of a mean stride as shares of the carried weight; NaN without them."""
+    """The two peaks and the trough of a mean stride as shares of the carried weight; NaN if undefined."""
 
-    loading_peak: float  # in the first half of stance
-    trough: float  # in midstance
-    push_off_peak: float  # in the second half of stance
-    pattern: str = TWO_PEAKS  # or the reason why the three are not defined
+    loading_peak: float  # highest peak in the first half of stance
+    trough: float  # minimum in midstance
+    push_off_peak: float  # highest peak in the second half of stance
+    pattern: str = TWO_PEAKS  # or the reason why the three numbers are not defined
 
 
 def load_shape(cycle: np.ndarray) -> LoadShape:
     """Find the two peaks and the trough of a mean stride.
 
-    ``cycle``: vertical force over the carried weight at every percent of the stride from heel strike, shape
-    ``(101,)``; NaN without strides.
+    ``cycle``: vertical force divided by the carried weight at every percent of the stride from heel strike,
+    shape ``(101,)``; NaN without strides.
     """
     if not np.isfinite(cycle).all():
         return _undefined("no stride counts")
@@ -87,11 +87,12 @@ def prominent_peaks(curve: np.ndarray, prominence: float) -> np.ndarray:
 
 
 def _undefined(reason: str) -> LoadShape:
+    """Return a shape without peaks and trough, with the reason."""
     return LoadShape(math.nan, math.nan, math.nan, reason)
 
 
 def _stance_end(cycle: np.ndarray) -> int:
-    """Return the percent at which the longest time without load begins, which is the swing."""
+    """Return the percent at which the longest interval without load, which is the swing, begins."""
     spells = [spell for spell in phase_spells(cycle[:-1] < SWING_LOAD) if spell.phase]
     longest = max(spells, key=lambda spell: spell.end - spell.start, default=None)
     return len(cycle) - 1 if longest is None else longest.start

@@ -1,7 +1,7 @@
-"""How a run ended: its events, and its outcome in one word and one line.
+"""Events of a run, and its outcome in one word and one line.
 
-Events are faults, the trip of the safety monitor, a fall, a divergence. Of the outcomes the first that
-applies counts:
+Events are faults, the trip of the safety monitor, a fall, a divergence. The outcome is the first of the
+following that applies:
 
 - *diverged*: the state was no longer finite.
 - *fell*: the pelvis sank below the height of a fall, before a trip or after it.
@@ -15,8 +15,8 @@ applies counts:
 - *stalled*: a leg made no stride for ``LONGEST_STRIDE``, or its settled strides differ by more than
   ``HIGHEST_STRIDE_VARIATION``. Stride times of healthy people vary by 1 to 3 %, those of people with
   Huntington's disease by some 10 % (J. M. Hausdorff: J. NeuroEng. Rehabil. 2:19, 2005; recalled); the
-  limit is an assumption well beyond both. The time in which the legs wait for somebody to ask for a step,
-  or in which the belt stands, does not count.
+  limit is an assumption well beyond both. The time in which the legs wait for a step request, or in which
+  the belt is at rest, does not count.
 - *walked*: none of these.
 """
 
@@ -39,15 +39,15 @@ HIGHEST_FLIGHT_SHARE = 0.25
 class Verdict(NamedTuple):
     """Outcome of a run and the reason."""
 
-    outcome: Outcome | None  # in one word; None where no walk was asked for and nothing ended the run
-    reason: str = ""  # in one line; nothing for a walk
+    outcome: Outcome | None  # outcome in one word; None where no walk was requested and nothing ended the run
+    reason: str = ""  # reason in one line; empty for a walk
 
 
 def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
-    """Whether legs that neither fell nor were held walked.
+    """Judge whether legs that neither fell nor were held walked.
 
-    Only the times in which they are to walk evenly count, each for itself. Returns ``WALKED``, ``STALLED``,
-    ``HUNG`` or ``TOO_SHORT``.
+    Only the times in which the legs are to walk evenly count, and each of them is judged separately. Returns
+    a verdict with ``WALKED``, ``STALLED``, ``HUNG`` or ``TOO_SHORT``.
     """
     gaps = [_longest_without_stride(leg) for leg in legs]
     for leg, (_, longest) in zip(legs, gaps, strict=True):
@@ -72,9 +72,9 @@ def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
 
 
 def flight_share(legs: Sequence[LegRecord]) -> float:
-    """Share of the time in which no foot is on the ground.
+    """Compute the share of the time in which no foot is on the ground.
 
-    Returns share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
+    Returns the share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
     """
     loaded = [
         np.concatenate([leg.loaded[:0], *(leg.loaded[span] for span in leg.steady_ticks)])
@@ -87,7 +87,7 @@ def flight_share(legs: Sequence[LegRecord]) -> float:
 
 
 def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:
-    """Return beginning and length in [s] of the longest time of steady walk in which no stride begins."""
+    """Return beginning and length in [s] of the longest interval of steady walk in which no stride begins."""
     found, events = [(0.0, 0.0)], leg.stride_events
     for span in leg.steady_ticks:
         inside = events[(events >= span.start) & (events < span.stop)]
@@ -99,7 +99,7 @@ def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:
 
 
 class EventKind(StrEnum):
-    """What happened."""
+    """Kind of an event."""
 
     FAULT = "fault"
     TRIP = "trip"
@@ -108,23 +108,23 @@ class EventKind(StrEnum):
 
 
 class RunEvent(NamedTuple):
-    """One event."""
+    """One event of a run."""
 
-    kind: EventKind  # what happened
-    time: float  # when, in [s]; of a fall or a divergence the last moment of the log
+    kind: EventKind  # kind of the event
+    time: float  # time of the event in [s]; for a fall or a divergence the last instant of the log
     cause: str = ""  # kind of the fault or cause of the trip in words; empty for the other two
-    place: str = ""  # where in words, such as ``left knee``; empty where there is none
+    place: str = ""  # affected part in words, such as ``left knee``; empty where there is none
 
     @property
     def text(self) -> str:
-        """In words: ``trip: encoder frozen, left knee``."""
+        """Text of the event, such as ``trip: encoder frozen, left knee``."""
         details = ", ".join(part for part in dict.fromkeys((self.cause, self.place)) if part)
         return f"{self.kind}: {details}" if details else str(self.kind)
 
 
 def held_from(events: Iterable[RunEvent]) -> float | None:
-    """From when on the phases of a run no longer say what the legs do.
+    """Return the time in [s] from which on the phases of a run no longer describe the motion of the legs.
 
-    Returns time of the trip in [s]; None without one.
+    This is the time of the trip; None without one.
     """
     return next((event.time for event in events if event.kind is EventKind.TRIP), None)

@@ -1,4 +1,4 @@
-"""Phases over a run: how long they last, in which order they come, and how they fit the foot.
+"""Phases over a run: their durations, their order and their timing relative to the contacts of the foot.
 
 Phases are the indices of a gait table, one a tick.
 """
@@ -20,7 +20,7 @@ class PhaseSpell(NamedTuple):
 
 
 def phase_spells(phases: np.ndarray) -> list[PhaseSpell]:
-    """Split a run into stays.
+    """Split a run into uninterrupted stays in one phase.
 
     ``phases``: phase of each tick, shape ``(n,)``. Returns the stays in order; the first and the last are cut
     off by the record.
@@ -37,7 +37,7 @@ def _beginnings(phases: np.ndarray) -> np.ndarray:
 
 
 def phase_entries(phases: np.ndarray, phase: int) -> np.ndarray:
-    """Ticks at which a phase begins; a leg that starts in the phase enters it at tick 0.
+    """Find the ticks at which a phase begins; a leg that starts in the phase enters it at tick 0.
 
     ``phases``: phase of each tick, shape ``(n,)``. Returns ticks, shape ``(m,)``, integers.
     """
@@ -46,10 +46,10 @@ def phase_entries(phases: np.ndarray, phase: int) -> np.ndarray:
 
 
 def phase_durations(phases: np.ndarray, tick: float, *, since: int = 0) -> dict[int, np.ndarray]:
-    """Durations of the stays that the record does not cut off.
+    """Compute the durations of the stays that lie completely within the record.
 
     ``phases``: phase of each tick, shape ``(n,)``; ``tick``: sampling period in [s]; ``since``: stays that
-    begin before this tick do not count. Returns durations in [s] per phase that occurs.
+    begin before this tick do not count. Returns the durations in [s] for each phase that occurs.
     """
     durations: dict[int, list[float]] = {}
     for spell in phase_spells(phases)[1:-1]:
@@ -59,7 +59,7 @@ def phase_durations(phases: np.ndarray, tick: float, *, since: int = 0) -> dict[
 
 
 def phases_in_order(phases: np.ndarray, n_phases: int) -> bool:
-    """Whether each phase was followed by the next one of the cycle, from start to end.
+    """Check whether each phase was followed by the next one of the cycle, from start to end.
 
     ``phases``: phase of each tick, shape ``(n,)``. Returns true also if the phase never changed.
     """
@@ -68,11 +68,11 @@ def phases_in_order(phases: np.ndarray, n_phases: int) -> bool:
 
 
 def entry_lags(entries: np.ndarray, heel_strikes: np.ndarray, tick: float) -> np.ndarray:
-    """Time from the entry into the first phase to the heel strike that belongs to it.
+    """Compute the time from the entry into the first phase to the heel strike that belongs to it.
 
     A strike and an entry belong together if each is the other's nearest. ``entries``: ticks of the entries;
-    ``heel_strikes``: ticks of the strikes, shape ``(m,)``. Returns lag of every strike in [s], positive if
-    the phase began before the foot landed; NaN for a strike without an entry. Shape ``(m,)``.
+    ``heel_strikes``: ticks of the strikes, shape ``(m,)``. Returns the lag of every strike in [s], positive
+    if the phase began before the foot landed; NaN for a strike without an entry. Shape ``(m,)``.
     """
     if len(entries) == 0 or len(heel_strikes) == 0:
         return np.full(len(heel_strikes), np.nan)
@@ -81,14 +81,16 @@ def entry_lags(entries: np.ndarray, heel_strikes: np.ndarray, tick: float) -> np
 
 
 def _nearest(events: np.ndarray, ticks: np.ndarray) -> np.ndarray:
+    """Return the event that is nearest to each tick."""
     return np.asarray(events[np.abs(events - ticks[:, None]).argmin(axis=1)])
 
 
 def usual_phases(phases: np.ndarray, bounds: np.ndarray, n_phases: int) -> np.ndarray:
-    """Phase in which a leg is in most strides, at every percent of the stride.
+    """Find the phase in which a leg is in most strides, at every percent of the stride.
 
     Where strides pass through the phases in the same order, the phases change at the median of their
-    boundaries. ``phases``: phase of each tick. Returns index of the phase at ``PERCENT``, shape ``(101,)``.
+    boundaries. ``phases``: phase of each tick. Returns the index of the phase at ``PERCENT``, shape
+    ``(101,)``.
     """
     is_phase = [normalise_strides((phases == phase).astype(float), bounds) for phase in range(n_phases)]
     votes = np.array([(share > 0.5).sum(axis=0) for share in is_phase])  # (n_phases, 101)

@@ -1,4 +1,4 @@
-"""Angles of hip, knee and ankle in healthy walking by Koopman et al. (2014), and how far a gait is from them.
+"""Reference curves of healthy walking (Koopman et al., 2014; Winter, 1991) and distances of a gait from them.
 
 B. Koopman, E. H. F. van Asseldonk, H. van der Kooij: Speed-dependent reference joint trajectory
 generation for robotic gait support, Journal of Biomechanics 47 (2014) 1447-1458. A few key events of
@@ -11,10 +11,10 @@ the cycle have a timing, an angle, a velocity and an acceleration that depend on
 and quintic Hermite splines join them. The regression counts its instants as samples of a cycle: heel
 contact is sample 1, the next heel contact sample 100, so that sample 1 + 0.99 p is p percent.
 
-Angles at natural cadence, moments and ground forces at slow cadence are also those of D. A. Winter: The
+Angles at natural cadence, and moments and ground forces at slow cadence, are from D. A. Winter: The
 biomechanics and motor control of human gait, 2nd edition, University of Waterloo Press, 1991: means over 19
 subjects, every 2 % of the cycle from heel contact to the next. Duration and speed at natural cadence are
-those that public copies of the table carry (105.3 steps a minute).
+those that public copies of the table give (105.3 steps a minute).
 """
 
 import csv
@@ -30,17 +30,17 @@ from twin_gait.measures.effort import root_mean_square
 from twin_gait.parameters.quantities import POSITIVE, of_kind, require
 from twin_gait.vocabulary import JointName
 
-KILOMETRES_PER_HOUR = 3.6  # in a metre per second
+KILOMETRES_PER_HOUR = 3.6  # kilometres per hour in a metre per second
 CYCLE = 100.0  # [%]
 FIRST_SAMPLE, LAST_SAMPLE = 1.0, 100.0
 SAMPLES_PER_PERCENT = (LAST_SAMPLE - FIRST_SAMPLE) / CYCLE
-STEP_RATIO = (-0.532, 0.020, 0.470)  # of step length over cadence: constant, speed in km/h, height in m
+STEP_RATIO = (-0.532, 0.020, 0.470)  # coefficients of step length over cadence: constant, per km/h, per m
 _QUANTITIES = ("timing", "angle", "velocity", "acceleration")
-SLOWEST, FASTEST = 0.5 / KILOMETRES_PER_HOUR, 5.0 / KILOMETRES_PER_HOUR  # [m] / [s], range of the regression
+SLOWEST, FASTEST = 0.5 / KILOMETRES_PER_HOUR, 5.0 / KILOMETRES_PER_HOUR  # range of the regression, [m] / [s]
 
 
 def reference_covers(speed: float) -> bool:
-    """Whether the regression was made for a walking speed.
+    """Check whether the regression was made for a walking speed.
 
     ``speed`` in [m] / [s]. Returns true from 0.5 to 5 km/h.
     """
@@ -48,11 +48,12 @@ def reference_covers(speed: float) -> bool:
 
 
 def key_events(joint: JointName, *, speed: float, height: float) -> np.ndarray:
-    """Key events of a joint, in the order of the cycle.
+    """Compute the key events of a joint, in the order of the cycle.
 
-    Returns a row for each with its instant in [%] of the cycle, angle in [rad], velocity in [rad] / [%] and
-    acceleration in [rad] / [%]², shape ``(n, 4)``. Raises ParameterError for another joint, if the regression
-    does not reach the speed, or the height is not positive.
+    ``speed`` in [m] / [s]; ``height`` of the body in [m]. Returns a row for each event with its instant in
+    [%] of the cycle, angle in [rad], velocity in [rad] / [%] and acceleration in [rad] / [%]², shape
+    ``(n, 4)``. Raises ParameterError for another joint, if the regression does not reach the speed, or if the
+    height is not positive.
     """
     _require_covered(speed, height)
     b0, b1, b2, b3 = _coefficients()[of_kind(JointName, "joint", joint)]
@@ -67,7 +68,7 @@ def key_events(joint: JointName, *, speed: float, height: float) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _coefficients() -> dict[JointName, np.ndarray]:
-    """Coefficients b of each key event by joint, shape ``(4, n, 4)``: b, event, quantity."""
+    """Read the coefficients b of each key event by joint, shape ``(4, n, 4)``: b, event, quantity."""
     lines = Path(__file__).with_name("koopman2014.csv").read_text(encoding="utf-8").splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     names = [f"{name}_b{power}" for power in range(4) for name in _QUANTITIES]
@@ -77,11 +78,11 @@ def _coefficients() -> dict[JointName, np.ndarray]:
 
 
 def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, height: float) -> np.ndarray:
-    """Angle of a joint over the gait cycle in healthy walking.
+    """Compute the angle of a joint over the gait cycle in healthy walking.
 
     ``percent``: instants in [%] of the cycle from heel strike, any shape; the cycle repeats. Returns angles
     in [rad], shape of ``percent``; flexion and dorsiflexion positive. Raises ParameterError if the regression
-    does not reach the speed, or the height is not positive.
+    does not reach the speed, or if the height is not positive.
     """
     events = key_events(joint, speed=speed, height=height)
     starts = np.append(events[:, 0], CYCLE)
@@ -95,14 +96,14 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
 
 
 def _power(values: np.ndarray, exponent: int) -> np.ndarray:
-    """Powers by the C library; those of NumPy differ from one processor to another."""
+    """Raise values to a power by the C library; the powers of NumPy differ between processors."""
     return np.array([math.pow(value, exponent) for value in values.flat]).reshape(values.shape)
 
 
 def _bernstein(
     starts: np.ndarray, angle: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
 ) -> np.ndarray:
-    """Coefficients of the polynomials of degree five between events and their successors, a row each."""
+    """Compute the coefficients of the polynomials of degree five between consecutive events, a row each."""
     span = np.diff(starts)
     squared = _power(span, 2)
     end_angle, end_velocity, end_acceleration = np.roll((angle, velocity, acceleration), -1, axis=1)
@@ -114,10 +115,11 @@ def _bernstein(
 
 
 def reference_cycle_time(speed: float, height: float) -> float:
-    r"""Duration of the gait cycle in healthy walking.
+    r"""Compute the duration of the gait cycle in healthy walking.
 
-    With the step ratio :math:`r` (step length over cadence), :math:`T = 2 \sqrt{r / v}`. Returns duration in
-    [s]. Raises ParameterError if the regression does not reach the speed, or the height is too small for it.
+    With the step ratio :math:`r` (step length over cadence), :math:`T = 2 \sqrt{r / v}`. Returns the duration
+    in [s]. Raises ParameterError if the regression does not reach the speed, or if the height is too small
+    for it.
     """
     _require_covered(speed, height)
     constant, with_speed, with_height = STEP_RATIO
@@ -127,13 +129,14 @@ def reference_cycle_time(speed: float, height: float) -> float:
 
 
 def _require_covered(speed: float, height: float) -> None:
+    """Raise ParameterError unless the height is positive and the regression covers the speed."""
     POSITIVE.require("height", height)
     expected = f"{SLOWEST:.2f} to {FASTEST:.2f} m/s, for which there are reference curves"
     require(reference_covers(speed), "speed", expected, speed)
 
 
 def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:
-    r"""Gait Variable Score: root mean square distance of the mean stride from a reference.
+    r"""Compute the Gait Variable Score: root mean square distance of the mean stride from a reference.
 
     .. math::
 
@@ -141,11 +144,11 @@ def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:
 
     after R. Baker, J. L. McGinley, M. H. Schwartz, S. Beynon, A. Rozumalski, H. K. Graham, O. Tirosh: The
     Gait Profile Score and Movement Analysis Profile, Gait & Posture 30 (2009) 265-269. The mean stride is
-    compared, not each stride: what differs from stride to stride is no part of it.
+    compared, not each stride, so the variation between strides does not count.
 
-    ``cycles``: one joint angle over the cycle, a row a stride, last sample that of the next stride, shape
-    ``(n_strides, n_samples)``; ``reference``: curve at the same instants, shape ``(n_samples,)``, same unit.
-    Returns the score in the unit of the curves; NaN without strides.
+    ``cycles``: one joint angle over the cycle, a row a stride, whose last sample is the first of the next
+    stride, shape ``(n_strides, n_samples)``; ``reference``: curve at the same instants, shape
+    ``(n_samples,)``, same unit. Returns the score in the unit of the curves; NaN without strides.
     """
     if len(cycles) == 0:
         return math.nan
@@ -153,10 +156,10 @@ def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:
 
 
 def gait_profile_score(scores: Sequence[float]) -> float:
-    """Root mean square of the Gait Variable Scores of several joints.
+    """Compute the root mean square of the Gait Variable Scores of several joints.
 
-    Theirs has nine variables; a device that moves hips and knees has two a side. ``scores``: gait Variable
-    Scores in one unit. Returns the score in the same unit; NaN without any.
+    The published score has nine variables; a device that moves hips and knees has two a side. ``scores``:
+    Gait Variable Scores in one unit. Returns the score in the same unit; NaN without any.
     """
     if len(scores) == 0:
         return math.nan
@@ -170,24 +173,27 @@ WINTER_JOINTS = (JointName.HIP, JointName.KNEE)
 
 @lru_cache(maxsize=1)
 def _table() -> np.ndarray:
-    """Percent, two angles in [deg], two extensor moments in [N m] / [kg], two forces in [N] / [kg]."""
+    """Read percent, two angles in [deg], two extensor moments in [N m] / [kg], two forces in [N] / [kg]."""
     table = np.loadtxt(Path(__file__).with_name("winter1991.csv"), delimiter=",", skiprows=4)
     table.setflags(write=False)
     return table
 
 
 def _column_of(joint: str, first: int) -> np.ndarray:
-    """Column of a joint, those of its kind beginning with ``first``; ParameterError for one without."""
+    """Return the column of a joint in the table, where ``first`` is the column of the hip.
+
+    Raises ParameterError for a joint that the table does not have.
+    """
     require(joint in WINTER_JOINTS, "joint", " or ".join(WINTER_JOINTS), joint)
     return np.asarray(_table()[:, first + WINTER_JOINTS.index(JointName(joint))])
 
 
 def normative_angle(joint: str, percent: np.ndarray) -> np.ndarray:
-    """Angle in healthy walking at natural cadence.
+    """Compute the angle of a joint in healthy walking at natural cadence.
 
     The means at 0 and 100 % differ by up to 1.8 degrees; the last one is left out, so that the cycle closes.
     ``joint``: ``hip`` or ``knee``; ``percent`` of the gait cycle from foot contact, in [%], any shape; the
-    cycle repeats. Returns angle in [rad], flexion positive, the same shape.
+    cycle repeats. Returns the angle in [rad], flexion positive, the same shape.
     """
     from scipy.interpolate import CubicSpline  # takes longer to import than a walk to simulate
 
@@ -198,34 +204,34 @@ def normative_angle(joint: str, percent: np.ndarray) -> np.ndarray:
 
 
 def normative_moment(joint: str, percent: np.ndarray) -> np.ndarray:
-    """Flexor moment of healthy slow walking per body mass.
+    """Compute the flexor moment of healthy slow walking per body mass.
 
     Winter counts extensor moments positive; here flexor moments are, as everywhere in this package.
     ``joint``: ``hip`` or ``knee``; ``percent`` of the gait cycle from foot contact, in [%], any shape.
-    Returns moment in [N m] / [kg], the same shape.
+    Returns the moment in [N m] / [kg], the same shape.
     """
     return np.asarray(np.interp(np.mod(percent, CYCLE), _table()[:, 0], -_column_of(joint, 3)))
 
 
-WINTER_SLOW_SPEED = 1.0  # [m] / [s], about, at Winter's slow cadence (recalled)
+WINTER_SLOW_SPEED = 1.0  # approximate speed at Winter's slow cadence (recalled), [m] / [s]
 WINTER_GRAVITY = 9.81  # [m] / [s²]
 
 
 class GroundForce(NamedTuple):
-    """Force of the ground on a foot over body weight, shape of the instants asked for."""
+    """Force of the ground on a foot divided by body weight, in the shape of the requested instants."""
 
-    vertical: np.ndarray  # upwards
-    forward: np.ndarray  # negative where it brakes
+    vertical: np.ndarray  # vertical force, positive upwards
+    forward: np.ndarray  # fore-aft force, negative where it brakes
 
 
 def normative_ground_force(percent: np.ndarray, *, speed: float) -> GroundForce:
-    """Force of the ground in healthy walking, over the weight that is carried.
+    """Compute the force of the ground in healthy walking, divided by the weight that is carried.
 
-    Winter's at slow cadence, the slowest that he gives. The forward force is scaled in proportion to the
-    speed: its largest values of 0.162, 0.223 and 0.262 body weights at 1.0, 1.325 and 1.7 m/s are 0.154 to
-    0.168 of the speed in m/s. Below 1 m/s this is extrapolated; and there the vertical force, which is not
-    scaled, is flatter than at 1 m/s. ``percent`` of the gait cycle from foot contact, in [%], any shape; the
-    cycle repeats; ``speed``: walking speed in [m] / [s].
+    The forces are Winter's at slow cadence, the slowest that he gives. The forward force is scaled in
+    proportion to the speed: its largest values of 0.162, 0.223 and 0.262 body weights at 1.0, 1.325 and
+    1.7 m/s are 0.154 to 0.168 of the speed in m/s. Below 1 m/s this is extrapolated; there the vertical
+    force, which is not scaled, is in reality flatter than at 1 m/s. ``percent`` of the gait cycle from foot
+    contact, in [%], any shape; the cycle repeats; ``speed``: walking speed in [m] / [s].
     """
     places, table = np.mod(percent, CYCLE), _table() / WINTER_GRAVITY
     vertical, forward = (np.interp(places, _table()[:, 0], table[:, column]) for column in (5, 6))

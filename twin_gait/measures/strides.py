@@ -1,4 +1,4 @@
-"""Strides and steps: where they begin and end, how long they are, and what the joints do in them.
+"""Strides and steps: their beginnings and ends, their durations, and the curves of joints within them.
 
 A stride is a pair of ticks, from one event of a leg to the next of the same kind: two heel strikes,
 or two entries into the first phase. The first strides of a run still settle, so they are skipped
@@ -14,14 +14,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from twin_gait.measures.effort import root_mean_square
 
-SKIPPED_STRIDES = 2  # at the start of a walk, in which it settles
+SKIPPED_STRIDES = 2  # number of strides at the start of a walk in which it settles
 
 PERCENT = np.arange(101.0)  # [%] of the stride; the last sample is the first of the next stride
 PERCENT.setflags(write=False)
 
 
 def stride_bounds(events: np.ndarray) -> np.ndarray:
-    """Strides between events that begin one.
+    """Pair consecutive events into strides.
 
     ``events``: ticks in ascending order, shape ``(n,)``. Returns first tick of each stride and of the next
     one, shape ``(n_strides, 2)``, integers.
@@ -31,21 +31,21 @@ def stride_bounds(events: np.ndarray) -> np.ndarray:
 
 
 def stride_count(counted: int, found: int) -> str:
-    """How many strides a mean is taken over, in words that say why others are left out.
+    """Describe how many strides a mean is taken over, and why others are left out.
 
-    Returns ``6 strides (the first 2 of 8 settle)``.
+    Returns a text such as ``6 strides (the first 2 of 8 settle)``.
     """
     text = f"{counted} stride" + ("" if counted == 1 else "s")
     return text if counted == found else f"{text} (the first {found - counted} of {found} settle)"
 
 
 def last_before(events: np.ndarray, ticks: np.ndarray) -> np.ndarray:
-    """The last of ascending ``events`` before each of some ticks, in their shape; -1 where there is none."""
+    """Return the last of ascending ``events`` before each tick, in the shape of ``ticks``; -1 if none is."""
     return np.append(-1, events)[np.searchsorted(events, ticks)]
 
 
 def walks(bounds: np.ndarray) -> np.ndarray:
-    """Strides that follow each other, joined: legs that stand between two walks make no stride meanwhile.
+    """Join strides that follow each other into walks: legs at rest between two walks make no stride.
 
     ``bounds``: strides in ascending order, shape ``(n_strides, 2)``. Returns first tick of each walk and
     first tick after it, shape ``(m, 2)``, integers.
@@ -57,14 +57,14 @@ def walks(bounds: np.ndarray) -> np.ndarray:
 
 
 def in_strides(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
-    """Which ticks are in a stride, ``last``: or the end of one; booleans."""
+    """Determine which ticks are in a stride, or at the end of one with ``last``; booleans."""
     begun = np.searchsorted(bounds[:, 0], ticks, side="right")
     ended = np.searchsorted(bounds[:, 1], ticks, side="left" if last else "right")
     return np.asarray(begun > ended)
 
 
 def over_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """What a signal of one value a tick is in all strides, one behind the other."""
+    """Return the values of a signal of one value a tick in all strides, one after the other."""
     parts = [signal[start:end] for start, end in walks(bounds).tolist()]
     return parts[0] if len(parts) == 1 else np.concatenate([signal[:0], *parts])
 
@@ -83,20 +83,20 @@ def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 
 def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
-    """Duration of every stride. Returns durations in [s], shape ``(n_strides,)``."""
+    """Compute the duration of every stride in [s], shape ``(n_strides,)``."""
     return np.asarray((bounds[:, 1] - bounds[:, 0]) * tick)
 
 
 def finite_mean(values: np.ndarray) -> float:
-    """Mean of those values that are defined, in their unit; NaN without any."""
+    """Compute the mean of the values that are defined, in their unit; NaN without any."""
     finite = values[np.isfinite(values)]
     return float(finite.mean()) if len(finite) else math.nan
 
 
 def coefficient_of_variation(values: np.ndarray) -> float:
-    """Sample standard deviation over mean.
+    """Divide the sample standard deviation by the mean.
 
-    ``values``: positive numbers, shape ``(n,)``. Returns the ratio; NaN for fewer than 2 values, or noughts.
+    ``values``: positive numbers, shape ``(n,)``. Returns the ratio; NaN for fewer than 2 values, or zeros.
     """
     if len(values) < 2 or not values.any():
         return math.nan
@@ -104,7 +104,7 @@ def coefficient_of_variation(values: np.ndarray) -> float:
 
 
 def swing_shares(bounds: np.ndarray, toe_offs: np.ndarray) -> np.ndarray:
-    """Share of each stride in which the leg swings: from the last toe-off in it to its end.
+    """Compute the share of each stride in which the leg swings: from the last toe-off in it to its end.
 
     ``bounds``: strides from heel strike to heel strike; ``toe_offs``: ticks, shape ``(m,)``. Returns shares
     in [0, 1], shape ``(n_strides,)``; NaN for a stride without a toe-off.
@@ -115,10 +115,10 @@ def swing_shares(bounds: np.ndarray, toe_offs: np.ndarray) -> np.ndarray:
 
 
 def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Lowest and highest value in every stride.
+    """Find the lowest and highest value in every stride.
 
-    ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`. Returns shape
-    ``(n_strides, 2)``, in the unit of the signal.
+    ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds`` from :func:`stride_bounds`. Returns an
+    array of shape ``(n_strides, 2)``, in the unit of the signal.
     """
     # Every other span is a stride, from its first tick to the tick behind its last.
     edges = np.array([bounds[:, 0], bounds[:, 1] + 1]).T.ravel()
@@ -129,7 +129,7 @@ def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 
 def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
-    """Root mean square difference from a reference curve, over all strides and samples.
+    """Compute the root mean square difference from a reference curve, over all strides and samples.
 
     ``cycles`` from :func:`normalise_strides`, shape ``(n_strides, 101)``; ``reference``: curve at
     ``PERCENT``, shape ``(101,)``, same unit. Returns the error in the unit of the curves; NaN without
@@ -138,7 +138,7 @@ def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
     return root_mean_square((cycles - reference)[:, :-1])  # the sample at 100 % belongs to the next stride
 
 
-# Parts of the distance of strides from a reference, by their names in a summary; see error_parts.
+# Names in a summary of the parts of the distance of strides from a reference; see error_parts.
 ERROR_PARTS = ("total_deg", "offset_deg", "timing_deg", "shape_deg", "shift_percent")
 
 
@@ -155,11 +155,11 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> dict[str, float]:
         timing^2 = \langle (\tilde x - \tilde r)^2\rangle - shape^2, \qquad
         total^2 = offset^2 + timing^2 + shape^2 .
 
-    The offset is positive above the reference; the shift is how much later than in the reference things
-    happen in the strides, as a share of the cycle from -50 to 50 %, in steps of 1 %.
+    The offset is positive above the reference; the shift is the delay of the strides relative to the
+    reference as a share of the cycle from -50 to 50 %, in steps of 1 %.
 
     ``cycles`` from :func:`normalise_strides` in [rad], shape ``(n_strides, 101)``; ``reference``: curve at
-    ``PERCENT`` in [rad], shape ``(101,)``. Returned as ``ERROR_PARTS``; NaN without strides.
+    ``PERCENT`` in [rad], shape ``(101,)``. Returns the parts by ``ERROR_PARTS``; NaN without strides.
     """
     if len(cycles) == 0:
         return dict.fromkeys(ERROR_PARTS, math.nan)
@@ -168,12 +168,12 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> dict[str, float]:
     offset = float(np.mean(strides - healthy))
     difference = strides - healthy - offset
     unshifted = float(np.mean(difference * difference))
-    # The squares of both curves do not change with the shift, so that it shows in their product alone.
+    # The squares of both curves do not change with the shift, so only their product depends on it.
     mean, count = strides.mean(axis=0), len(healthy)
     shifted = sliding_window_view(np.concatenate([mean, mean[:-1]]), count)
     products = np.mean(shifted * healthy, axis=1)
     best = int(np.argmax(products))
-    # A shift of nothing is among them, but for rounding.
+    # Zero shift is among the candidates, so the difference is below zero by rounding only.
     timing = max(2.0 * float(products[best] - products[0]), 0.0)
     shift = best - count if best > count // 2 else best
     total = math.sqrt(offset * offset + unshifted)
@@ -183,7 +183,7 @@ def error_parts(cycles: np.ndarray, reference: np.ndarray) -> dict[str, float]:
 
 
 def symmetry_index(left: float, right: float) -> float:
-    """Difference of the sides over their mean: 0 for a symmetric gait, positive if the left is larger.
+    """Divide the difference of the sides by their mean: 0 if symmetric, positive if the left is larger.
 
     Returns the index; NaN if the mean is 0 or a side is NaN.
     """
@@ -195,31 +195,31 @@ SECONDS_PER_MINUTE = 60.0
 
 
 def cadence(stride_times: np.ndarray) -> float:
-    """Steps in a minute, two a stride.
+    """Compute the number of steps in a minute, two a stride.
 
-    ``stride_times`` in [s], shape ``(n,)``. Returns cadence in steps a minute; NaN without strides, or if
-    they last no time.
+    ``stride_times`` in [s], shape ``(n,)``. Returns the cadence in steps a minute; NaN without strides, or
+    if their mean duration is 0.
     """
     return 2.0 * SECONDS_PER_MINUTE / (finite_mean(stride_times) or math.nan)
 
 
 def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> np.ndarray:
-    """Duration of the steps that end with a heel strike of one foot.
+    """Compute the durations of the steps that end with a heel strike of one foot.
 
-    A step begins with the other foot's last strike before it; if this foot struck since, the other foot has
-    made no step in between and there is none to count. ``strikes``: heel strikes of the foot, ticks in
-    ascending order, shape ``(n,)``; ``other_strikes`` of the other foot, shape ``(m,)``; ``tick``: sampling
-    period in [s]. Returns durations in [s], shape ``(k,)`` with k at most n.
+    A step begins with the other foot's last strike before it. If this foot struck since then, the other foot
+    has made no step in between and no step is counted. ``strikes``: heel strikes of the foot, ticks in
+    ascending order, shape ``(n,)``; ``other_strikes``: heel strikes of the other foot, shape ``(m,)``;
+    ``tick``: sampling period in [s]. Returns durations in [s], shape ``(k,)`` with k at most n.
     """
     begin, last = last_before(other_strikes, strikes), np.append(-1, strikes[:-1])
     return np.asarray((strikes - begin)[begin > last] * tick)
 
 
 def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, bounds: np.ndarray) -> float:
-    """Share of the time in which both feet carry.
+    """Compute the share of the time in which both feet carry load.
 
-    ``loaded``: whether one foot carries, one value a tick, shape ``(n_ticks,)``; ``other_loaded`` of the
-    other foot, same shape; ``bounds``: strides. Returns share in [0, 1]; NaN without strides.
+    ``loaded``: whether one foot carries load, one value a tick, shape ``(n_ticks,)``; ``other_loaded``: the
+    same for the other foot; ``bounds``: strides. Returns the share in [0, 1]; NaN without strides.
     """
     both = over_strides(loaded & other_loaded, bounds)
     return float(both.mean()) if len(both) else math.nan

@@ -1,4 +1,4 @@
-r"""What a switch of phase does: to the torque, to the energy of the virtual spring, to the motion.
+r"""Effects of a switch of phase on the torque, the energy of the virtual spring and the motion.
 
 The virtual spring of a joint stores :math:`E = \tfrac12 k (\theta - \theta_0)^2`, which changes as
 
@@ -7,9 +7,9 @@ The virtual spring of a joint stores :math:`E = \tfrac12 k (\theta - \theta_0)^2
     \dot E = \left[\tfrac12 \dot k (\theta - \theta_0)^2 - k (\theta - \theta_0)\,\dot\theta_0\right]
         + k (\theta - \theta_0)\,\dot\theta
 
-The bracket is the switching: what the controller puts into the spring by changing its parameters, positive if
-the spring gains. The rest is the motion: the torque on the joint is :math:`-k(\theta - \theta_0)`, so that
-the leg receives this work with the other sign.
+The bracket is the power of the switching: the controller puts this energy into the spring by changing its
+parameters, positive if the spring gains. The other term is the power of the motion: the torque on the joint
+is :math:`-k(\theta - \theta_0)`, so that the leg receives this work with the other sign.
 """
 
 import math
@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 JERK_CUT_OFF = 50.0  # [Hz]
-# Beyond so many standard deviations a Gaussian is below 4e-4 of its peak.
+# A Gaussian is below 4e-4 of its peak beyond this number of standard deviations.
 _KERNEL_REACH = 4.0
 
 
@@ -25,12 +25,13 @@ _KERNEL_REACH = 4.0
 
 
 def blend_windows(switches: np.ndarray, blending_ticks: np.ndarray | int, length: int) -> np.ndarray:
-    """Ticks in which the parameters of a leg change: from each switch to the end of its blend.
+    """Find the ticks in which the parameters of a leg change: from each switch to the end of its blend.
 
-    A switch during a blend ends it, because the next one begins from where the parameters are. ``switches``:
+    A switch during a blend ends it, because the next blend begins from the current parameters. ``switches``:
     first ticks of new phases of one leg, ascending, each below ``length``, shape ``(m,)``;
-    ``blending_ticks``: length of each blend, or of all; 0 without. Returns first tick of each window and
-    first tick after it, integers, shape ``(m, 2)``.
+    ``blending_ticks``: length of each blend, or one length for all; 0 without blending; ``length``: number
+    of ticks of the record. Returns the first tick of each window and the first tick after it, integers, shape
+    ``(m, 2)``.
     """
     starts = np.asarray(switches, dtype=int)
     following = np.append(starts[1:], length)[: len(starts)]
@@ -38,7 +39,7 @@ def blend_windows(switches: np.ndarray, blending_ticks: np.ndarray | int, length
 
 
 def torque_jumps(torque: np.ndarray, windows: np.ndarray) -> np.ndarray:
-    """Largest change of a torque from one tick to the next in each window.
+    """Compute the largest change of a torque from one tick to the next in each window.
 
     ``torque`` in [N m], shape ``(n,)``; ``windows`` from :func:`blend_windows`, none beginning at tick 0.
     Returns magnitudes in [N m], shape ``(m,)``.
@@ -51,7 +52,7 @@ def torque_jumps(torque: np.ndarray, windows: np.ndarray) -> np.ndarray:
 
 
 def spring_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle: np.ndarray) -> np.ndarray:
-    r"""Energy in the virtual spring, :math:`\tfrac12 k (\theta - \theta_0)^2`.
+    r"""Compute the energy in the virtual spring, :math:`\tfrac12 k (\theta - \theta_0)^2`.
 
     ``angle``: θ in [rad]; ``stiffness``: k in [N m] / [rad]; ``equilibrium_angle``: θ0 in [rad]. Returns
     energy in [J], in the shape of the arguments.
@@ -61,7 +62,7 @@ def spring_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle: n
 
 
 def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle: np.ndarray) -> np.ndarray:
-    r"""Energy that the controller puts into the virtual spring in each tick by changing k and θ0.
+    r"""Compute the energy that the controller puts into the virtual spring in each tick by changing k and θ0.
 
     The firmware holds its parameters within a tick and changes them at its start, with the joint at the
     measured angle. The integral of the switching part over such a step is the difference of two energies,
@@ -84,7 +85,7 @@ def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle
 
 
 def sums_over(values: np.ndarray, spans: np.ndarray) -> np.ndarray:
-    """Sum of a signal over each of several spans of ticks.
+    """Sum a signal over each of several spans of ticks.
 
     ``values``: one value a tick, shape ``(n,)``; ``spans``: first tick of each span and first tick after it,
     shape ``(m, 2)``. Returns the sums, shape ``(m,)``.
@@ -100,7 +101,7 @@ def low_pass(signal: np.ndarray, tick: float, cut_off: float) -> np.ndarray:
 
     A sine of frequency f passes with the gain :math:`2^{-(f/f_c)^2/2}`, which is -3 dB at the cut-off. The
     ends of the record are continued by their first and last value. ``signal``: one value a tick, n at least
-    1; ``cut_off``: :math:`f_c` in [Hz]. Returns the smooth signal.
+    1; ``cut_off``: :math:`f_c` in [Hz]. Returns the smoothed signal.
     """
     deviation = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cut_off * tick)  # [ticks]
     reach = math.ceil(_KERNEL_REACH * deviation)
@@ -109,11 +110,12 @@ def low_pass(signal: np.ndarray, tick: float, cut_off: float) -> np.ndarray:
 
 
 def joint_jerk(velocity: np.ndarray, tick: float) -> np.ndarray:
-    r"""Jerk of a joint, :math:`d^2\omega/dt^2`, by central differences of the low-passed velocity.
+    r"""Compute the jerk of a joint, :math:`d^2\omega/dt^2`, by differences of the low-passed velocity.
 
     A torque that steps gives a jerk that is not bounded: without a filter its root mean square would grow as
-    the tick shrinks. The cut-off lets the 25 ms of a short blend through. ``velocity`` in [rad] / [s], one
-    value a tick. Returns jerk in [rad] / [s³], 0 in the first and the last tick.
+    the tick shrinks. The differences are central. The cut-off frequency lets the 25 ms of a short blend pass.
+    ``velocity`` in [rad] / [s], one value a tick. Returns the jerk in [rad] / [s³], 0 in the first and the
+    last tick.
     """
     jerk = np.zeros(len(velocity))
     if len(velocity) > 2:
@@ -122,7 +124,7 @@ def joint_jerk(velocity: np.ndarray, tick: float) -> np.ndarray:
 
 
 def dimensionless_jerk(velocity: np.ndarray, jerk: np.ndarray, spans: np.ndarray, tick: float) -> np.ndarray:
-    r"""Dimensionless jerk of each stride, which depends on its shape but not on its length or size.
+    r"""Compute the jerk of each stride, made dimensionless: independent of the stride's length and size.
 
     .. math::
 

@@ -1,18 +1,19 @@
-r"""What the ground does under a walking leg, and who does the work.
+r"""Forces of the ground on a walking leg, and the sources of the work.
 
-Vertical forces are over the weight that the legs carry, which is what body-weight support leaves of the
-weight of wearer and device. Curves are means over strides from heel strike to heel strike, as in D. A.
-Winter: The biomechanics and motor control of human gait, 2nd edition, University of Waterloo Press, 1991.
-There the vertical force rises to a loading peak, sinks in midstance, rises again as the foot pushes off; the
-ground brakes in the first half of stance and propels in the second, by as much.
+Vertical forces are divided by the carried weight: the weight of wearer and device less the body-weight
+support. Curves are means over strides from heel strike to heel strike, as in D. A. Winter: The biomechanics
+and motor control of human gait, 2nd edition, University of Waterloo Press, 1991. There the vertical force
+rises to a loading peak, sinks in midstance, rises again as the foot pushes off; the ground brakes in the
+first half of stance and propels equally in the second.
 
-On a belt, over whole strides of a steady walk, the ground takes what a guide of the pelvis gives,
+On a belt, over whole strides of a steady walk, the force of the ground balances that of a guide of the
+pelvis,
 
 .. math::
 
     \bar F_{guide} + \sum_{feet} \bar F_x = 0, \qquad P_{belt} = -v_{belt} \sum_{feet} \bar F_x,
 
-so that a walk whose feet brake on the mean is driven by the belt.
+so that the belt drives a walk whose feet brake in the mean.
 """
 
 import math
@@ -32,22 +33,22 @@ MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which one foot of a healthy wa
 WEIGHT_ACCEPTANCE = slice(6, 21)  # [%] of the cycle, in which the load rises in healthy walking
 YIELD_UNTIL = 30  # [%] of the cycle; the knee yields under load before midstance
 # A belt whose mean pull on both feet is less than this share of the carried weight does not carry a walk. In
-# healthy walking at an even speed it is nought; the share is an assumption, a tenth of what a foot brakes
-# with at its peak.
+# healthy walking at an even speed the mean pull is zero. The share is an assumption: a tenth of the peak
+# braking force of a foot.
 LEAST_DRAG = 0.02
-# Torques on a driven joint from outside the device, as columns of the log are named; patient_torque_Nm is
-# their sum.
+# Sources of torque on a driven joint from outside the device, as in the names of log columns;
+# patient_torque_Nm is their sum.
 OUTSIDE_SOURCES = ("voluntary", "passive", "push")
 
 
 @dataclass(frozen=True)
 class Walkway:
-    """What the measures of a walk need to know of belt and support."""
+    """Parameters of belt and support that the measures of a walk need."""
 
-    # weight of wearer and device less what the support carries, in [N]; NaN if that is all
+    # Weight of wearer and device less the supported part, in [N]; NaN if nothing is left.
     carried_weight: float
-    friction_coefficient: float  # of soles on the belt
-    transition_velocity: float  # of the regularised friction in [m] / [s]
+    friction_coefficient: float  # friction coefficient of the soles on the belt
+    transition_velocity: float  # transition velocity of the regularised friction in [m] / [s]
 
 
 def walk_measures(
@@ -59,12 +60,12 @@ def walk_measures(
     swing_phase: int | None,
     skip: int = strides.SKIPPED_STRIDES,
 ) -> dict[str, float]:
-    """Measure one leg of a walk on a belt: by their names in a summary, whose page says what each is.
+    """Measure one leg of a walk on a belt, by names in a summary, whose page explains each of them.
 
     ``log``: one row a tick, with the columns whose names end as in ``WALK_COLUMNS``; ``swing_phase``: index
-    of swing flexion; None for a table without it; ``skip``: so many strides at the start do not count.
-    Measures are means over the others unless said otherwise, forces over the carried weight where they have
-    no unit; NaN where they are not defined.
+    of swing flexion; None for a table without it; ``skip``: number of strides at the start that do not count.
+    Measures are means over the other strides unless said otherwise, forces are divided by the carried weight
+    where they have no unit; NaN where they are not defined.
     """
     contacts, force = leg.contacts, leg.normal_force
     assert contacts is not None  # there is ground
@@ -93,7 +94,7 @@ def walk_measures(
 
 
 def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.ndarray:
-    """Durations in [s] of the steps that end at a heel strike of some strides and begin in the same walk."""
+    """Compute the durations in [s] of the steps that end at a heel strike of ``bounds``, in the same walk."""
     contacts, others = leg.contacts, other.contacts
     assert contacts is not None and others is not None  # there is ground
     strikes = contacts.heel_strikes[strides.in_strides(contacts.heel_strikes, bounds, last=True)]
@@ -106,7 +107,7 @@ def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.nd
     return np.concatenate(found)
 
 
-# Ends of the names of the columns of a log that the measures of a walk read, beside time and phases.
+# Ends of the names of the log columns that the measures of a walk read in addition to time and phases.
 WALK_COLUMNS = (
     "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm",
     "_push_torque_Nm", "_foot_normal_force_N", "_foot_friction_force_N", "_foot_pressure_place",
@@ -116,7 +117,10 @@ WALK_COLUMNS = (
 
 
 def ground_speed(log: LogColumns, bounds: np.ndarray, tick: float) -> float:
-    """Mean speed over the ground in some strides, in [m] / [s]: of a belt, or of the pelvis without one."""
+    """Compute the mean speed over the ground in some strides, in [m] / [s].
+
+    This is the speed of the belt, or that of the pelvis where no belt moves.
+    """
     belt = mean_over(np.asarray(log["belt_speed_m_per_s"]), bounds)
     if belt != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
         return belt
@@ -126,14 +130,15 @@ def ground_speed(log: LogColumns, bounds: np.ndarray, tick: float) -> float:
 
 
 def _mean(values: np.ndarray) -> float:
+    """Compute the mean; NaN without values."""
     return float(values.mean()) if len(values) else math.nan
 
 
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Mean of a signal over strides.
+    """Compute the mean of a signal over strides.
 
     ``signal``: one value a tick, any unit, shape ``(n_ticks,)``; ``bounds``: strides, shape
-    ``(n_strides, 2)``. Returned at every percent of the cycle, shape ``(101,)``; NaN without strides.
+    ``(n_strides, 2)``. Returns the mean at every percent of the cycle, shape ``(101,)``; NaN without strides.
     """
     if len(bounds) == 0:
         return np.full(101, np.nan)
@@ -141,10 +146,10 @@ def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 
 def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
-    """Mean of a signal over the time of all strides.
+    """Compute the mean of a signal over the time of all strides.
 
     ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds``: strides, shape ``(n_strides, 2)``.
-    Returned in the unit of the signal; NaN without strides.
+    Returns the mean in the unit of the signal; NaN without strides.
     """
     return _mean(strides.over_strides(signal, bounds))
 
@@ -152,8 +157,9 @@ def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
 def load_measures(cycle: np.ndarray) -> dict[str, float]:
     """Measure the peaks, the trough and the least loads of a vertical force.
 
-    ``cycle``: force over carried weight at every percent of the cycle, shape ``(101,)``. Returns them by
-    their names in a summary; peaks and trough are NaN where :func:`load_shape` finds no two peaks.
+    ``cycle``: force divided by the carried weight at every percent of the cycle, shape ``(101,)``. Returns
+    the measures by their names in a summary; peaks and trough are NaN where :func:`load_shape` finds no two
+    peaks.
     """
     shape = load_shape(cycle)
     return {
@@ -166,18 +172,25 @@ def load_measures(cycle: np.ndarray) -> dict[str, float]:
 
 
 def fore_aft_peaks(cycle: np.ndarray) -> dict[str, float]:
-    """Largest backward and forward force over carried weight; as :func:`load_measures`."""
+    """Find the largest backward and forward force of a mean stride, divided by the carried weight.
+
+    Argument and result are like those of :func:`load_measures`.
+    """
     low, high = float(cycle.min()), float(cycle.max())
     return {"braking_peak": 0.0 if low > 0.0 else low, "propulsion_peak": 0.0 if high < 0.0 else high}
 
 
 def knee_shape(cycle: np.ndarray) -> dict[str, float]:
-    """Knee at contact and its yield after it, of angles in [rad]; as :func:`load_measures`."""
+    """Compute the knee angle at contact and the yield of the knee after it, from angles in [rad].
+
+    Shape of the argument and form of the result are those of :func:`load_measures`.
+    """
     bent = cycle[: YIELD_UNTIL + 1].max() - cycle[0]
     return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
 
 
 def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkway) -> dict[str, float]:
+    """Compute impulses, mean and peaks of the fore-aft force."""
     time = _mean(strides.stride_times(bounds, tick))
     return {
         "braking_impulse_Ns": time * mean_over(np.minimum(force, 0.0), bounds),
@@ -188,11 +201,11 @@ def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkw
 
 
 def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Centre of pressure over the mean stride, each stride weighted with its load.
+    """Compute the centre of pressure over the mean stride, each stride weighted with its load.
 
     ``place``: centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
-    ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``. Returns place at every percent of the cycle,
-    shape ``(101,)``; NaN where the mean foot carries nothing.
+    ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``. Returns the centre of pressure at every percent
+    of the cycle, shape ``(101,)``; NaN where the foot carries no load in the mean stride.
     """
     carried = mean_stride(load, bounds)
     loaded = carried > CONTACT_FORCE
@@ -201,7 +214,8 @@ def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> n
 
 
 def _midfoot(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> float:
-    # Up to the least load; what comes then is the next stance.
+    """Return the share of the cycle at which the centre of pressure passes the middle of the sole."""
+    # The curve ends at the least load, after which the next stance begins.
     stance = pressure_curve(place, load, bounds)[: int(np.argmin(mean_stride(load, bounds)))]
     known = stance[np.isfinite(stance)]
     behind = np.flatnonzero(stance < 0.5)
@@ -209,7 +223,7 @@ def _midfoot(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> float:
 
 
 def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]:
-    """Of the wearer's joints, driven or not."""
+    """Compute measures of the wearer's joints, driven or not."""
     hip, knee, ankle = (wearer_column(log, side, joint, "angle_rad") for joint in JointName)
     ankle_range = math.nan
     if ankle in log:
@@ -222,17 +236,18 @@ def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]
 
 
 def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.ndarray:
-    r"""Speed of a loaded sole on the belt, from the law of its friction.
+    r"""Compute the speed of a loaded sole on the belt, from the law of its friction.
 
     .. math::
 
         F_x = -\mu F_n \tanh(v / v_t)
         \quad\Rightarrow\quad |v| = v_t \operatorname{artanh}\frac{|F_x|}{\mu F_n}
 
-    Where points of the sole move at different speeds it is about that of those which carry.
+    Where points of the sole move at different speeds, the result is approximately the speed of the points
+    that carry load.
 
     ``fore_aft``: force of the ground in [N], shape ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``.
-    Returned in [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
+    Returns the speed in [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
     """
     loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
@@ -244,6 +259,7 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.n
 
 
 def _swing(load: np.ndarray, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
+    """Compute the mean share of the stride and the mean load in [N] at the entry into swing."""
     place = np.searchsorted(bounds[:, 0], entries, side="right") - 1
     shares = (entries - bounds[place, 0]) / (bounds[place, 1] - bounds[place, 0])
     return {"swing_entry": _mean(shares), "swing_load_N": _mean(load[entries])}
@@ -262,8 +278,8 @@ def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, fl
 def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
     """Compute the mean powers of voluntary effort, passive joint moments and pushes on a leg.
 
-    Each is the sum over the driven joints of the torque in the log times the velocity of the joint: of the
-    wearer's own joint for effort and passive moments, of the joint of the device, on which pushes act.
+    Each is the sum over the driven joints of the torque in the log times the velocity of a joint: for effort
+    and passive moments of the wearer's own joint, for pushes of the joint of the device, on which they act.
     ``bounds``: strides, shape ``(n_strides, 2)``. Returns means over the strides in [W], positive if they
     drive the leg, by the names in a summary; NaN without strides.
     """
@@ -282,17 +298,17 @@ def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[s
 def walk_power(
     log: LogColumns, legs: Collection[Mapping[str, float]], bounds: np.ndarray, walkway: Walkway
 ) -> dict[str, float]:
-    """Add up who drives a walk, from the measures of its legs; by their names in a summary.
+    """Add up the powers that drive a walk, from the measures of its legs; by their names in a summary.
 
-    ``guide_W`` is what guide or harness, off the rails arms and seat too, give to the pelvis as it goes
-    forwards, ``guide_force_N`` their mean forward force.
+    ``guide_W`` is the power that guide or harness (and arms and seat off the rails) supply to the pelvis in
+    the forward direction, ``guide_force_N`` is their mean forward force.
     """
     belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *OUTSIDE_SOURCES))
     motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
     force, power = np.asarray(log["guide_force_N"]), 0.0
     holding, speed = mean_over(force, bounds), mean_over(np.asarray(log["belt_speed_m_per_s"]), bounds)
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
-        if forward in log:  # with braces the harness is the wearer's
+        if forward in log:  # with braces the harness holds the wearer
             power = mean_over(force * np.asarray(log[forward]), bounds)
     carried = belt_carries(holding, speed, motors + sum(outside), walkway.carried_weight)
     return {
@@ -306,11 +322,11 @@ def walk_power(
 
 
 def belt_carries(holding: float, speed: float, legs: float, carried_weight: float) -> bool:
-    """Whether the belt carries a walk: it drags the wearer along, and gives more than the legs do themselves.
+    """Check whether the belt carries a walk: it drags the wearer and supplies more power than the legs do.
 
-    Told by what holds the pelvis against it: on level ground what the feet are dragged with, on a slope
-    without what the weight pulls. ``holding``: mean forward force of guide or harness on the pelvis in [N];
-    ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors, wearer and pushes in [W];
-    ``carried_weight``: as in :class:`Walkway`. Returns false without strides.
+    The criterion is the force that holds the pelvis against the belt: on level ground the drag on the feet,
+    on a slope this drag without the pull of the weight. ``holding``: mean forward force of guide or harness
+    on the pelvis in [N]; ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors, wearer and pushes
+    in [W]; ``carried_weight``: as in :class:`Walkway`. Returns false without strides.
     """
     return holding > LEAST_DRAG * carried_weight and holding * speed > legs

@@ -1,32 +1,33 @@
-r"""How a person uses two crutches: a law that sees what a person feels, late.
+r"""Use of two crutches by a person: a control law on delayed perception.
 
-Felt are the lean of the trunk and its rate, how far each tip stands in front of the shoulder, the load on
-each hand, and whether the device is taking a step, rising or sitting down, which it announces; all come later
-by the delay of a reaction. An arm whose crutch is planted pushes with
+The person perceives the lean of the trunk and its rate, the distance of each tip in front of the shoulder,
+the load on each hand, and whether the device is taking a step, rising or sitting down, which it announces.
+All signals arrive with the delay of a reaction. An arm whose crutch is planted pushes with
 
 .. math::
 
     P_0 = P + K\,(\theta - \theta^*) + D\,\dot\theta, \qquad M_0 = -M
 
-and its muscles are stiff for a moment only: length and angle that they hold follow those of the arm with the
-time constant of yielding. When both legs stand, a tip that has come near is lifted, swung to
-where the person reaches, and lowered until it is felt to carry, nearer if the arm is too short; the other
-stays planted meanwhile. Who has stood still for a while brings a tip that is elsewhere in the same way to
-where they like it.
+and its muscles are stiff against fast motions only: the length and angle that they hold follow those of the
+arm with the time constant of yielding. When both legs are in stance, a tip that has come near is lifted,
+swung to the person's reach, and lowered until it is perceived to carry load, nearer if the arm is too short;
+the other crutch stays planted meanwhile. A person who has been standing still for a while brings a tip that
+is elsewhere in the same way to the preferred distance.
 
-A chair asks for crutches behind. When the device announces that it is about to sit down, one is swung back to
-a tilt φ against the vertical, and the other leant on; both, before rising, if they do not stand there.
-While the person sits, the hands rest. While they rise or sit down, the arms do as the legs do: the muscles
-push, with the stiffness of loaded arms, towards a length that goes by the minimum-jerk law to that of risen
-or of seated arms,
+A chair requires crutches behind. When the device announces that it is about to sit down, one crutch is swung
+back to a tilt φ against the vertical, while the person leans on the other one; before rising, both are swung
+back unless they are there already. While the person sits, the hands rest. While the person rises or sits
+down, the arms act as the legs do: the muscles push, with the stiffness of loaded arms, towards a length that
+moves by the minimum-jerk law to the length of risen or of seated arms,
 
 .. math::
 
     P_0 = P_c, \qquad \ell_0(t) = \ell(0) + (\ell_c - \ell(0))\,s(t / T_c), \qquad M_0 = -M_c
 
-and an arm that is longer than that gives way. When the person has risen, arms that still carry straighten
-slowly and push against a trunk that tips backwards, :math:`P_0 = -D\,\dot\theta`; a hand that feels no load
-brings its crutch forwards, one after the other. Until the second comes, the first has no push P of its own.
+and an arm that is longer than this gives way. When the person has risen, arms that still carry load
+straighten slowly and push against a trunk that tips backwards, :math:`P_0 = -D\,\dot\theta`. A hand without
+load brings its crutch forwards, one after the other. Until the second crutch follows, the first has no push P
+of its own.
 """
 
 import math
@@ -39,23 +40,23 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters.crutches import ArmParameters
 
 PLANTED, SWUNG, LOWERED, BEHIND = 0, 1, 2, 3
-SITS, LEANS, RISES, REACHES, LOWERS = 1.0, 2.0, 3.0, 4.0, 5.0  # what is felt of a chair
+SITS, LEANS, RISES, REACHES, LOWERS = 1.0, 2.0, 3.0, 4.0, 5.0  # perceived states of sitting on a chair
 
 
 @dataclass(slots=True)
 class ArmPolicy:
-    """How a person uses crutches, and what that comes to for a wearer.
+    """Use of crutches by a person, with the quantities that depend on the wearer.
 
     Attributes:
         arms: Parameters of the law.
-        weight: Of wearer and device in [N].
+        weight: Weight of wearer and device in [N].
         longest: Length of arm and crutch in [m].
-        yielding: Share of the way that the muscles yield in a tick.
-        swing_ticks: Length of the swing.
-        planted_ticks: For so long at least a crutch stays.
-        still_ticks: For how long no leg has swung where somebody stands.
-        chair_ticks: For how long the struts go to the length of risen or of seated arms.
-        stand_ahead: Way in front of the shoulder of a tip where who stands has it, in [m].
+        yielding: Share of the remaining distance that the muscles yield in a tick.
+        swing_ticks: Duration of the swing in ticks.
+        planted_ticks: Shortest time in ticks for which a crutch stays planted.
+        still_ticks: Time in ticks without a swing of a leg after which a person counts as standing still.
+        chair_ticks: Time in ticks in which the struts move to the length of risen or of seated arms.
+        stand_ahead: Preferred distance of a tip in front of the shoulder of a person who stands, in [m].
     """
 
     arms: ArmParameters
@@ -70,7 +71,7 @@ class ArmPolicy:
 
 
 def new_policy(arms: ArmParameters, weight: float, longest: float) -> ArmPolicy:
-    """What a person does who has some weight in [N], and arms and crutches of some length in [m]."""
+    """Return the policy of a person with a weight in [N], and arms and crutches of a length in [m]."""
     return ArmPolicy(
         arms,
         weight,
@@ -86,18 +87,18 @@ def new_policy(arms: ArmParameters, weight: float, longest: float) -> ArmPolicy:
 
 @dataclass(slots=True)
 class Sense:
-    """What the person feels of the trunk and hears of the device, late.
+    """Delayed perception of the trunk and of the announcements of the device.
 
     Attributes:
-        lean: Of the trunk in [rad].
-        lean_rate: In [rad] / [s].
+        lean: Perceived lean of the trunk in [rad].
+        lean_rate: Perceived rate of the lean in [rad] / [s].
         stepping: 1 while a leg swings.
-        still: Ticks since the last one did.
+        still: Number of ticks since the last swing.
         chair: ``SITS``, ``LEANS``, ``RISES``, ``REACHES``, ``LOWERS`` or 0.
-        felt_lean: On its way to the mind.
-        felt_rate: Likewise.
-        felt_stepping: Likewise.
-        felt_chair: Likewise.
+        felt_lean: Delay line of the lean.
+        felt_rate: Delay line of its rate.
+        felt_stepping: Delay line of the announced steps.
+        felt_chair: Delay line of the announced state of sitting on a chair.
     """
 
     felt_lean: DelayLine
@@ -112,25 +113,27 @@ class Sense:
 
 
 def new_sense(delay: int, lean: float, chair: float = 0.0) -> Sense:
-    """What a person feels who has leant for a while.
+    """Return the perception of a person who has leant constantly for a while.
 
     Args:
-        delay: In ticks.
-        lean: In [rad].
-        chair: What is felt of one.
+        delay: Delay in ticks.
+        lean: Lean in [rad].
+        chair: Perceived state of sitting on a chair.
     """
     rate, stepping = new_delay_line(delay), new_delay_line(delay)
     return Sense(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair))
 
 
 def move_arm(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
-    """What a person does with one arm in a tick.
+    """Compute the action of a person with one arm in a tick.
 
     Args:
-        arm: Changed in place.
-        other: The other one.
-        ahead: Felt way of the tip in front of the shoulder in [m].
-        load: Felt load on the tip in [N].
+        policy: Use of the crutches.
+        sense: Perception of the person.
+        arm: Arm that acts; changed in place.
+        other: The other arm.
+        ahead: Perceived distance of the tip in front of the shoulder in [m].
+        load: Perceived load on the tip in [N].
     """
     arm.since += 1
     if arm.doing == SWUNG:
@@ -155,7 +158,7 @@ def move_arm(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float
 
 
 def _lower(policy: ArmPolicy, arm: Arm) -> None:
-    """Lengthen the strut towards the ground; one that is too short for it is drawn nearer."""
+    """Lengthen the strut towards the ground; draw the tip nearer if the strut is too short to reach it."""
     grip, way = arm.grip, policy.arms.lowering * TICK
     if grip.length < policy.longest:
         grip.length = min(grip.length + way, policy.longest)
@@ -165,7 +168,7 @@ def _lower(policy: ArmPolicy, arm: Arm) -> None:
 
 
 def _may_lift(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> bool:
-    """Whether both crutches have stood for long enough that one may be lifted, and no leg swings."""
+    """Check that both crutches have been planted for long enough to lift one, and that no leg swings."""
     return _rested(policy, arm) and _rested(policy, other) and sense.stepping == 0.0
 
 
@@ -174,20 +177,20 @@ def _rested(policy: ArmPolicy, arm: Arm) -> bool:
 
 
 def _stands(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> bool:
-    """Whether the person has stood still on both crutches, in front, for a while."""
+    """Check whether the person has been standing still on both crutches, in front, for a while."""
     shortest = min(sense.still, arm.since, other.since)
     return other.doing == PLANTED and shortest > policy.still_ticks
 
 
 def _use_behind(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
     """Bring a crutch behind for a chair, rest the hand, push, hold on, or bring the crutch forwards again."""
-    # To sit down one is enough behind; the other one is leant on.
+    # One crutch behind is enough to sit down; the person leans on the other one.
     readies = sense.chair == LEANS or (sense.chair == REACHES and other.doing == PLANTED)
     if readies and ahead > 0.0 and _may_lift(policy, sense, arm, other):
         _lift(policy, sense, arm, -policy.arms.chair_tilt)
         return
     if sense.chair == REACHES and arm.doing == PLANTED and ahead > 0.0:
-        _lean_on(policy, sense, arm, other)  # until its turn comes
+        _lean_on(policy, sense, arm, other)  # until the other crutch is behind
         return
     if sense.chair != arm.felt or arm.doing == PLANTED:
         arm.felt = sense.chair
@@ -201,7 +204,7 @@ def _use_behind(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: fl
 
 
 def _lean_on(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> None:
-    """Push back on a crutch in front, with muscles that yield to what is slow."""
+    """Push back on a crutch in front, with muscles that yield to slow motions."""
     habit, weight = policy.arms, policy.weight
     push = 0.0 if other.doing == BEHIND else habit.push * weight
     upright = habit.push_per_lean * weight * (sense.lean - habit.lean)
@@ -223,7 +226,7 @@ def _push_forwards(policy: ArmPolicy, sense: Sense, arm: Arm, load: float) -> No
 
 
 def _give_way(policy: ArmPolicy, arm: Arm) -> None:
-    """What would lift the tip gives way at once; what turns the arm, slowly."""
+    """Yield at once to a motion that would lift the tip, and slowly to one that turns the arm."""
     arm.grip.length = max(arm.grip.length, arm.length)
     turn_grip(arm.grip, arm.grip.angle - policy.yielding * arm.aside / arm.length)
 
@@ -244,7 +247,7 @@ def _push_up(policy: ArmPolicy, sense: Sense, arm: Arm) -> None:
 
 
 def _yield(policy: ArmPolicy, arm: Arm) -> None:
-    """Let the muscles give way to what is slow."""
+    """Let the muscles yield to slow motions."""
     grip = arm.grip
     grip.length += policy.yielding * (arm.length - grip.length)
     turn_grip(grip, grip.angle - policy.yielding * arm.aside / arm.length)
@@ -262,7 +265,7 @@ def _lift(policy: ArmPolicy, sense: Sense, arm: Arm, reach: float) -> None:
 
 
 def plant_crutch(policy: ArmPolicy, arm: Arm) -> None:
-    """Lean on a crutch from now on; the arm is held as it is."""
+    """Plant a crutch and lean on it from now on; the arm is held in its present state."""
     grip = arm.grip
     arm.doing, arm.since = PLANTED, 0
     grip.length = arm.length

@@ -1,4 +1,4 @@
-"""The controllers of the joint test bench: duties that follow a moved joint, and torques."""
+"""Controllers of the joint test bench: duty-based transparency control, and torque control."""
 
 import math
 from collections.abc import Mapping
@@ -15,9 +15,10 @@ DUTIES = quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
 GAINS = quantities.Range(0.0, 10.0, reason="a loop with ten times what it compensates is unstable")
 AMPLITUDES = quantities.Range(0.0, 2.0**24, reason="full duty of the finest timers")
 BRAKING = quantities.Range(0.0, 1e3, reason="the largest torque at 1 rad/s")
-TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
-# ω_min of (2.1) in [rad] / [s], which the thesis does not print: where A = 140 to 195 counts just break the
-# joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
+TRANSPARENCY_STEPS = 1000.0  # steps of the sine in a second, which are the ticks of the firmware
+# ω_min of (2.1) in [rad] / [s], which the thesis does not print: the velocity at which A = 140 to 195 counts
+# just break the joint away. A count is 0.099 N m on the knee at rest and 0.064 N m on the hip; the two values
+# have the same ratio.
 LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: 0.11, JointName.HIP: 0.07}
 _LOWEST = LOWEST_VELOCITIES[JointName.KNEE]
 
@@ -27,19 +28,19 @@ class DutyControl(quantities.Parameters):
     """Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
 
     K, A and f are the thesis's. It prints neither p0, p1, p2 nor ω_min; they are assumptions, chosen so that
-    the falls go as its appendix B tells: with K = 1 the joint creeps and may stick, with 1.15 it runs freely
-    and stays near 0.6 rad/s. With counts of 6000, A from 140 to 195 makes up for the difference between 3 kg
+    the falls agree with its appendix B: with K = 1 the joint creeps and may stick, with 1.15 it runs freely
+    and stays near 0.6 rad/s. With counts of 6000, A from 140 to 195 compensates the difference between 3 kg
     and 1 kg: 55 counts are 5.4 N m at the knee, the weights 5.9 N m.
 
     Attributes:
-        amplitude: A in counts.
-        frequency: f in [Hz].
-        transparency_gain: K.
-        lowest_velocity: ω_min in [rad] / [s].
-        static_voltage: p0 in [V].
-        back_emf_share: p1 over the back-EMF constant at the joint.
-        braking_torque: p2 as torque on the standing motor, in [N m s²] / [rad²].
-        duty_limit: As a share of full duty.
+        amplitude: Amplitude A of the breakaway sine in counts.
+        frequency: Frequency f of the breakaway sine in [Hz].
+        transparency_gain: Gain K.
+        lowest_velocity: Velocity ω_min in [rad] / [s], below which the breakaway sine acts.
+        static_voltage: Voltage p0 in [V].
+        back_emf_share: Coefficient p1 divided by the back-EMF constant at the joint.
+        braking_torque: Coefficient p2 as torque on the motor at rest, in [N m s²] / [rad²].
+        duty_limit: Limit of the duty as a share of full duty.
     """
 
     amplitude: Annotated[float, quantities.Unit("counts"), AMPLITUDES] = 170.0
@@ -53,7 +54,7 @@ class DutyControl(quantities.Parameters):
 
 
 def breakaway_duty(control: DutyControl, tick: float) -> float:
-    r"""Duty in counts that shakes the joint at rest in tick n, equation (2.1a) of the thesis.
+    r"""Compute the duty in counts that shakes the joint at rest in tick n, equation (2.1a) of the thesis.
 
     :math:`d = A \sin\frac{2\pi f\,n}{N}` with N :data:`TRANSPARENCY_STEPS`, the ``steps`` of the thesis.
     """
@@ -64,14 +65,15 @@ def breakaway_duty(control: DutyControl, tick: float) -> float:
 def viscous_duty(
     control: DutyControl, motor: Motor, velocity: float, bus_voltage: float, counts: float
 ) -> float:
-    r"""Duty in counts that follows the moving joint, equation (2.1b) of the thesis.
+    r"""Compute the duty in counts that follows the moving joint, equation (2.1b) of the thesis.
 
     .. math::
 
         d = \frac{PWM}{V_{bus}} \left\{p_0\,\mathrm{sgn}\,\omega
             + K\,[p_1\,\omega - p_2\,\mathrm{sgn}(\omega)\,\omega^2]\right\}
 
-    ``counts``: PWM, of full duty; p1 in [V s] / [rad] and p2 in [V s²] / [rad²] are those of the motor.
+    ``counts``: PWM, the counts of full duty; p1 in [V s] / [rad] and p2 in [V s²] / [rad²] follow from the
+    parameters of the motor.
     """
     torque_per_current = motor.torque_constant * motor.gear_ratio
     linear = control.back_emf_share * torque_per_current
@@ -84,7 +86,7 @@ def viscous_duty(
 def transparency_duty(
     control: DutyControl, motor: Motor, tick: float, velocity: float, bus_voltage: float, counts: float
 ) -> float:
-    """Duty in counts of transparency control, equations (2.1a) and (2.1b) of the thesis."""
+    """Compute the duty in counts of transparency control, equations (2.1a) and (2.1b) of the thesis."""
     if abs(velocity) < control.lowest_velocity:
         duty = breakaway_duty(control, tick)
     else:
@@ -97,9 +99,9 @@ class OldFrictionModel(quantities.Parameters):
     """TWIN's old friction model, equation (2.5) of the thesis.
 
     Attributes:
-        coulomb: T_c in [N m], F_s in the thesis; an assumption, b of table 3.1 for the knee.
-        viscous: d (there F_v) in [N m s] / [rad]; likewise.
-        steepness: κ in [s] / [rad]; 40 in the thesis.
+        coulomb: Torque T_c in [N m], F_s in the thesis; an assumption, b of table 3.1 for the knee.
+        viscous: Coefficient d (F_v in the thesis) in [N m s] / [rad]; an assumption, from the same table.
+        steepness: Steepness κ in [s] / [rad]; 40 in the thesis.
     """
 
     coulomb: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 3.193
@@ -109,12 +111,12 @@ class OldFrictionModel(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class CosinePath(quantities.Parameters):
-    """A path of the equilibrium angle, there and back.
+    """Cosine path of the equilibrium angle, there and back.
 
     Attributes:
-        start_angle: In [rad].
-        amplitude: End to end in [rad].
-        frequency: In [Hz].
+        start_angle: Angle at the start in [rad].
+        amplitude: Peak-to-peak amplitude in [rad].
+        frequency: Frequency in [Hz].
     """
 
     start_angle: quantities.Angle
@@ -123,7 +125,10 @@ class CosinePath(quantities.Parameters):
 
 
 def cosine_path(path: CosinePath, time: float) -> tuple[float, float, float]:
-    r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with velocity and acceleration, in [rad]."""
+    r"""Compute the path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)`, its velocity and acceleration.
+
+    Returns angle in [rad], velocity in [rad] / [s] and acceleration in [rad] / [s²] at a time in [s].
+    """
     pulsation, half = 2.0 * math.pi * path.frequency, 0.5 * path.amplitude
     fastest = half * pulsation
     sine, cosine = sine_cosine(pulsation * time)
@@ -135,19 +140,21 @@ class TorqueControl(quantities.Parameters):
     """Torque control, equations (2.7), (2.16) and (2.18) of the thesis.
 
     With stiffness and damping of zero it is friction compensation with a target torque (2.16); with a
-    stiffness, impedance control (2.18); with the old model and an inertia compensation of 1, (2.7).
+    stiffness, it is impedance control (2.18); with the old model and an inertia compensation of 1, it is
+    (2.7).
 
     Attributes:
         friction_model: The compensator's own friction model.
-        old_model: Takes the place of the friction model if given.
-        friction_compensation_gain: G.
+        old_model: Old friction model that replaces the friction model, or None.
+        friction_compensation_gain: Gain G of the friction compensation.
         follows_path: Whether friction is compensated at the velocity of the path, so that nothing is fed
-            back; else at the slow estimate, equation (2.16).
-        dead_zone: Speed below which it is not, in [rad] / [s]; taken off the speeds above it.
-        target_torque: In [N m].
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium_angle: θ0 in [rad].
+            back; otherwise at the slow velocity estimate, equation (2.16).
+        dead_zone: Speed in [rad] / [s] below which friction is not compensated; it is subtracted from the
+            speeds above it.
+        target_torque: Target torque in [N m].
+        stiffness: Stiffness k in [N m] / [rad].
+        damping: Damping b in [N m s] / [rad].
+        equilibrium_angle: Equilibrium angle θ0 in [rad].
         inertia_compensation: Share of the known inertia times the measured acceleration that is added.
         path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
     """

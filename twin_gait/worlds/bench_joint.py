@@ -1,7 +1,7 @@
-"""The joint test bench: one motor, one gear, a rigid link with a weight, a stop (thesis, section 2.2.1).
+"""Joint test bench: one motor, one gear, a rigid link with a weight, a stop (thesis, section 2.2.1).
 
-Sources: *thesis* is what it prints; *data sheet* is maxon's EC 90 flat 323772 (24 V); *from memory* was not
-found again; *assumption* has no source, with the reason beside it.
+Sources: *thesis* is printed there; *data sheet* is maxon's EC 90 flat 323772 (24 V); *from memory* was not
+found again; *assumption* has no source, and its reason is given next to it.
 """
 
 import math
@@ -16,9 +16,9 @@ from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import DutyControl, TorqueControl
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
-HORIZONTAL = math.pi / 2.0  # [rad]: where the fall begins (thesis 2.3.1)
-STOP_ANGLE = math.radians(125.0)  # where it ends (thesis, appendix B)
-LOWER_STOP = math.radians(-4.0)  # thesis 2.4
+HORIZONTAL = math.pi / 2.0  # [rad], angle at which the fall begins (thesis 2.3.1)
+STOP_ANGLE = math.radians(125.0)  # angle at which the fall ends (thesis, appendix B)
+LOWER_STOP = math.radians(-4.0)  # angle of the lower stop (thesis 2.4)
 TEMPERATURES = quantities.Range(-40.0, 100.0, reason="what greases of such gears bear")
 INDUCTANCES = quantities.Range(0.0, 0.1, above=True, reason="a hundred times that of the motors")
 BANDWIDTHS = quantities.Range(0.0, 2e5, above=True, reason="the rate of the fastest loops, in rad/s")
@@ -33,7 +33,7 @@ _PER_KELVIN = quantities.within(10.0, "the whole friction of a joint in a kelvin
 
 
 class LoadAngle(StrEnum):
-    """From where the angle of the load torque is counted."""
+    """Reference from which the angle of the load torque is counted."""
 
     CORRECTED = "corrected"  # F b cos(θ − 90°): the link is level where the fall begins
     PRINTED = "printed"  # F b cos θ, equation (2.8) as printed
@@ -41,16 +41,16 @@ class LoadAngle(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class BenchFriction(quantities.Parameters):
-    """True friction of the joint: its law, and what may come on top of it.
+    """True friction of the joint: its law, and further effects that may be added to it.
 
-    What comes on top turns over within a tenth of the law's break-away or Stribeck velocity.
+    The further effects reverse within a tenth of the law's break-away or Stribeck velocity.
 
     Attributes:
-        law: Equation (3.1), or one with directions or bristles.
+        law: Equation (3.1), or a law with directions or bristles.
         coulomb_per_load: Coulomb friction per load torque, no unit.
-        coulomb_per_kelvin: In [N m] / [K] from 25 °C.
-        viscous_per_kelvin: In [N m s] / [rad K] from 25 °C.
-        temperature: In [°C].
+        coulomb_per_kelvin: Change of the Coulomb friction in [N m] / [K] from 25 °C.
+        viscous_per_kelvin: Change of the viscous friction in [N m s] / [rad K] from 25 °C.
+        temperature: Temperature in [°C].
         ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N m].
     """
 
@@ -64,17 +64,17 @@ class BenchFriction(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class LinkParameters(quantities.Parameters):
-    """What hangs on the joint.
+    """Link and weight on the joint, and their stops.
 
     Attributes:
-        mass: In [kg].
-        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
-        inertia: Of the link about the axis in [kg m²]; an assumption.
+        mass: Mass of the weight in [kg].
+        lever: Lever b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        inertia: Inertia of the link about the axis in [kg m²]; an assumption.
         moment: Mass of the link times the distance of its centre in [kg m].
         load_angle: Form of the load torque.
-        stops: Of the bench: the link hits its base, some 2e6 N/m at 0.3 m (an assumption).
-        lower_stop: In [rad].
-        upper_stop: In [rad].
+        stops: Stops of the bench: the link hits its base, some 2e6 N/m at 0.3 m (an assumption).
+        lower_stop: Angle of the lower stop in [rad].
+        upper_stop: Angle of the upper stop in [rad].
     """
 
     mass: Annotated[quantities.Mass, quantities.NOT_NEGATIVE] = 2.0
@@ -93,17 +93,17 @@ class LinkParameters(quantities.Parameters):
 
     @property
     def total_inertia(self) -> float:
-        """Link and weight about the axis, m b² and not the thesis's m b, in [kg m²]."""
+        """Inertia of link and weight about the axis, with m b² and not the thesis's m b, in [kg m²]."""
         return self.inertia + self.mass * self.lever * self.lever
 
     @property
     def total_moment(self) -> float:
-        """Of weight and link in [kg m]."""
+        """First moment of weight and link in [kg m]."""
         return self.moment + self.mass * self.lever
 
 
 class InertialSensor(StrEnum):
-    """What an inertial unit measures."""
+    """Quantity that an inertial unit measures."""
 
     GYROSCOPE = "gyroscope"  # the velocity of the link, differentiated by the firmware
     ACCELEROMETER = "accelerometer"  # the specific force along the path of the unit
@@ -111,27 +111,27 @@ class InertialSensor(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class InertialUnit(quantities.Parameters):
-    """An inertial unit on the link, sampled at 1 kHz.
+    """Inertial unit on the link, sampled at 1 kHz.
 
     Attributes:
-        sensor: What it measures.
+        sensor: Quantity that it measures.
         noise: Standard deviation of a sample in [rad] / [s] or [m] / [s²]; white.
         delay: Ticks between a sample and its use; 2 for a bus of 500 Hz (thesis 2.1.2).
-        lever: From the axis to the unit in [m].
-        time_constant: Of the first-order filter behind it in [s].
+        lever: Distance from the axis to the unit in [m].
+        time_constant: Time constant of the first-order filter after it in [s].
     """
 
     sensor: InertialSensor
-    noise: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0  # of the sensor's unit
+    noise: Annotated[quantities.Ratio, quantities.NOT_NEGATIVE] = 0.0  # in the sensor's unit
     delay: Annotated[int, quantities.Range(0, 1000, words="0 to 1000 ticks")] = 2
     lever: Annotated[quantities.Length, quantities.POSITIVE] = 0.30
     time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.001
 
 
 class CurrentLoop(StrEnum):
-    """How a target current becomes a current."""
+    """Model of the current loop."""
 
-    IDEAL = "ideal"  # at once, as far as the bus voltage drives it
+    IDEAL = "ideal"  # the target current flows at once, as far as the bus voltage drives it
     PI = "pi"  # figure 2.13: PI on the six-step measurement
 
 
@@ -142,14 +142,15 @@ class DriveParameters(quantities.Parameters):
     Attributes:
         inductance: L, line to line, in [H].
         pole_pairs: Of the motor (data sheet: 12).
-        rate: Of the current loop in [Hz], a whole multiple of 1 kHz; 20 kHz as the thesis's position loop.
+        rate: Rate of the current loop in [Hz], a whole multiple of 1 kHz; 20 kHz like the thesis's position
+            loop.
         counts: Counts of full duty: 120 MHz of the controller over 20 kHz (computed). 0 for no steps.
         loop: Ideal or PI.
-        bandwidth: Of the PI loop in [rad] / [s]; an assumption, a fortieth of the loop's rate.
+        bandwidth: Bandwidth of the PI loop in [rad] / [s]; an assumption, a fortieth of the loop's rate.
         noise: Standard deviation of a current sample in [A]; chosen so that the RMSE of target and measured
             current is near the thesis's 0.0113 A (calibrated, not predicted).
         ripple: Relative first harmonic of the commutation. A sine of back-EMF over 60° varies by 13.4 % from
-            end to end, a cosine of 0.067; the loop sees that as current. An assumption: a tenth is left.
+            end to end, a cosine of 0.067; the loop measures this as current. An assumption: a tenth is left.
         delay: Periods of the loop between a sample and its use; an assumption.
     """
 
@@ -178,9 +179,10 @@ class CatalogueEfficiency(quantities.Parameters):
     0.011, largest 0.024 (computed). Below rated torque the efficiency is lower still.
 
     Attributes:
-        temperature: Of the grease in [°C].
-        coefficients: See :func:`twin_gait.core.motor_drive.drive_efficiency`.
-        transition_velocity: Of the loss at a reversal, in [rad] / [s]; an assumption.
+        temperature: Temperature of the grease in [°C].
+        coefficients: Coefficients of the polynomial, see
+            :func:`twin_gait.core.motor_drive.drive_efficiency`.
+        transition_velocity: Transition velocity of the loss at a reversal, in [rad] / [s]; an assumption.
     """
 
     temperature: Annotated[float, quantities.Unit("degC"), CATALOGUE] = 25.0
@@ -195,8 +197,8 @@ class Torsion(quantities.Parameters):
     """Compliance of the flexspline between motor and link.
 
     Attributes:
-        stiffness: In [N m] / [rad]; 3.1e4 is CSF-25 at low torque (from memory, medium confidence).
-        damping: In [N m s] / [rad]; an assumption, about 3 % of critical for the default link.
+        stiffness: Stiffness in [N m] / [rad]; 3.1e4 is CSF-25 at low torque (from memory, medium confidence).
+        damping: Damping in [N m s] / [rad]; an assumption, about 3 % of critical for the default link.
     """
 
     stiffness: Annotated[quantities.RotaryStiffness, quantities.POSITIVE] = 3.1e4
@@ -207,8 +209,8 @@ class Torsion(quantities.Parameters):
 BENCH_ACTUATORS = {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
 # Friction of the joints on the bench, table 3.1 of the thesis.
 BENCH_FRICTION = {JointName.HIP: parameters.HIP_FRICTION, JointName.KNEE: parameters.KNEE_FRICTION}
-# L of the 24 V winding from the data sheet. That of the 36 V winding scales with the square of K_t, as its R
-# does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
+# Inductance L of the 24 V winding from the data sheet. The inductance of the 36 V winding scales with the
+# square of K_t, as its resistance does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
 BENCH_INDUCTANCE: Mapping[JointName, float] = {
     JointName.KNEE: 0.264e-3,
     JointName.HIP: 0.264e-3 * (HIP_ACTUATOR.torque_constant / KNEE_ACTUATOR.torque_constant) ** 2,
@@ -217,7 +219,7 @@ BENCH_INDUCTANCE: Mapping[JointName, float] = {
 
 @dataclass(frozen=True, kw_only=True)
 class BenchJoint(quantities.Parameters):
-    """One test on the joint bench.
+    """Test on the joint bench.
 
     Attributes:
         actuator: Motor and gear.
@@ -227,17 +229,19 @@ class BenchJoint(quantities.Parameters):
         link: Link, weight and stops.
         battery: Its voltage is the bus voltage at rest.
         efficiency: Losses of the gear under load beyond the friction law; None, because equation (3.1)
-            already holds what was measured.
+            already contains the measured losses.
         torsion: Compliance of the gear; None for a rigid one.
         sensors: Encoder and velocity estimates.
-        inertial_unit: On the link, for the inertia compensation; None for the differentiated encoder.
-        limits: Of torque and current.
+        inertial_unit: Inertial unit on the link, for the inertia compensation; None for the differentiated
+            encoder.
+        limits: Limits of torque and current.
         imposed_motion: Imposed motion of the link, or None.
-        start_angle: In [rad].
-        start_velocity: In [rad] / [s].
-        gravity: In [m] / [s²].
-        duration: In [s].
-        rest_at_stop: The test ends so long after the upper stop was reached, in [s]; infinite for never.
+        start_angle: Angle at the start in [rad].
+        start_velocity: Velocity at the start in [rad] / [s].
+        gravity: Gravitational acceleration in [m] / [s²].
+        duration: Duration of the test in [s].
+        rest_at_stop: Time in [s] from reaching the upper stop to the end of the test; infinite for a test
+            that does not end there.
     """
 
     actuator: parameters.ActuatorParameters
@@ -269,10 +273,10 @@ class BenchJoint(quantities.Parameters):
 
 
 def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
-    """The bench with the motor and friction of a joint, knee or hip; without ``control`` the winding is open.
+    """Return the bench with the motor and friction of a joint, knee or hip.
 
-    ``changes``: attributes of :class:`BenchJoint` that differ. Raises ParameterError if there is no such
-    joint on the bench, or a value is out of its range.
+    Without ``control`` the winding is open. ``changes``: attributes of :class:`BenchJoint` that differ.
+    Raises ParameterError if there is no such joint on the bench, or if a value is out of its range.
     """
     require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
     usual = BenchJoint(

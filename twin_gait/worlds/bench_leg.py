@@ -16,15 +16,16 @@ from twin_gait.worlds.world import Posture, Scenario, World, start_posture, star
 
 @dataclass(frozen=True, kw_only=True)
 class ImposedMotionParameters(quantities.Parameters):
-    """An imposed motion of one joint, as by a hand that leads it and then lets go.
+    """Imposed motion of one joint, as by a hand that guides it and then releases it.
 
     Attributes:
         joint: Joint that is moved.
-        amplitude: End to end of the path in [rad].
-        frequency: In [Hz].
-        stiffness: Of the grip in [N m] / [rad].
-        damping: Of the grip in [N m s] / [rad].
-        release_time: In [s]; infinite for a motion that is imposed to the end.
+        amplitude: Peak-to-peak amplitude of the path in [rad].
+        frequency: Frequency of the path in [Hz].
+        stiffness: Stiffness of the grip in [N m] / [rad].
+        damping: Damping of the grip in [N m s] / [rad].
+        release_time: Time at which the grip is released in [s]; infinite for a motion that is imposed to the
+            end.
     """
 
     joint: JointName = JointName.KNEE
@@ -40,7 +41,7 @@ class BenchLeg(Scenario):
     """One leg on a stand, stepping in the air.
 
     Attributes:
-        start_angles: Of the joints at time 0 in [rad].
+        start_angles: Angles of the joints at time 0 in [rad].
         initial_phase: Phase at time 0; the first of the table if None.
         imposed_motion: Imposed motion, or None.
     """
@@ -54,11 +55,11 @@ class BenchLeg(Scenario):
     imposed_motion: ImposedMotionParameters | None = None
 
     def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
-        """The same stand with a leg that starts in another posture."""
+        """Return the same stand with a leg that starts in another posture."""
         return replace(self, start_angles=next(iter(postures.values())))
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
-        """Put a model of one leg on the stand."""
+        """Place a model of one leg on the stand."""
         require(len(model.legs) == 1, "legs", "one leg on the bench", len(model.legs))
         (side,) = model.sides
         q = start_posture(model, {side: self.start_angles}, ankle_rest)

@@ -1,4 +1,4 @@
-"""The wearer bound to the device by braces instead of rigidly, and the step that carries what is stiff."""
+"""Braces that bind the wearer to the device compliantly, and the largest step at which they are stable."""
 
 import math
 from dataclasses import replace
@@ -12,12 +12,13 @@ from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import Braces, World, start_posture
 
-# Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.
+# Motions without a force have the double eigenvalue 1, which is computed only to the square root of the
+# rounding.
 _ROUNDING = 1e-6
 
 
 def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: BraceParameters) -> World:
-    """Take device and wearer of a world apart and bind them by braces.
+    """Separate device and wearer of a world and connect them by braces.
 
     Motors, friction, stops, orthosis and imposed motion stay with the device; the support and the feet go
     with the wearer. Both start in the posture of the world.
@@ -36,7 +37,8 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
 
 
 def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
-    braces = [taken_from(Brace, parameters.pelvis) for _ in range(model.nv)]  # the pelvis is what is no joint
+    # Coordinates that are not joints have the brace of the pelvis.
+    braces = [taken_from(Brace, parameters.pelvis) for _ in range(model.nv)]
     for side, leg in model.legs.items():
         for joint, _ in leg.items():
             braces[model.index(side, joint)] = taken_from(Brace, parameters.of(joint))
@@ -47,14 +49,15 @@ def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
 
 
 def carries(world: World, step: float, *, runge_kutta: bool) -> bool:
-    r"""Whether an integrator carries braces and bristles of a world without letting their oscillation grow.
+    r"""Check whether an integrator is stable for the braces and bristles of a world.
 
-    Braces, springs, viscous dampers and bristles that stick are linear; gravity, contact and the change of
-    the inertias on the way are not looked at. Of :math:`\dot x = A x` a step h of the classical Runge-Kutta
-    method makes :math:`\sum_{i=0}^{4} \frac{(hA)^i}{i!}\,x`; the semi-implicit Euler method changes the
-    velocities first, then the positions with the new ones.
+    Stable means that their oscillation does not grow. Braces, springs, viscous dampers and bristles that
+    stick are linear; gravity, contact and the change of the inertias during the motion are neglected. For
+    :math:`\dot x = A x`, a step h of the classical Runge-Kutta method gives
+    :math:`\sum_{i=0}^{4} \frac{(hA)^i}{i!}\,x`; the semi-implicit Euler method changes the velocities first,
+    then the positions with the new velocities.
 
-    ``step``: in [s]. ``runge_kutta``: which of the two it is.
+    ``step`` in [s]. ``runge_kutta``: whether the integrator is Runge-Kutta instead of semi-implicit Euler.
     """
     model = world.model
     bent = start_posture(model, {side: {JointName.KNEE: 1.0} for side in model.sides}, 0.0)
@@ -65,7 +68,7 @@ def carries(world: World, step: float, *, runge_kutta: bool) -> bool:
 
 
 def _largest_growth(system: np.ndarray, runge_kutta: bool) -> float:
-    """Largest factor by which a step makes a motion grow; positions are first, then velocities."""
+    """Compute the largest growth factor of a motion in a step; positions are first, then velocities."""
     same, half = np.eye(len(system)), len(system) // 2
     with np.errstate(over="ignore", invalid="ignore"):
         if runge_kutta:
@@ -81,7 +84,7 @@ def _largest_growth(system: np.ndarray, runge_kutta: bool) -> float:
 
 
 def _linear(world: World, q: np.ndarray) -> np.ndarray:
-    """A world around a posture: the matrix of its positions and velocities."""
+    """Linearize a world about a posture: return the matrix of its positions and velocities."""
     n = len(world.plant)
     inertia, masses = np.zeros((n, n)), [chain.mass_matrix(q) for chain in world.chains]
     for number, mass in enumerate(masses):
@@ -98,6 +101,6 @@ def _linear(world: World, q: np.ndarray) -> np.ndarray:
 
 
 def _damping(plant: Plant) -> float:
-    """Of spring, gear and bristles that stick, in [N m s] / [rad]."""
+    """Add up the damping of spring, gear and bristles that stick, in [N m s] / [rad]."""
     friction = plant.friction
     return plant.spring.damping + friction.viscous_friction_forward + friction.bristle_damping

@@ -15,7 +15,7 @@ _SHAPE = re.compile(rf"([a-z_]+)(?::([a-z]+_[a-z]+))?@({_NUMBER})s(?:=({_NUMBER}
 
 
 class FaultKind(Coded):
-    """What breaks; ``code`` is its number in :mod:`twin_gait.core.faults`."""
+    """Kind of a fault; ``code`` is its number in :mod:`twin_gait.core.faults`."""
 
     ENCODER_FREEZE = "encoder_freeze"
     ENCODER_JUMP = "encoder_jump"
@@ -30,17 +30,18 @@ class FaultKind(Coded):
 
     @property
     def units(self) -> dict[str, float]:
-        """Units in which a magnitude may be given, with their factors to SI; SI first."""
+        """Units in which a magnitude may be given, with their factors to SI; the SI unit is the first."""
         return _MAGNITUDES.get(self, (0.0, {}))[1]
 
     def place(self, side: Side, joint: JointName) -> str:
-        """Where it strikes a leg, in the notation: a joint, the foot, or nothing for the supply."""
+        """Return the affected part in the notation: a joint of a leg, its foot, or nothing for the supply."""
         if self is FaultKind.SUPPLY_DIP:
             return ""
         return f"{side}_{FOOT if self is FaultKind.FOOT_LOAD_STUCK else joint}"
 
 
-# Magnitude in SI units where none is given, and the units that it may have; not of a kind without one.
+# Default magnitude in SI units, and the units in which one may be given; a kind that is missing has no
+# magnitude.
 _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
     FaultKind.ENCODER_JUMP: (10.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
     FaultKind.ENCODER_OFFSET: (5.0 * DEGREE, {"rad": 1.0, "deg": DEGREE}),
@@ -51,8 +52,9 @@ _MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
 }
 
 
-# Largest magnitude in SI units, as that of the quantities in :mod:`twin_gait.parameters.quantities`: half a
-# turn, ten times the no-load speed, ten times what the gear stands, that within 10 ms, extra-low voltage.
+# Largest magnitude in SI units, chosen like the ranges in :mod:`twin_gait.parameters.quantities`: half a
+# turn, ten times the no-load speed, ten times the permissible torque of the gear, this torque within 10 ms,
+# extra-low voltage.
 _LARGEST: dict[FaultKind, float] = {
     FaultKind.ENCODER_JUMP: math.pi,
     FaultKind.ENCODER_OFFSET: math.pi,
@@ -65,13 +67,14 @@ _LARGEST: dict[FaultKind, float] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One fault; it lasts to the end of the run but for a jump (5 ms) and a dip of the supply (0.5 s)."""
+    """One fault; it lasts to the end of the run, except for a jump (5 ms) and a dip of the supply (0.5 s)."""
 
-    kind: FaultKind  # What breaks.
-    time: float  # When, in [s].
-    place: str = ""  # Where, in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
-    # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], as the kind
-    # has it; None takes the kind's own.
+    kind: FaultKind  # Kind of the fault.
+    time: float  # Time at which it begins, in [s].
+    place: str = ""  # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
+    # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], according
+    # to
+    # the kind; None means the default of the kind.
     magnitude: float | None = None
 
     def __post_init__(self) -> None:
@@ -89,12 +92,12 @@ class Fault:
 
     @property
     def side(self) -> Side | None:
-        """Leg; None for the supply."""
+        """Side of the affected leg; None for the supply."""
         return Side(self.place.partition("_")[0]) if self.place else None
 
     @property
     def joint(self) -> JointName | None:
-        """Joint; None for a foot and the supply."""
+        """Affected joint; None for a foot and the supply."""
         part = self.place.partition("_")[2]
         return JointName(part) if part in list(JointName) else None
 
@@ -106,9 +109,10 @@ class Fault:
     def require_fit(
         self, sides: Collection[Side], joints: Collection[JointName], feet: bool, duration: float
     ) -> None:
-        """Refuse, by a ParameterError, a fault of what is not there, or that comes after the end of the run.
+        """Check that a fault concerns a part that exists, and begins before the end of the run.
 
-        ``joints``: those that are controlled. ``duration``: of the run in [s].
+        ``joints``: joints that are controlled. ``feet``: whether the feet have load sensors. ``duration``:
+        duration of the run in [s]. Raises ParameterError otherwise.
         """
         self._require_place(f"fault {self}", sides, joints)
         sensed = feet or self.kind is not FaultKind.FOOT_LOAD_STUCK
@@ -123,27 +127,28 @@ class Fault:
         require(self.place in places, name, words, self.place)
 
     def __str__(self) -> str:
-        """The fault in its notation; reading it gives an equal fault."""
+        """Return the fault in its notation; parsing it gives an equal fault."""
         return with_time(self.without_time, self.time)
 
     @property
     def without_time(self) -> str:
-        """The fault in its notation without the time, as an event has it."""
+        """Notation of the fault without the time, as in the text of an event."""
         place = f":{self.place}" if self.place else ""
         size = "" if self.magnitude is None else f"={self.magnitude!r}{next(iter(self.kind.units))}"
         return f"{self.kind}{place}{size}"
 
 
 def with_time(text: str, time: float) -> str:
-    """Return the notation of a fault with a time in [s], from that without one."""
+    """Insert a time in [s] into the notation of a fault without a time."""
     name, equals, size = text.partition("=")
     return f"{name}@{time!r}s{equals}{size}"
 
 
 def parse_fault(text: str) -> Fault:
-    """Read a fault in its notation.
+    """Parse the notation of a fault.
 
-    ``KIND:SIDE_JOINT@TIMEs``, with ``=`` and a magnitude with its unit where the kind has one:
+    The notation is ``KIND:SIDE_JOINT@TIMEs``, with ``=`` and a magnitude with its unit where the kind has
+    one:
     ``encoder_freeze:left_knee@4.2s``, ``encoder_drift:right_hip@3s=20deg/s``,
     ``foot_load_stuck:left_foot@2s``, ``supply_dip@5s=12V``.
 

@@ -26,14 +26,15 @@ SPEEDS = quantities.Range(0.0, 2.0, above=True, words="a speed above 0 and at mo
 
 @dataclass(frozen=True, kw_only=True)
 class HarnessParameters(quantities.Parameters):
-    """A harness at the trunk that hangs from a trolley on a rail overhead; the trolley follows freely.
+    """Harness at the trunk that hangs from a trolley on a rail overhead; the trolley follows freely.
 
     Attributes:
-        share: Share of the weight of wearer and device that it carries.
-        height: Of its attachment above the hips, along the trunk, over the height of the wearer.
-        damping: Of the winch in [N s] / [m].
-        catch_stiffness: Of the rope once a trip has locked it, in [N] / [m]; 0 for one that does not lock.
-        catch_dissipation: Of that rope in [s] / [m] (an assumption).
+        share: Share of the weight of wearer and device that the harness carries.
+        height: Height of its attachment above the hips, along the trunk, divided by the height of the wearer.
+        damping: Damping of the winch in [N s] / [m].
+        catch_stiffness: Stiffness in [N] / [m] of the rope after a trip has locked it; 0 for a rope that does
+            not lock.
+        catch_dissipation: Dissipation of the locked rope in [s] / [m] (an assumption).
     """
 
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
@@ -45,25 +46,25 @@ class HarnessParameters(quantities.Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Overground(SplitStance):
-    """A level floor, a trunk that may lean, and two crutches.
+    """Level floor, trunk that may lean, and two crutches.
 
     Attributes:
-        speed: In [m] / [s] for which the gait table is scaled.
-        crutches: And the limits of the arms; None for hands that hold nothing.
-        arms: How the crutches are used.
-        harness: Over the head.
-        chair: To sit on, or None.
-        contact: Of heels, toes and crutches.
+        speed: Walking speed in [m] / [s] for which the gait table is scaled.
+        crutches: Crutches and the limits of the arms; None for hands that hold nothing.
+        arms: Use of the crutches.
+        harness: Harness on a rail overhead.
+        chair: Chair to sit on, or None.
+        contact: Contact parameters of heels, toes and crutches.
         start: Whether the wearer begins standing, or sitting on the chair, in balance.
-        lean: Of the trunk at the start in [rad], forwards positive.
-        shank: Of a wearer who begins sitting: angle by which the shanks lean forward over the feet in [rad].
-        crutch_ahead: Way of the two tips in front of the shoulder at the start in [m].
-        fall_lean: Of the trunk, either way, beyond which the wearer has fallen, in [rad].
+        lean: Lean of the trunk at the start in [rad], forwards positive.
+        shank: Angle in [rad] by which the shanks of a wearer who begins sitting lean forward over the feet.
+        crutch_ahead: Distance of the two tips in front of the shoulder at the start in [m].
+        fall_lean: Lean of the trunk in [rad], in either direction, beyond which the wearer has fallen.
         leading: Leg that starts in front.
-        leading_angles: Of the joints of the leading leg at the start in [rad].
-        trailing_angles: Of the trailing leg in [rad].
+        leading_angles: Angles of the joints of the leading leg at the start in [rad].
+        trailing_angles: Angles of the joints of the trailing leg at the start in [rad].
         leading_phase: Phase of the leading leg at the start.
-        trailing_phase: Of the trailing leg.
+        trailing_phase: Phase of the trailing leg at the start.
     """
 
     kind: ClassVar[str] = "overground"
@@ -94,29 +95,29 @@ class Overground(SplitStance):
 
     @property
     def walking(self) -> Walking:
-        """On the floor."""
+        """Parameters of walking on the floor."""
         return Walking(speed=self.speed, support_share=self.harness.share, contact=self.contact, belt=Belt())
 
     def without_aids(self) -> Self | None:
-        """The same floor without crutches."""
+        """Return the same floor without crutches; None where there are none."""
         return None if self.crutches is None else replace(self, crutches=None)
 
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
-        """Support."""
+        """Adjustment of the body-weight support."""
         return (Adjustment.of_support(self.harness.share, "harness.share", "harness carries"),)
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
-        """Put a model on the floor; both legs, and a wearer if there are crutches."""
+        """Place a model with both legs on the floor, with a wearer if there are crutches."""
         self.require_soles(model, "the floor")
         height, pitch, weight = model.pelvis_index, model.pitch_index, model.total_mass * gravity
-        assert height is not None and pitch is not None  # it is free
+        assert height is not None and pitch is not None  # the pelvis is free
         tall = 0.0 if model.patient is None else model.patient.height
         seat = None if self.chair is None else seat_of(model, self.chair)
         if self.start == "sitting":
             quantities.require(seat is not None, "start", "standing, or a chair to sit on", self.start)
             assert seat is not None
-            still = replace(seat)  # its sums change
+            still = replace(seat)  # a copy, because the sums of a seat change
             q = Sitting(model, still, self.contact, plant, lean=self.lean, shank=self.shank).posture()
         else:
             q = start_posture(model, self.postures(), ankle_rest)
@@ -131,7 +132,7 @@ class Overground(SplitStance):
         return world if self.crutches is None else self._with_crutches(world, self.crutches)
 
     def _with_crutches(self, world: World, crutches: CrutchParameters) -> World:
-        """The wearer of a world with both crutches planted."""
+        """Return a world in which the wearer has planted both crutches."""
         patient, pelvis = world.model.patient, world.model.pelvis_index
         quantities.require(patient is not None, "crutches", "a patient who holds them", "none")
         assert patient is not None and world.trunk is not None and pelvis is not None

@@ -1,4 +1,4 @@
-"""Which worlds there are: a module each of this package, and those that other packages bring."""
+"""Registry of the worlds: one module each in this package, and those that other packages provide."""
 
 import traceback
 from functools import cache
@@ -14,7 +14,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import require
 from twin_gait.worlds.world import Scenario, World
 
-GROUP = "twin_gait.worlds"  # of entry points, each under the kind of its world
+GROUP = "twin_gait.worlds"  # group of entry points, each named by the kind of its world
 
 
 @cache
@@ -29,14 +29,14 @@ def _is_world(item: Any) -> bool:
 
 
 def world_kinds() -> tuple[str, ...]:
-    """Kinds of worlds that there are; those of other packages are not loaded for it."""
+    """Return the kinds of all available worlds; those of other packages are not loaded for it."""
     return (*_shipped(), *entry_points(group=GROUP).names)
 
 
 def world_of(kind: str) -> type[Scenario]:
-    """The class of a world.
+    """Return the class of a world.
 
-    Raises ParameterError if there is no such world, or the package that brings it is broken.
+    Raises ParameterError if there is no such world, or if the package that provides it is broken.
     """
     if kind in _shipped():
         return _shipped()[kind]
@@ -53,7 +53,10 @@ def world_of(kind: str) -> type[Scenario]:
 
 
 def built(scenario: Scenario, model: LegModel, **surroundings: Any) -> World:
-    """What a world builds, see :meth:`Scenario.build`; ParameterError where another package has a mistake."""
+    """Build a world, see :meth:`Scenario.build`.
+
+    Raises ParameterError if the package of a world that does not ship with the program has a mistake.
+    """
     name, shipped = f"world {scenario.kind!r}", type(scenario).__module__.startswith("twin_gait.")
     try:
         world: Any = scenario.build(model, **surroundings)
@@ -75,13 +78,13 @@ def built(scenario: Scenario, model: LegModel, **surroundings: Any) -> World:
 
 
 def load_plugin(entry: EntryPoint) -> Any:
-    """What an entry point of another package names.
+    """Load the object of an entry point of another package.
 
     Raises ParameterError if it cannot be imported.
     """
     try:
         return entry.load()
-    except Exception as error:  # whatever the other package does when it is imported
+    except Exception as error:  # importing another package may raise any exception
         problem = f"{type(error).__name__}: {error}"
         raise ParameterError(
             f"{words(entry)} cannot be loaded ({problem}); repair or uninstall it"
@@ -89,6 +92,6 @@ def load_plugin(entry: EntryPoint) -> Any:
 
 
 def words(entry: EntryPoint) -> str:
-    """An entry point in words, to begin a message with."""
+    """Return a description of an entry point that begins a message."""
     package = "" if entry.dist is None else f" of the package {entry.dist.name}"
     return f"plug-in {entry.value}{package}"

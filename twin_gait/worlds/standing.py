@@ -1,4 +1,4 @@
-"""How legs come to stand on the ground at the start."""
+"""Postures at the start in which the legs are in balance on the ground."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -17,36 +17,36 @@ from twin_gait.worlds.world import Posture, Scenario, World
 
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75
-# Of Newton's method: steps in [m] and [rad], forces in [N] and [N m].
+# Constants of Newton's method: steps in [m] and [rad], forces in [N] and [N m].
 MOST_ROUNDS, LARGEST_STEP, DIFFERENCE, BALANCED = 60, 0.02, 1e-7, 1e-6
 
 
 class SplitStance(Scenario):
-    """A world in which two legs start on the ground, one in front of the other.
+    """World in which two legs start on the ground, one in front of the other.
 
-    What is declared here are fields that such a world has.
+    The following declarations are fields that such a world has.
     """
 
     leading: Side  # Leg that starts in front.
-    leading_angles: Posture  # Of its joints at the start in [rad].
-    trailing_angles: Posture  # Of the joints of the other leg in [rad].
-    leading_phase: str  # Of the leading leg at the start.
-    trailing_phase: str  # Of the other one.
+    leading_angles: Posture  # Angles of its joints at the start in [rad].
+    trailing_angles: Posture  # Angles of the joints of the other leg at the start in [rad].
+    leading_phase: str  # Phase of the leading leg at the start.
+    trailing_phase: str  # Phase of the other leg at the start.
 
-    contact: ContactParameters  # Of heels and toes.
+    contact: ContactParameters  # Contact parameters of heels and toes.
 
     def leading_of(self, sides: Sequence[Side]) -> Side:
-        """Leg that starts in front."""
+        """Return the leg that starts in front."""
         return self.leading
 
     def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
-        """The same world under legs that start in other postures."""
+        """Return the same world with legs that start in other postures."""
         trailing = next(angles for side, angles in postures.items() if side is not self.leading)
         changed = {"leading_angles": postures[self.leading], "trailing_angles": trailing}
         return replace(self, **changed)
 
     def postures(self, slope: float = 0.0) -> dict[Side, Posture]:
-        """Angles of both legs at the start, turned with the ground about the hips by a slope in [rad]."""
+        """Return the start angles of both legs, turned about the hips by the slope of the ground in [rad]."""
         found: dict[Side, Posture] = {}
         for side in Side:
             angles = self.leading_angles if side is self.leading else self.trailing_angles
@@ -59,7 +59,7 @@ class SplitStance(Scenario):
         return {side: self.leading_phase if side is self.leading else self.trailing_phase for side in Side}
 
     def require_soles(self, model: LegModel, ground: str) -> None:
-        """Refuse, by a ParameterError, to put on some ground what has no two legs with heels and toes."""
+        """Raise ParameterError unless a model has two legs with heels and toes and z upwards."""
         require(len(model.legs) == 2, "legs", f"two legs on {ground}", len(model.legs))
         require(model.up_axis == "z", "up_axis", f"z on {ground}", model.up_axis)
         for side, leg in model.legs.items():
@@ -68,10 +68,10 @@ class SplitStance(Scenario):
     def standing(
         self, model: LegModel, plant: tuple[Plant, ...], q: np.ndarray, ropes: Any, weight: float, **more: Any
     ) -> World:
-        """A world with both legs on the ground.
+        """Build a world with both legs on the ground.
 
-        ``ropes``: of body-weight support, with the share of the ``weight`` in [N] that they carry, and what
-        locks in them at a trip. ``more``: of the world.
+        ``ropes``: parameters of body-weight support, with the share of the ``weight`` in [N] that they carry,
+        and the properties of a rope that locks at a trip. ``more``: further attributes of the world.
         """
         return taken_from(
             World,
@@ -90,10 +90,10 @@ class SplitStance(Scenario):
 
 
 def stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
-    """Bend the ankle of the foot that reaches lower until both feet stand on the ground.
+    """Bend the ankle of the foot that reaches lower until both feet are on the ground.
 
     ``q``: coordinates with the hips in the origin, shape ``(nv,)``; the ankle is changed in place. ``rise``:
-    of the ground, height over way. Returns the height of the hips in [m].
+    slope of the ground, height divided by distance. Returns the height of the hips in [m].
     """
     reach = {side: _lowest_point(model, side, q, rise) for side in model.sides}
     lower, higher = sorted(model.sides, key=lambda side: reach[side])
@@ -114,9 +114,9 @@ def stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
 
 
 def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Root of a function that is negative at one end and positive at the other.
+    """Find the root of a function that is negative at ``low`` and positive at ``high`` by bisection.
 
-    Written out because importing scipy.optimize takes longer than a compiled run.
+    The method is implemented here because importing scipy.optimize takes longer than a compiled run.
     """
     while True:
         middle = 0.5 * (low + high)
@@ -126,13 +126,13 @@ def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> float:
-    """Least height of a foot over ground through the origin, vertically."""
+    """Compute the least vertical height of a foot over ground through the origin."""
     points = np.array(model.frame_positions(q, model.legs[side].contact_frames))
     return float(min((points[:, 2] - rise * points[:, 0]).tolist()))
 
 
 def seat_of(model: LegModel, chair: ChairParameters) -> Seat:
-    """The seat of a chair and the pads of a wearer on it."""
+    """Return the seat of a chair and the pads of a wearer on it."""
     share, thigh = chair.thigh_share, _height(model, JointName.HIP) - _height(model, JointName.KNEE)
     return taken_from(
         Seat,
@@ -147,28 +147,28 @@ def seat_of(model: LegModel, chair: ChairParameters) -> Seat:
 
 
 def _height(model: LegModel, joint: JointName) -> float:
-    """Height of a joint while the legs hang and the pelvis is at 0, in [m]."""
+    """Return the height of a joint while the legs hang and the pelvis is at 0, in [m]."""
     return float(model.frame_position(np.zeros(model.nv), getattr(model.legs[model.sides[0]], joint))[2])
 
 
 @dataclass(frozen=True)
 class Sitting:
-    """A wearer on a chair with motors that hold what they have to; the hands rest."""
+    """Wearer on a chair whose motors hold the posture and whose hands rest."""
 
-    model: LegModel  # Of wearer and device.
-    seat: Seat  # Under them.
-    contact: ContactParameters  # Of the feet on the floor.
-    plant: tuple[Plant, ...]  # For the springs of the ankles.
-    lean: float  # Of the trunk in [rad].
+    model: LegModel  # Model of wearer and device.
+    seat: Seat  # Seat under the wearer.
+    contact: ContactParameters  # Contact parameters of the feet on the floor.
+    plant: tuple[Plant, ...]  # Plant of each coordinate, for the springs of the ankles.
+    lean: float  # Lean of the trunk in [rad].
     shank: float  # Angle from the vertical by which the shanks lean forward over the feet, in [rad].
 
     def posture(self) -> np.ndarray:
-        """Coordinates in balance, with the hips at 0 forwards: shape ``(nv,)``.
+        """Compute the coordinates in balance, with the hips at 0 forwards: shape ``(nv,)``.
 
         Height of the hips, elevation of the thighs and dorsiflexion are such that vertical force, moment
-        about the hips and torque of the ankles come to nothing, by Newton's method.
+        about the hips and torque of the ankles vanish, by Newton's method.
 
-        Raises ParameterError if there is no such posture, or a joint would be beyond its stop.
+        Raises ParameterError if there is no such posture, or if a joint would be beyond its stop.
         """
         found = self._guess()
         for _ in range(MOST_ROUNDS):
@@ -178,7 +178,7 @@ class Sitting:
             steps = found + DIFFERENCE * np.eye(3)
             rates = np.array([self._imbalance(step) - left for step in steps]).T / DIFFERENCE
             if np.linalg.matrix_rank(rates) < len(rates):
-                break  # the seat is not under the wearer, or bears nothing
+                break  # the seat is not under the wearer, or carries nothing
             found = found - np.clip(np.linalg.solve(rates, left), -LARGEST_STEP, LARGEST_STEP)
         balanced = np.abs(left).max() < 1e-3
         require(balanced, "scenario.chair", "a seat under the wearer on which they balance", "none")
@@ -190,7 +190,7 @@ class Sitting:
         return q
 
     def _guess(self) -> np.ndarray:
-        """Height of the hips, elevation of the thighs and dorsiflexion of a wearer with flat feet."""
+        """Guess height of the hips, elevation of the thighs and dorsiflexion of a wearer with flat feet."""
         model = self.model
         hip, knee, ankle = (_height(model, joint) for joint in JointName)
         soles = model.legs[model.sides[0]].contact_frames
@@ -212,11 +212,11 @@ class Sitting:
         return q
 
     def _imbalance(self, found: np.ndarray) -> np.ndarray:
-        """What is left: upward force in [N], pitching moment about the hips, torque of an ankle in [N m]."""
+        """Compute the remaining upward force in [N], moment about the hips and ankle torque in [N m]."""
         model, seat, q = self.model, self.seat, self._coordinates(found)
         ankle = model.index(model.sides[0], JointName.ANKLE)
         spring = self.plant[ankle].spring
-        assert model.pelvis_index is not None and model.pitch_index is not None  # it is free
+        assert model.pelvis_index is not None and model.pitch_index is not None  # the pelvis is free
         left = -model.gravity_torque(q)[[model.pelvis_index, model.pitch_index, ankle]]
         left[2] += spring.force - spring.stiffness * q[ankle]
         _, upward, _ = seat_the_hips(seat, 0.0, found[0], 0.0, 0.0, 0.0)

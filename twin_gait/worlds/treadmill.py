@@ -1,4 +1,4 @@
-"""Both legs on a treadmill, pelvis guided vertically or in a soft harness, under body-weight support."""
+"""Both legs on a treadmill with body-weight support, the pelvis guided vertically or in a soft harness."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,34 +14,34 @@ from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
 from twin_gait.worlds.standing import FALL_SHARE, SplitStance, stand_on_both_feet
 from twin_gait.worlds.world import BELT_SPEED, Adjustment, Posture, Walking, World, start_posture, starting_at
 
-STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
+STEEPEST = math.radians(10.0)  # [rad], steepest slope; treadmills rise to 15 % (8.5 deg) as a rule
 SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
 RAMPS = Range(0.0, above=True, endless=True, words="a time above 0")
 SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most, up or down")
-BELT_RANGE = (0.5, 1.5)  # of the present speed, in which it may be set; tables are made for one speed
+BELT_RANGE = (0.5, 1.5)  # range of adjustment relative to the present speed; tables are made for one speed
 
 
 @dataclass(frozen=True, kw_only=True)
 class Treadmill(SplitStance):
     """Treadmill with body-weight support.
 
-    The pelvis moves vertically, and in a harness fore-aft against a spring and a damper; guide or harness
-    take the horizontal force and the pitching moment, and the log shows how much that is.
+    The pelvis moves vertically, and in a harness fore-aft against a spring and a damper. Guide or harness
+    take up the horizontal force and the pitching moment, which the log contains.
 
     Attributes:
-        belt_speed: In [m] / [s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
-        belt: How the belt starts and stops, and when the legs are told to walk; None for a belt that runs
+        belt_speed: Speed of the belt in [m] / [s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
+        belt: Profile by which the belt starts and stops, and of the walk command; None for a belt that runs
             evenly under legs that always walk.
         stop_ramp: Time in [s] in which a trip of the monitor or the operator's Stop brings the belt to rest
             (an assumption: device and treadmill share one stop circuit); infinite for a belt that runs on.
-        slope: By which the belt rises forwards in [rad], about the point under the pelvis; negative downhill.
-            Gravity, guide and support stay vertical.
+        slope: Slope by which the belt rises forwards in [rad], about the point under the pelvis; negative
+            downhill. Gravity, guide and support stay vertical.
         support: Body-weight support and guide.
-        contact: Of heels and toes.
+        contact: Contact parameters of heels and toes.
         leading: Leg that starts in front.
-        leading_angles: Of the joints of the leading leg at the start in [rad], on level ground; on a slope
-            both legs are turned with it about the hips, so that they stand as they would there.
-        trailing_angles: Of the joints of the trailing leg in [rad].
+        leading_angles: Angles of the joints of the leading leg at the start in [rad], on level ground. On a
+            slope both legs are turned with it about the hips, so that they meet the belt as on level ground.
+        trailing_angles: Angles of the joints of the trailing leg at the start in [rad].
         leading_phase: Phase of the leading leg at the start.
         trailing_phase: Phase of the trailing leg at the start.
     """
@@ -57,7 +57,7 @@ class Treadmill(SplitStance):
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
-    # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
+    # Posture between two steps of the default walk; both feet reach the belt, and the first swings clear it.
     leading_angles: Annotated[Posture, Key("leading_start")] = starting_at(18.0, 10.0)
     trailing_angles: Annotated[Posture, Key("trailing_start")] = starting_at(-8.0, 11.0)
     leading_phase: str = "early_stance"
@@ -68,18 +68,18 @@ class Treadmill(SplitStance):
 
     @property
     def steady(self) -> tuple[float, float]:
-        """From when to when in [s] the belt runs evenly and the legs are told to walk."""
+        """Start and end in [s] of the time in which the belt runs evenly and the walk command is on."""
         belt = self.belt
         return (0.0, math.inf) if belt is None else (belt.start + belt.delay + belt.ramp, belt.stop)
 
     @property
     def pelvis(self) -> PelvisGuide:
-        """How the pelvis is held."""
+        """Guide of the pelvis."""
         return self.support.guide
 
     @cached_property  # a summary reads it about ten times
     def walking(self) -> Walking:
-        """On the belt."""
+        """Parameters of walking on the belt."""
         return Walking(
             speed=self.belt_speed,
             support_share=self.support.share,
@@ -90,7 +90,7 @@ class Treadmill(SplitStance):
 
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
-        """Speed and support."""
+        """Adjustments of belt speed and body-weight support."""
         speed = self.belt_speed / KM_PER_H
         return (
             Adjustment(
@@ -109,7 +109,7 @@ class Treadmill(SplitStance):
         )
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
-        """Put a model on the treadmill; both legs, with a pelvis that moves."""
+        """Place a model with both legs and a pelvis that moves on the treadmill."""
         self.require_soles(model, "a treadmill")
         ropes, pelvis, weight = self.support, model.pelvis_index, model.total_mass * gravity
         assert pelvis is not None  # the pelvis of this scenario moves

@@ -1,7 +1,7 @@
-"""What every world has in common.
+"""Common interface of all worlds.
 
-For the engines that is a model, what acts on it, and where it starts; for the rest of the program, which
-knows no world by name, the interface of its parameters.
+For the engines a world is a model, the forces on it, and its initial state; for the rest of the program,
+which contains no name of a particular world, it is the interface of its parameters.
 """
 
 import math
@@ -33,7 +33,7 @@ from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
 @dataclass(frozen=True, kw_only=True)
 class LegSource(Parameters):
-    """Where the leg model comes from.
+    """Source of the leg model.
 
     Attributes:
         urdf: Path of a URDF, or the name of a packaged one.
@@ -55,12 +55,12 @@ class LegSource(Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Braces:
-    """Device and wearer apart, each with the coordinates of the whole, and what binds them.
+    """Device and wearer as separate models, each with all coordinates, and the braces between them.
 
     Attributes:
         device: Links and rotors of the device.
         wearer: Segments of the wearer.
-        braces: Between each coordinate of the two.
+        braces: Braces between each coordinate of the two.
     """
 
     device: LegModel
@@ -70,33 +70,34 @@ class Braces:
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """A leg model in its surroundings, ready to be integrated.
+    """Leg model in its surroundings, ready to be integrated.
 
     With braces the coordinates are those of the device, then those of the wearer: n is twice ``nv``.
 
     Attributes:
-        model: The plant; with braces, device and wearer as if they were one.
-        plant: What acts on each of the n coordinates by itself.
-        belt: What sets the speed of the treadmill; one at rest on the bench.
+        model: Model of the legs; with braces, of device and wearer as one body.
+        plant: Friction, stops, springs and forces on each of the n coordinates.
+        belt: Speed profile of the treadmill; a belt at rest on the bench.
         contact: Contact parameters, or None without ground.
-        slope: By which the ground rises forwards, about the origin, in [rad].
+        slope: Slope by which the ground rises forwards, about the origin, in [rad].
         start_q: Coordinates at time 0, shape ``(n,)``.
         start_v: Velocities at time 0, shape ``(n,)``.
         initial_phases: Phase of each leg at time 0.
         support_force: Constant upward force on the pelvis in [N].
-        catch_stiffness: In [N] / [m] of the harness that locks at a trip; 0 for none.
-        catch_dissipation: Of that harness in [s] / [m].
+        catch_stiffness: Stiffness in [N] / [m] of the harness that locks at a trip; 0 for none.
+        catch_dissipation: Dissipation of this harness in [s] / [m].
         body_weight: Weight of the wearer and device in [N].
         fall_height: Pelvis height in [m] below which the wearer has fallen.
         imposed_motion: Imposed motion of a joint of the device, or None.
-        braces: What binds the wearer to the device, or None if they are one.
-        trunk: Of a wearer whose pelvis is free, or None.
-        arms: That hold a crutch, by side; the coordinates of their tips follow all others.
-        policy: How the wearer uses them, or None.
-        sense: What the wearer feels, or None.
-        fall_pitch: Of the trunk, beyond which the wearer has fallen, in [rad].
-        longest_reach: Of arm and crutch in [m].
-        seat: Of a chair, or None.
+        contact_frames: Frames of each leg that touch the ground.
+        braces: Braces between wearer and device, or None if they are one body.
+        trunk: Trunk of a wearer whose pelvis is free, or None.
+        arms: Arms that hold a crutch, by side; the coordinates of their tips follow all others.
+        policy: Use of the crutches by the wearer, or None.
+        sense: Perception of the wearer, or None.
+        fall_pitch: Pitch of the trunk, beyond which the wearer has fallen, in [rad].
+        longest_reach: Longest reach of arm and crutch in [m].
+        seat: Seat of a chair, or None.
     """
 
     model: LegModel
@@ -125,11 +126,11 @@ class World:
 
     @property
     def chains(self) -> tuple[LegModel, ...]:
-        """Models whose coordinates follow one another; feet and support are those of the last."""
+        """Models whose coordinates follow one another; feet and support belong to the last one."""
         return (self.model,) if self.braces is None else (self.braces.device, self.braces.wearer)
 
     def ground(self) -> Ground:
-        """The ground under the feet with an even belt; without one it never gives a force."""
+        """Return the ground under the feet with an even belt; without ground it never gives a force."""
         if self.contact is None:
             return Ground()
         sine, cosine = sine_cosine(self.slope)
@@ -139,21 +140,22 @@ class World:
 
     @property
     def wearer_shift(self) -> int:
-        """How far behind a coordinate of the device that of the wearer stands; 0 if they are one."""
+        """Offset from a coordinate of the device to that of the wearer; 0 if they are one body."""
         return 0 if self.braces is None else self.model.nv
 
 
 def start_posture(
     model: LegModel, postures: Mapping[Side, Mapping[JointName, float]], ankle_rest: float
 ) -> np.ndarray:
-    """Coordinates with each leg in a posture, its ankle at rest unless that says more, and the pelvis at 0.
+    """Return coordinates with each leg in a posture and the pelvis at 0.
 
     Args:
+        model: Model of the legs.
         postures: Angles in [rad].
-        ankle_rest: In [rad].
+        ankle_rest: Angle in [rad] of an ankle that a posture does not contain.
 
     Returns:
-        Shape ``(nv,)``.
+        The coordinates, shape ``(nv,)``.
     """
     q = np.zeros(model.nv)
     for side, angles in postures.items():
@@ -168,24 +170,24 @@ Posture = Annotated[Mapping[JointName, Angle], UnitInside()]  # angles of the jo
 
 
 def starting_at(hip: float, knee: float) -> Any:
-    """A field of a world that has angles of hip and knee in [deg] for a default."""
+    """Declare a field of a world that has angles of hip and knee in [deg] as default."""
     angles = {JointName.HIP: math.radians(hip), JointName.KNEE: math.radians(knee)}
     return field(default_factory=angles.copy)
 
 
-# Names of adjustments that tuning and comparing ask a world for.
+# Names of adjustments that tuning and comparing request from a world.
 BELT_SPEED, SUPPORT_SHARE = "belt_speed", "support_share"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Walking:
-    """Walking on ground, where a world has some."""
+    """Parameters of walking on ground, for a world that has ground."""
 
-    speed: float  # Over the ground in [m] / [s].
+    speed: float  # Speed over the ground in [m] / [s].
     support_share: float = 0.0  # Share of the weight of wearer and device that ropes carry.
-    slope: float = 0.0  # By which the ground rises forwards in [rad].
-    contact: ContactParameters = field(default_factory=ContactParameters)  # Of heels and toes.
-    # What sets the speed of the ground; one at rest for ground that stays.
+    slope: float = 0.0  # Slope by which the ground rises forwards in [rad].
+    contact: ContactParameters = field(default_factory=ContactParameters)  # Contact of heels and toes.
+    # Speed profile of the ground; a belt at rest for ground that does not move.
     belt: Belt = field(default_factory=Belt)
 
     @property
@@ -195,25 +197,26 @@ class Walking:
 
 
 class Adjustment(NamedTuple):
-    """A number of a world that others may set: a live session, a search for a table, another day.
+    """Number of a world that others may set: a live session, a search for a table, a run on another day.
 
-    A walk that is under way takes over what follows of belt speed, support force and scaled gait table.
+    During a walk, the changes that follow from belt speed, support force and scaled gait table can be
+    applied.
     """
 
-    name: str  # Of the control in a live session.
+    name: str  # Name of the control in a live session.
     value: float  # Present value in SI.
-    place: str  # Of the number in the world, such as ``support.share``.
-    label: str  # In words.
+    place: str  # Path of the number in the world, such as ``support.share``.
+    label: str  # Label of the control in words.
     least: float  # Least value, in ``unit``.
     largest: float  # Largest value, in ``unit``.
-    step: float  # Of the control, in ``unit``.
-    help: str  # One sentence.
-    unit: str = ""  # Of the control.
+    step: float  # Step of the control, in ``unit``.
+    help: str  # Explanation in one sentence.
+    unit: str = ""  # Unit of the control.
     scale: float = 1.0  # SI value of one unit.
 
     @classmethod
     def of_support(cls, share: float, place: str, ropes: str) -> Self:
-        """Of the share of the weight that something carries, at a place in a world."""
+        """Return the adjustment of the share of the weight that is supported, at a path in a world."""
         return cls(
             name=SUPPORT_SHARE,
             value=share,
@@ -228,16 +231,16 @@ class Adjustment(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario(Parameters, ABC):
-    """A world with its parameters: the abstract base of all worlds.
+    """World with its parameters: the abstract base class of all worlds.
 
     A new world is a frozen dataclass of its own in a module of this package, or in another package under the
-    entry point ``twin_gait.worlds``. What it leaves out is as for legs in the air: no ground, nothing to
-    adjust, told to walk all the time.
+    entry point ``twin_gait.worlds``. The defaults of its attributes are those of legs in the air: no ground,
+    no adjustments, a walk command at all times.
 
     Attributes:
         kind: Name of the world in files.
-        step: Of the compiled engine in [s] where none is asked for.
-        surroundings: What is drawn around the figure.
+        step: Default step of the compiled engine in [s].
+        surroundings: Surroundings that are drawn around the figure.
     """
 
     step: ClassVar[float] = 1e-3
@@ -246,17 +249,17 @@ class Scenario(Parameters, ABC):
     @property
     @abstractmethod
     def pelvis(self) -> PelvisGuide:
-        """How the pelvis is held."""
+        """Guide of the pelvis."""
 
     @abstractmethod
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
-        """Put a model into the world.
+        """Place a model in the world.
 
         Args:
-            model: The legs, with a pelvis that is held as the world has it.
-            plant: Friction, stops and ankle springs of every coordinate; what else acts may be added.
+            model: The legs, with a pelvis that is guided as in this world.
+            plant: Friction, stops and ankle springs of every coordinate; further forces may be added.
             ankle_rest: Angle in [rad] at which the orthosis gives no torque.
-            gravity: In [m] / [s²].
+            gravity: Gravitational acceleration in [m] / [s²].
 
         Returns:
             The world.
@@ -267,60 +270,61 @@ class Scenario(Parameters, ABC):
 
     @abstractmethod
     def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
-        """The same world with legs that start in other postures."""
+        """Return the same world with legs that start in other postures."""
 
     @property
     def start_phases(self) -> dict[str, str | None]:
-        """Phases in which the legs start, by the keys of the fields, whose names end in ``_phase``."""
+        """Phases in which the legs start, by the keys of the fields whose names end in ``_phase``."""
         fields = (item for item in declarations(type(self)) if item.name.endswith("_phase"))
         return {item.key: getattr(self, item.name) for item in fields}
 
     def starting_among(self, phases: Sequence[str]) -> Self:
-        """Return the world whose legs start in the first of some phases where theirs is not among them."""
+        """Return the world in which legs start in the first phase if their own is not in ``phases``."""
         fields = (item.name for item in declarations(type(self)) if item.name.endswith("_phase"))
         other = (name for name in fields if getattr(self, name) not in (None, *phases))
         return replace(self, **dict.fromkeys(other, phases[0]))
 
     def leading_of(self, sides: Sequence[Side]) -> Side:
-        """Leg with which a cycle begins; the other is half a cycle behind."""
+        """Return the leg with which a cycle begins; the other is half a cycle behind."""
         return sides[0]
 
     def without_aids(self) -> Self | None:
-        """The same world for hands that hold nothing; None where they hold nothing anyway."""
+        """Return the same world without aids in the hands; None where there are none."""
         return None
 
     @property
     def walking(self) -> Walking | None:
-        """How legs walk on the ground; None in the air."""
+        """Parameters of walking on the ground; None in the air."""
         return None
 
     @property
     def grounded(self) -> bool:
-        """Whether feet meet ground, and sensors in them the load."""
+        """Whether the feet touch ground and contain load sensors."""
         return self.walking is not None
 
     @property
     def steady(self) -> tuple[float, float]:
-        """From when to when in [s] the legs are to walk evenly."""
+        """Start and end in [s] of the time in which the legs are to walk evenly."""
         return (0.0, math.inf)
 
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
-        """What may be set to another value, in the order in which a page shows it."""
+        """Adjustments of the world, in the order in which a page shows them."""
         return ()
 
     def adjusts(self, *names: str) -> bool:
-        """Whether there are adjustments of some names."""
+        """Check whether the world has adjustments of all these names."""
         return {*names} <= {item.name for item in self.adjustments}
 
     def adjusted(self, name: str, value: float) -> Self:
-        """The same world with another value of an adjustment, in SI."""
+        """Return the same world with another value of an adjustment, in SI."""
         place = next(item.place for item in self.adjustments if item.name == name)
         changed: Self = _with_value(self, place, value)
         return changed
 
 
 def _with_value(parameters: Any, place: str, value: float) -> Any:
+    """Return parameters in which the value at a dotted path is replaced."""
     first, _, rest = place.partition(".")
     inner = _with_value(getattr(parameters, first), rest, value) if rest else value
     return replace(parameters, **{first: inner})
