@@ -37,7 +37,7 @@ def ambiguity(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def never_opens(case: CheckCase) -> Iterator[Finding]:
-    """Find exits whose guard never opens inside limits and time-out, or for less time than its debounce."""
+    """Find exits whose guard never opens inside limits and time-out, or closes before its debounce ends."""
     space = signal_space(case)
     for index, item in enumerate(space.table.transitions):
         opens = space.opening(index) is not None
