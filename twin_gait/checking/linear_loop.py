@@ -157,8 +157,7 @@ def effective_damping_ratio(matrix: np.ndarray, frame: float) -> float:
     fast as the slowest mode; this excludes the modes of the filters.
 
     ``matrix``: from :func:`transition_matrix`. ``frame``: T in [s]. Returns the least ζ of the dominant
-    pairs;
-    negative if unstable, 1 if no dominant mode oscillates.
+    pairs; negative if unstable, 1 if no dominant mode oscillates.
     """
     values = np.linalg.eigvals(matrix)
     modes = np.log(values[np.abs(values) > _GONE].astype(complex)) / frame

@@ -47,8 +47,7 @@ def response_times(frames: Sequence[CyclicFrame], bit: int) -> list[int | None]:
         R_m &= \max_q\; J_m + w_m(q) - q\,T_m + C_m
 
     ``frames``: the frames, highest priority first. ``bit``: length :math:`\tau_{bit}` of a bit, within which
-    nodes
-    begin at the same time. Returns :math:`R_m` of each frame; None if frames of its priority and above
+    nodes begin at the same time. Returns :math:`R_m` of each frame; None if frames of its priority and above
     fill the bus.
     """
     return [_response_time(frames, number, bit) for number in range(len(frames))]

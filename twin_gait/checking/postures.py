@@ -38,9 +38,8 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
     r"""Compute the friction that can still hold each joint while it creeps, less the compensation.
 
     This is the largest :math:`T_{plant}(\omega) - G\,T_{model}(\omega)` in either direction up to the
-    break-away or
-    Stribeck velocity of the plant's law, with the stated friction ratio; above that velocity friction slows a
-    joint but no longer holds it. Returns torques in [N m], 0 or more, shape ``(n_joints,)``.
+    break-away or Stribeck velocity of the plant's law, with the stated friction ratio; above that velocity
+    friction slows a joint but no longer holds it. Returns torques in [N m], 0 or more, shape ``(n_joints,)``.
     """
     experiment = leg.problem.experiment
     true, model = experiment.plant.true_friction(), experiment.control.friction_model

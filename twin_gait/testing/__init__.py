@@ -7,8 +7,7 @@
     ...     test.run()
 
 This package also contains the pytest plugin (:mod:`twin_gait.testing.plugin`), which every pytest loads;
-names
-are therefore imported when they are first used.
+names are therefore imported when they are first used.
 """
 
 import lazy_loader
