@@ -1,9 +1,9 @@
-"""Static checks of a gait table: what can go wrong, found without a run.
+"""Static checks of a gait table: they find mistakes without a simulation.
 
-A rule is a function ``(case: CheckCase) -> list[Finding]``; its name is the id of its findings and the first
-line of its docstring says what it finds. Each module lists its rules in ``RULES``. Public are the pieces of
-the rules on stability, the closed-loop transition matrix and the friction laws in it, and what a CAN bus has
-to carry.
+A rule is a function ``(case: CheckCase) -> list[Finding]``. Its name is the id of its findings, and the first
+line of its docstring says which mistake it finds. Each module lists its rules in ``RULES``. The public names
+of this package are the parts of the stability rules, which are the closed-loop transition matrix and the
+friction laws in it, and the function that computes the traffic on a CAN bus.
 """
 
 import lazy_loader

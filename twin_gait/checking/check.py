@@ -1,4 +1,4 @@
-"""Check a gait table by all rules: what it is checked against, the rules, and the report."""
+"""The check of a gait table: setup of the case, list of all rules, and report of the findings."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -22,14 +22,14 @@ from twin_gait.worlds.world import World
 
 _MODULES = (graph, exits, leaving, torques, stability, sense, network)
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
-MODE_RULES: tuple[Rule, ...] = (*graph.MODE_RULES, *exits.RULES)  # of tables of modes
-NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules that find notes only
+MODE_RULES: tuple[Rule, ...] = (*graph.MODE_RULES, *exits.RULES)  # rules for tables of modes
+NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules whose findings are all notes
 REPORT_VERSION = 2
 TRUNK = part_of(TRUNK_PITCH.name)
 
 
 def rules() -> dict[str, str]:
-    """Ids of all rules with one line on what each finds."""
+    """Return the ids of all rules, each with one line on the mistake that it finds."""
     everything: tuple[Callable[..., Any], ...] = (*RULES, *MODE_RULES, invalid_waiver)
     return {rule.__name__: summary_of(rule) for rule in everything}
 
@@ -37,16 +37,17 @@ def rules() -> dict[str, str]:
 def load_case(
     source: str | Path | None, experiment: str | Path | None = None, settings: Sequence[str] = ()
 ) -> CheckCase:
-    """Load a table and what it is checked against.
+    """Load a table and the experiment against which it is checked.
 
     Args:
-        source: Name of a packaged table of gait or of modes, or path of a file of one; None, or
-            the name of a preset that is no table's, for the experiment's own gait table. Modes are checked by
-            themselves.
-        experiment: Preset, or path of an experiment file or run directory. Without it a table for the joints
-            of the preset of its name, or the default one, is checked against that, and one for other joints
-            by itself.
-        settings: Laid over the experiment, as in :func:`~twin_gait.configuration.load_experiment`.
+        source: Name of a packaged table of gait or of modes, or path of a table file. None checks the
+            experiment's own gait table; so does the name of a preset if no table has this name. A table of
+            modes is checked without an experiment.
+        experiment: Preset, or path of an experiment file or run directory. Without it, a table for the joints
+            of the preset with the same name (or of the default preset) is checked against that preset, and a
+            table for other joints is checked without an experiment.
+        settings: Values that override those of the experiment, as in
+            :func:`~twin_gait.configuration.load_experiment`.
 
     Returns:
         The case.
@@ -63,7 +64,7 @@ def load_case(
     own = load_experiment(experiment or preset, settings).experiment
     if table is None:
         table = own.table
-    elif experiment is None:  # nobody has said in which of its phases the legs start
+    elif experiment is None:  # the phases in which the legs start are not given
         own = replace(own, scenario=own.scenario.starting_among(table.phase_names))
     drives = experiment is not None or set(table.joints) == set(own.table.joints)
     return build_case(table, own if drives else None)
@@ -72,12 +73,12 @@ def load_case(
 def build_case(
     table: StateTable, experiment: Experiment | None = None, problem: Problem | None = None
 ) -> CheckCase:
-    """Lay out what is checked.
+    """Build the case of a check.
 
-    ``experiment``: what it drives; its own table is replaced. None checks the table by itself. ``problem``:
-    that of the experiment with the table, if there is one already. Returns the table, scaled to the
-    experiment, with the limits of its joints: those of the URDF, or without an experiment the normal ranges
-    of human joints.
+    ``experiment``: the experiment that the table drives; its own table is replaced by ``table``. If it is
+    None, the table is checked without an experiment. ``problem``: the simulation setup of the experiment with
+    this table, if it exists already. Returns the table, scaled to the experiment, and the limits of its
+    joints: the limits of the URDF, or the normal ranges of human joints if there is no experiment.
     """
     if experiment is None or not isinstance(table, GaitTable):
         limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, TRUNK)}
@@ -95,20 +96,20 @@ def build_case(
 
 
 def _angles(world: World, joint: JointName) -> tuple[float, float]:
-    """Range of a joint over both sides; a joint that turns without end is read within a turn."""
+    """Return the range of a joint over both sides in [rad]; a continuous joint is limited to one turn."""
     limits = [world.model.position_limits(side, joint) for side in world.model.sides]
     lowest, highest = min(low for low, _ in limits), max(high for _, high in limits)
     return max(lowest, ANY_ANGLE[0]), min(highest, ANY_ANGLE[1])
 
 
 def _pitches(world: World) -> tuple[float, float]:
-    """Range of the trunk's pitch: none on a guided pelvis, else what is no fall."""
+    """Return the range of the trunk's pitch in [rad]: zero on a guided pelvis, else up to the fall pitch."""
     largest = 0.0 if world.model.pitch_index is None else min(world.fall_pitch, ANY_ANGLE[1])
     return -largest, largest
 
 
 def _velocity(world: World, joint: JointName) -> float:
-    """Highest speed of a joint over both sides, from the URDF if it gives one."""
+    """Return the highest speed of a joint over both sides in [rad] / [s], from the URDF if it states one."""
     highest = max(
         float(world.model.model.velocityLimit[world.model.index(side, joint)]) for side in world.model.sides
     )
@@ -116,7 +117,10 @@ def _velocity(world: World, joint: JointName) -> float:
 
 
 def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding]:
-    """Findings on a table by the chosen rules, or all of its kind: the worst first, then by phase."""
+    """Check a table by the chosen rules, or by all rules for its kind.
+
+    Returns the findings, the most severe ones first, then in the order of the phases.
+    """
     if chosen is None:
         chosen = MODE_RULES if isinstance(case.table, ModeTable) else RULES
     found = [*invalid_waiver(case, rules()), *(finding for rule in chosen for finding in rule(case))]
@@ -125,7 +129,10 @@ def check(case: CheckCase, chosen: Sequence[Rule] | None = None) -> list[Finding
 
 
 def check_before_run(experiment: Experiment) -> list[Finding]:
-    """Check an experiment's own gait table, and its modes, for what matters to a run."""
+    """Check the gait table of an experiment, and its modes, before a run.
+
+    Returns the errors and the warnings that are not waived; notes are left out.
+    """
     chosen = [rule for rule in RULES if rule not in NOTES]
     findings = check(build_case(experiment.table, experiment), chosen)
     if experiment.modes is not None:
@@ -140,14 +147,14 @@ def _order(table: StateTable, finding: Finding) -> tuple[int, bool, int]:
 
 
 def counts(findings: Sequence[Finding]) -> dict[str, int]:
-    """How many findings there are of each severity; waived ones are counted apart."""
+    """Count the findings of each severity; waived findings are counted separately."""
     live = [finding.severity for finding in findings if not finding.waived]
     found = {f"{severity}s": live.count(severity) for severity in Severity}
     return {**found, "waived": len(findings) - len(live)}
 
 
 def report(case: CheckCase, findings: Sequence[Finding]) -> dict[str, Any]:
-    """Findings as a mapping for JSON; keys are only ever added within a schema version."""
+    """Convert the findings to a mapping for JSON; a schema version only ever gets additional keys."""
     return {
         "schema_version": REPORT_VERSION,
         "table": case.table.name,

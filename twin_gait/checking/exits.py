@@ -1,4 +1,4 @@
-"""Exits of a phase: open at once, never open, following a switch at once; idle conditions."""
+"""Rules on the exits of a phase: ambiguous, never open, open on entry, undone by noise; idle conditions."""
 
 import itertools
 import re
@@ -18,7 +18,7 @@ _ENTRY = (TICK, TICK)
 
 @rule
 def ambiguity(case: CheckCase) -> Iterator[Finding]:
-    """Two exits of a phase with different targets can be open at once; time-outs are exempt."""
+    """Find two exits of a phase with different targets that can be open at once; time-outs are exempt."""
     space = signal_space(case)
     pairs = [pair for phase in space.table.phases for pair in itertools.combinations(space.guarded(phase), 2)]
     for first, second in pairs:
@@ -37,7 +37,7 @@ def ambiguity(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def never_opens(case: CheckCase) -> Iterator[Finding]:
-    """The guard of an exit never opens inside limits and time-out, or not as long as its debounce asks."""
+    """Find exits whose guard never opens inside limits and time-out, or closes before its debounce ends."""
     space = signal_space(case)
     for index, item in enumerate(space.table.transitions):
         opens = space.opening(index) is not None
@@ -53,7 +53,7 @@ def never_opens(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
-    """A threshold lies outside what its signal can measure: the condition is always or never true."""
+    """Find thresholds outside the range of their signal: the condition is always or never true."""
     space = signal_space(case)
     for item in space.table.transitions:
         times = {TIME: (TICK, space.time_out(item.source))}
@@ -71,16 +71,17 @@ def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
 
 
 def _short(guard: Guard) -> str:
-    """A guard whose scaled thresholds have no more digits than anybody writes."""
+    """Format a guard and round its scaled thresholds to six significant digits."""
     return re.sub(r"\d+\.\d{6,}", lambda number: f"{float(number[0]):.6g}", str(guard))
 
 
 @rule
 def cascade(case: CheckCase) -> Iterator[Finding]:
-    """A phase can be entered with one of its exits already open.
+    """Find phases that can be entered while one of their exits is already open.
 
-    A warning if the phase is left in its first tick; a note if a debounce or a minimum duration holds it for
-    a while, or if it is entered by a time-out, at which the signals may be anything.
+    The finding is a warning if the phase is left in its first tick. It is a note if a debounce or a minimum
+    duration holds the phase for a while, or if the phase is entered by a time-out, at which the signals may
+    have any values.
     """
     space = signal_space(case)
     suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
@@ -101,14 +102,20 @@ def cascade(case: CheckCase) -> Iterator[Finding]:
 
 
 def _at_entry(space: SignalSpace, guard: Guard) -> Guard:
-    """A guard as the tick after a switch reads it: of modes the request that led to it is over."""
+    """Return a guard as it is evaluated in the tick after a switch.
+
+    For tables of modes, the request that led to the switch is over in this tick.
+    """
     over = (lambda item: False) if isinstance(space.table, ModeTable) else None
     return translated(guard, lambda name: ENTRY_TIME if name == TIME else name, over)
 
 
 @rule
 def hysteresis(case: CheckCase) -> Iterator[Finding]:
-    """Noise can undo a switch: the way back opens within it, without a debounce or a minimum duration."""
+    """Find switches that noise can undo, because the way back has no debounce and no minimum duration.
+
+    The guard of the way back can open in the tick after the switch, within the noise of the signals.
+    """
     space = signal_space(case)
     suggestion = "part the thresholds by more than the noise, or give the way back a debounce_ms"
     for there, first in enumerate(space.table.transitions):
@@ -129,7 +136,7 @@ def hysteresis(case: CheckCase) -> Iterator[Finding]:
 
 
 def _within_noise(atom: Comparison | PhaseMembership) -> Guard:
-    """A condition that is open wherever noise of the signals that it reads can open another."""
+    """Return a condition that is open wherever noise of the signals that it reads can open the given one."""
     if isinstance(atom, PhaseMembership):
         return atom
     noise = sum(signal_of(name).noise for name in atom.names if not name.endswith(TIME))

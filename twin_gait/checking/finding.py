@@ -1,8 +1,8 @@
-"""What a check finds, what it looks at, and warnings that a table lives with.
+"""Findings of a check, the case that is checked, and warnings that a table waives.
 
-A rule is a function under :func:`rule` that takes a :class:`CheckCase` and gives its findings, one for each
-place. Its name is the id of all its findings, the first line of its docstring says what is found, and its
-module lists it in ``RULES``.
+A rule is a function decorated with :func:`rule` that takes a :class:`CheckCase` and yields its findings, one
+for each occurrence. Its name is the id of all its findings, the first line of its docstring says which
+mistake it finds, and its module lists it in ``RULES``.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -18,7 +18,7 @@ from twin_gait.vocabulary import Side
 
 
 class Severity(StrEnum):
-    """How bad a finding is. Errors fail the check, warnings can be waived, notes only inform."""
+    """Severity of a finding: errors fail the check, warnings can be waived, notes only inform."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -29,41 +29,41 @@ class Severity(StrEnum):
 class Finding:
     """One finding of a check."""
 
-    severity: Severity  # how bad it is
-    reason: str  # what is wrong, in one sentence with numbers and units
-    suggestion: str  # the way out, in one sentence
-    phase: str | None = None  # phase it is about, if any
-    transition: str | None = None  # transition it is about, as ``source → target (cause)``, if any
-    side: Side | None = None  # leg it is about where the sides differ
-    # signals by name in the units of the table that show it, if there is such a point
+    severity: Severity  # severity of the mistake
+    reason: str  # description of the mistake in one sentence with numbers and units
+    suggestion: str  # remedy in one sentence
+    phase: str | None = None  # phase that the finding concerns, if any
+    transition: str | None = None  # transition that it concerns, as ``source → target (cause)``, if any
+    side: Side | None = None  # leg that it concerns, if the sides differ
+    # signals by name, in the units of the table, at which the mistake occurs, if there is such a point
     counterexample: Mapping[str, float | str] = field(default_factory=dict)
-    waived: str = ""  # reason that the table gives for living with it; empty if it does not
+    waived: str = ""  # reason for which the table waives the finding; empty if it does not
     rule: str = ""  # id of the rule, for example ``ambiguity``
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckCase:
-    """What is checked: a table and the leg, motor and wearer that it drives."""
+    """Table to be checked, with the leg, motor and wearer that it drives."""
 
-    table: StateTable  # the gait table, scaled to the experiment where there is one, or a table of modes
-    experiment: Experiment | None  # what the table drives; None if it has joints that no leg model here has
-    # lowest and highest angle in [rad] of each joint of the table, and of what else has signals
+    table: StateTable  # the gait table, scaled to the experiment if there is one, or a table of modes
+    experiment: Experiment | None  # experiment that the table drives; None if no leg model has its joints
+    # lowest and highest angle in [rad] of each joint of the table and of the trunk
     limits: Mapping[str, tuple[float, float]]
     # highest speed of each joint of the table in [rad] / [s]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
-    first_phases: tuple[str, ...] = ()  # in which the legs start, leg by leg; nothing without an experiment
-    known_problem: Problem | None = None  # the experiment as an engine needs it, if it was set up before
+    first_phases: tuple[str, ...] = ()  # phase in which each leg starts; empty without an experiment
+    known_problem: Problem | None = None  # simulation setup of the experiment, if it was built before
 
     @cached_property
     def problem(self) -> Problem:
-        """The experiment as an engine needs it."""
-        assert self.experiment is not None  # a table by itself has none
+        """Simulation setup of the experiment."""
+        assert self.experiment is not None  # a table without an experiment has no setup
         return self.known_problem or build_problem(self.experiment)
 
     @property
     def gait(self) -> GaitTable:
-        """The table, for rules about legs."""
-        assert isinstance(self.table, GaitTable)  # modes are checked by rules of their own
+        """The gait table, for rules on legs."""
+        assert isinstance(self.table, GaitTable)  # tables of modes have their own rules
         return self.table
 
     @property
@@ -73,11 +73,11 @@ class CheckCase:
 
 
 Rule = Callable[[CheckCase], list[Finding]]
-once = lru_cache(maxsize=4)  # works something out once for all rules of a case, which follow each other
+once = lru_cache(maxsize=4)  # caches a result for all rules of a case, which run in succession
 
 
 def rule(find: Callable[[CheckCase], Iterator[Finding]]) -> Rule:
-    """Make a rule of a function, whose name its findings bear."""
+    """Make a rule of a function; its findings carry the name of the function as their id."""
 
     @wraps(find)
     def found(case: CheckCase) -> list[Finding]:
@@ -87,17 +87,17 @@ def rule(find: Callable[[CheckCase], Iterator[Finding]]) -> Rule:
 
 
 def label(transition: Transition) -> str:
-    """How findings name a transition."""
+    """Return the name of a transition in findings."""
     return f"{transition.source} → {transition.target} ({transition.cause})"
 
 
 def about(item: Transition, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
-    """A finding about a transition."""
+    """Create a finding about a transition."""
     return Finding(severity, reason, suggestion, phase=item.source, transition=label(item), **more)
 
 
 def invalid_waiver(case: CheckCase, rules: Collection[str]) -> Iterator[Finding]:
-    """The table waives a rule or a phase that does not exist, or says no reason."""
+    """Find waivers of the table that name an unknown rule or phase, or give no reason."""
     suggestion = "correct the entry under waive; twin-gait check --rules lists the rules"
     for waiver in case.table.waivers:
         known = waiver.rule in rules and waiver.phase in (None, *case.table.phases)
@@ -107,7 +107,7 @@ def invalid_waiver(case: CheckCase, rules: Collection[str]) -> Iterator[Finding]
 
 
 def waive(table: StateTable, finding: Finding) -> Finding:
-    """Mark a warning that the table waives with its reason; errors and notes stay as they are."""
+    """Mark a warning that the table waives with the reason; return errors and notes unchanged."""
     cause = {label(item): item.cause for item in table.transitions}.get(finding.transition or "")
     about = finding.rule, finding.phase, cause
     for item in table.waivers if finding.severity is Severity.WARNING else ():

@@ -1,4 +1,4 @@
-"""The graph of phases: what one leg reaches and leaves again, and what two legs get into together."""
+"""Rules on the graph of phases: phases that one leg reaches and leaves, and pairs that two legs reach."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -10,21 +10,24 @@ from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
 Pair = tuple[str, str]
-# A leg that is to be freed waits no longer; the monitor takes 5 s for too long in a phase (an assumption).
+# Longest acceptable time-out of a phase; the safety monitor accepts 5 s in a phase (an assumption).
 LATEST_TIME_OUT = 60.0  # [s]
 
 
 def firing(case: CheckCase) -> list[Transition]:
-    """Transitions of a table that can fire inside the limits, in its order."""
+    """Return the transitions of a table that can fire inside the limits, in their order in the table."""
     space = signal_space(case)
     return [item for index, item in enumerate(space.table.transitions) if space.can_fire(index)]
 
 
 def path(transitions: Sequence[Transition], start: str) -> dict[str, str | None]:
-    """Search breadth first along transitions: each phase with the one before it, None at the start."""
+    """Search breadth first along transitions.
+
+    Returns each phase that is reached with the phase before it, None for the start.
+    """
     before: dict[str, str | None] = {start: None}
     reached = [start]
-    for phase in reached:  # what is found is looked at in its turn
+    for phase in reached:  # phases are appended while the loop runs
         found = [item.target for item in transitions if item.source == phase and item.target not in before]
         reached += dict.fromkeys(found)
         before |= dict.fromkeys(found, phase)
@@ -33,7 +36,7 @@ def path(transitions: Sequence[Transition], start: str) -> dict[str, str | None]
 
 @rule
 def unreachable_phase(case: CheckCase) -> Iterator[Finding]:
-    """No chain of transitions that can fire reaches a phase."""
+    """Find phases that no chain of transitions that can fire reaches."""
     first = case.table.phase_names[0]
     reached = {found for start in (first, *case.table.entered) for found in path(firing(case), start)}
     suggestion = "add or correct a transition into it, or take the phase out"
@@ -45,15 +48,15 @@ def unreachable_phase(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def trap(case: CheckCase) -> Iterator[Finding]:
-    """A phase, or a group of phases, can be entered and never left."""
+    """Find phases, or groups of phases, that can be entered and never left."""
     table = case.table
     transitions = firing(case)
     reached = {phase: set(path(transitions, phase)) for phase in table.phases}
-    # What a phase reaches and nothing beyond leads back to: a group without a way out.
+    # If every phase that a phase reaches reaches the same phases, they are a group without a way out.
     stuck = [group for group in reached.values() if all(reached[phase] == group for phase in group)]
     groups = {tuple(phase for phase in table.phase_names if phase in group) for group in stuck}
     cycles = meant_cycles(table) if isinstance(table, GaitTable) else (table.phase_names[:1],)
-    meant = [*cycles, *((phase,) for phase in table.entered)]  # which are left from outside
+    meant = [*cycles, *((phase,) for phase in table.entered)]  # left from outside
     suggestion = "add a transition that leads back, or declare it under cycles if it is meant"
     for names in sorted(groups, key=lambda names: table.phase_names.index(names[0])):
         if len(table.phases) > 1 and not any(set(group) <= set(names) for group in meant):
@@ -63,7 +66,7 @@ def trap(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def missing_time_out(case: CheckCase) -> Iterator[Finding]:
-    """A phase has no time-out within a minute: if its exits stay shut, the leg stays in it for ever."""
+    """Find phases without a time-out within a minute; if no exit opens, the leg stays there forever."""
     space = signal_space(case)
     for phase in case.table.phases:
         if space.exits(phase) and space.time_out(phase) > LATEST_TIME_OUT:
@@ -76,15 +79,15 @@ def missing_time_out(case: CheckCase) -> Iterator[Finding]:
 
 
 def meant_cycles(table: GaitTable) -> tuple[tuple[str, ...], ...]:
-    """Cycles that the table declares, or its phases in their order."""
+    """Return the cycles that the table declares, or one cycle of its phases in their order."""
     return table.cycles or (table.phase_names,)
 
 
 @rule
 def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
-    """Phases can be passed in a cycle that is not meant, or a declared cycle lacks a transition.
+    """Find cycles of phases that are not intended, and declared cycles that lack a transition.
 
-    Meant are the ``cycles`` of the table; without them its phases in their order.
+    The intended cycles are the ``cycles`` of the table; without them, its phases in their order.
     """
     table = case.gait
     transitions = firing(case)
@@ -106,7 +109,7 @@ def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
 
 
 def _chain(closing: Transition, before: dict[str, str | None]) -> str:
-    """Phases of a cycle, from the source of the transition that closes it back to that source."""
+    """Format the phases of a cycle, from the source of the transition that closes it back to that source."""
     phases = [closing.source]
     while (previous := before[phases[0]]) is not None:
         phases.insert(0, previous)
@@ -114,10 +117,10 @@ def _chain(closing: Transition, before: dict[str, str | None]) -> str:
 
 
 def starting_pairs(case: CheckCase) -> list[Pair]:
-    """Pairs of phases that two legs can start in.
+    """Return the pairs of phases in which two legs can start.
 
-    Those of the world; else one leg in the first phase of the table and the other in any stance. A supervisor
-    may send both into a posture.
+    These are the initial phases of the world; without them, one leg is in the first phase of the table and
+    the other in any stance. A supervisor may send both legs into a posture.
     """
     table, starts = case.gait, case.first_phases
     left = {item.source for item in table.transitions}
@@ -129,21 +132,22 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
     return [*((first, phase) for phase in stances), *sent]
 
 
-# Phase of the other leg, and the transition that a leg takes, with the other leg's in the same tick, if any.
+# Phase of the other leg, and index of the transition of one leg, followed by the index of the transition that
+# the other leg takes in the same tick, if any.
 Step = tuple[str, tuple[int, ...]]
 
 
 def _steps(space: SignalSpace, pair: Pair) -> Iterator[Step]:
-    """All steps out of a pair, whether signals allow them or not; those of one leg first."""
+    """Yield all steps out of a pair, whether signals allow them or not; the steps of one leg come first."""
     for own, other in (pair, pair[::-1]):
         yield from ((other, (index,)) for index in space.exits(own))
     yield from ((pair[1], taken) for taken in itertools.product(*map(space.exits, pair)))
 
 
 def signals_for(space: SignalSpace, other: str, taken: tuple[int, ...]) -> dict[str, float | str] | None:
-    """Signals of the first leg and the other that open a step; None if there are none.
+    """Return signals of the first leg and the other one that open a step; None if there are none.
 
-    Both legs read one snapshot, ``other.phase`` is that before the tick, and each takes at most one
+    Both legs read one snapshot, ``other.phase`` is the phase before the tick, and each leg takes at most one
     transition in a tick.
     """
     first, *second = taken
@@ -164,10 +168,10 @@ def _sorted(own: str, other: str) -> Pair:
 
 @once
 def pairs_of(case: CheckCase) -> list[Pair]:
-    """Pairs of phases that two legs reach with free signals; the order of the legs does not matter."""
+    """Return the pairs of phases that two legs reach with free signals; the order of the legs is ignored."""
     space = signal_space(case)
     pairs = list(dict.fromkeys(_sorted(*pair) for pair in starting_pairs(case)))
-    for pair in pairs:  # breadth first: what is found is looked at in its turn
+    for pair in pairs:  # breadth first: pairs are appended while the loop runs
         for other, taken in _steps(space, pair):
             own, *others = [space.transition(index).target for index in taken]
             target = _sorted(own, *(others or [other]))
@@ -178,11 +182,12 @@ def pairs_of(case: CheckCase) -> list[Pair]:
 
 @rule
 def both_in_swing(case: CheckCase) -> Iterator[Finding]:
-    """Both legs can be in swing at once under free signals.
+    """Find transitions by which both legs can be in swing at once under free signals.
 
-    An error if the experiment has two legs or a guard reads the other leg; a warning if the table knows
-    nothing of another leg and may be meant for one; a note if no phase is swing by its name, so that
-    there is nothing to look for. A finding for each transition out of stance that can begin it.
+    The finding is an error if the experiment has two legs or a guard reads the other leg. It is a warning if
+    the table reads nothing of another leg and may be meant for one leg. It is a note if no name of a phase
+    contains "swing", so that the rule cannot be applied. There is one finding for each transition out of
+    stance that can lead to it.
     """
     if not case.has_other_leg:
         return
@@ -198,7 +203,7 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
     ]
     for index in lifting:
         own = items[index].source
-        # The other leg swings already, or begins to in the same tick.
+        # The other leg swings already, or begins its swing in the same tick.
         steps: list[Step] = [(other, (index,)) for other in swings]
         for other, taken in [*steps, *((items[place].source, (index, place)) for place in lifting)]:
             found = signals_for(space, other, taken) if _sorted(own, other) in pairs else None
@@ -217,9 +222,9 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def deadlock(case: CheckCase) -> Iterator[Finding]:
-    """Two legs can reach a pair of phases in which neither can ever go on, whatever is measured.
+    """Find pairs of phases that two legs can reach and in which neither can ever switch again.
 
-    Out of postures a supervisor may send both.
+    Postures are exempt, because a supervisor may send both legs out of them.
     """
     if not case.has_other_leg or len(case.table.phases) == 1:
         return

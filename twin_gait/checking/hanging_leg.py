@@ -1,4 +1,4 @@
-"""One leg of an experiment as the physical rules see it: hanging from a pelvis that is held."""
+"""One leg of an experiment for the physical rules: hanging from a pelvis that is held."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,28 +20,29 @@ from twin_gait.parameters import FrictionLaw
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
-# Steps of central differences; the errors of both are far below what any rule prints.
+# Steps of central differences; the errors of both are far below the digits that any rule prints.
 _VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0.02 rad/s wide
 _ANGLE_STEP = 1e-4  # [rad]
 
 
 @lru_cache(maxsize=64)
 def plant_friction(law: FrictionLaw) -> core.PlantFriction:
-    """Return the parameters of a law as the plant takes them, computed once."""
+    """Return the parameters of a law in the form of the plant, computed once."""
     return law.in_plant()
 
 
 @lru_cache(maxsize=4096)  # postures share their velocities
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
-    """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
+    """Compute the friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
     friction = plant_friction(law)
     return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity), 0.0)
 
 
 def friction_slope(law: FrictionLaw, velocity: float) -> float:
-    """Slope of a friction law in [N m s] / [rad] at a velocity in [rad] / [s].
+    """Compute the slope of a friction law in [N m s] / [rad] at a velocity in [rad] / [s].
 
-    That of the slower rise where the directions differ; at rest, of bristles that are held.
+    If the slopes of the two directions differ, the smaller one is returned; at rest, the one with bristles
+    held.
     """
     friction = plant_friction(law)
 
@@ -57,12 +58,15 @@ def friction_slope(law: FrictionLaw, velocity: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class HangingLeg:
-    """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero."""
+    """One leg of a case; the pelvis is held, and joints that the table does not drive are at zero.
 
-    problem: Problem  # the experiment as arrays, table scaled and damping ratios resolved
-    plant: LegModel  # the leg as it is, the wearer's true mass included
-    side: Side  # which leg
-    shown_side: Side | None  # side that findings name: None where both legs have the same numbers
+    A joint that the table does not drive is, for example, the one of an orthosis.
+    """
+
+    problem: Problem  # simulation setup with scaled table and resolved damping ratios
+    plant: LegModel  # model of the true leg, with the wearer's true mass
+    side: Side  # side of the leg
+    shown_side: Side | None  # side that findings name: None if both legs have the same numbers
 
     @cached_property
     def joints(self) -> tuple[JointName, ...]:
@@ -76,7 +80,7 @@ class HangingLeg:
 
     @cached_property
     def gravity_shares(self) -> np.ndarray:
-        """Share of gravity compensation of every phase, shape ``(n_phases,)``."""
+        """Share of gravity compensation in every phase, shape ``(n_phases,)``."""
         return np.asarray(self._rows[:, -1])
 
     @cached_property
@@ -84,11 +88,11 @@ class HangingLeg:
         return np.asarray(self.problem.phase_rows[self.problem.sides.index(self.side)])
 
     def column(self, which: int) -> np.ndarray:
-        """``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
+        """Return ``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
     def torque_limits(self) -> np.ndarray:
-        """Return the largest torque of each joint by torque and current limit in [N m]: ``(n_joints,)``."""
+        """Return the largest torque of each joint by torque and current limit in [N m], ``(n_joints,)``."""
         return self._torque_limits
 
     @cached_property
@@ -99,14 +103,14 @@ class HangingLeg:
         return np.minimum([current_to_torque(limits.current, *gear) for gear in gears], limits.torque)
 
     def no_load_speed(self, joint: JointName) -> float:
-        """Speed in [rad] / [s] at which the back-EMF takes up the whole battery voltage."""
+        """Compute the speed in [rad] / [s] at which the back-EMF equals the whole battery voltage."""
         plant = self.problem.experiment.plant
         motor = plant.actuators[joint]
         return plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
 
     @cached_property
     def _indices(self) -> list[int]:
-        """Places of the joints in the plant and in the controller's model, whose pelvis is held too."""
+        """Indices of the joints in the plant, and in the controller's model, whose pelvis is held, too."""
         return [self.plant.index(self.side, joint) for joint in self.joints]
 
     def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
@@ -115,50 +119,56 @@ class HangingLeg:
         return q, self._indices
 
     def finding(self, phase: str, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
-        """A finding about a phase of this leg."""
+        """Create a finding about a phase of this leg."""
         return Finding(severity, reason, suggestion, phase=phase, side=self.shown_side, **more)
 
     def signals(self, angles: np.ndarray, velocities: Sequence[float] | np.ndarray = ()) -> dict[str, float]:
-        """A posture in [rad], and velocities in [rad] / [s], in the units and digits of a counterexample."""
+        """Convert a posture to the units and digits of a counterexample.
+
+        ``angles``: in [rad]. ``velocities``: in [rad] / [s].
+        """
         held = zip(self.joints, np.degrees(angles).tolist(), strict=True)
         moving = zip(self.joints, np.degrees(velocities).tolist(), strict=False)
         found = {ANGLE.of(joint): round(angle, 2) for joint, angle in held}
         return found | {VELOCITY.of(joint): round(velocity, 1) for joint, velocity in moving}
 
     def limits(self) -> np.ndarray:
-        """Stops of the joints in [rad], shape ``(n_joints, 2)``."""
+        """Return the stops of the joints in [rad], shape ``(n_joints, 2)``."""
         limits = [self.plant.position_limits(self.side, joint) for joint in self.joints]
-        # A joint that turns without end is looked at within a turn.
+        # A continuous joint is limited to one turn.
         return np.clip(limits, -math.pi, math.pi)
 
     def mass(self, angles: np.ndarray) -> np.ndarray:
-        """Inertia of the coupled joints in [kg m²], armature included, shape ``(n_joints, n_joints)``."""
+        """Compute the inertia of the coupled joints in [kg m²], shape ``(n_joints, n_joints)``.
+
+        The armature is included.
+        """
         q, indices = self._posture(self.plant, angles)
         return self.plant.mass_matrix(q)[np.ix_(indices, indices)]
 
     def gravity(self, angles: np.ndarray) -> np.ndarray:
-        """Torques that hold the leg against gravity in [N m], shape ``(n_joints,)``."""
+        """Compute the torques that hold the leg against gravity in [N m], shape ``(n_joints,)``."""
         q, indices = self._posture(self.plant, angles)
         return self.plant.gravity_torque(q)[indices]
 
     def modelled_gravity(self, angles: np.ndarray) -> np.ndarray:
-        """What the controller takes these torques for, from its own idea of the wearer."""
+        """Compute the same torques by the controller's model, with the assumed mass of the wearer."""
         model = self.problem.control_model
         q, indices = self._posture(model, angles)
         return model.gravity_torque(q)[indices]
 
     @cached_property
     def bristles(self) -> np.ndarray:
-        """What holds joints at rest that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
+        """Stiffness of the bristles of joints that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
         laws = self.problem.experiment.plant.true_friction()
         return np.diag([plant_friction(laws[joint]).bristle_stiffness for joint in self.joints])
 
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
-        """Loop of a phase at its equilibrium angles, friction linearised at a velocity in [rad] / [s]."""
+        """Build the loop of a phase at its equilibrium angles, linearised at a velocity in [rad] / [s]."""
         experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
-        held = self.bristles if velocity == 0.0 else 0.0  # sliding bristles hold nothing
+        held = self.bristles if velocity == 0.0 else 0.0  # sliding bristles have no stiffness
         return LinearLoop(
             motion=leg_motion(self.mass(angles), _slope(self.gravity, angles) + held, friction),
             stiffness=self.column(STIFFNESS)[phase],
@@ -174,7 +184,7 @@ class HangingLeg:
 
 
 def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np.ndarray:
-    """Jacobian of torques over angles in [N m] / [rad], shape ``(n, n)``."""
+    """Compute the Jacobian of torques over angles in [N m] / [rad], shape ``(n, n)``."""
     steps = _ANGLE_STEP * np.eye(len(angles))
     columns = [(torque(angles + step) - torque(angles - step)) / (2.0 * _ANGLE_STEP) for step in steps]
     return np.array(columns).T
@@ -182,13 +192,13 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
 
 @once
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
-    """Legs with numbers of their own: one where both sides have the same; none without an experiment."""
+    """Return the legs with different numbers: one if both sides have the same; none without an experiment."""
     return [] if case.experiment is None else _hanging_legs(case.problem)
 
 
 def _hanging_legs(problem: Problem) -> list[HangingLeg]:
     experiment, plant = problem.experiment, problem.control_model
-    if experiment.known_patient != experiment.patient:  # else the controller's model is true
+    if experiment.known_patient != experiment.patient:  # otherwise the controller's model is exact
         plant = experiment.leg_model(experiment.patient, PelvisGuide.FIXED)
     if not problem.table.side_phases:
         return [HangingLeg(problem, plant, problem.sides[0], None)]
@@ -196,12 +206,13 @@ def _hanging_legs(problem: Problem) -> list[HangingLeg]:
 
 
 def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Side, str], LinearLoop]:
-    """Sampled loop of every phase, as the rules on stability see it: for :func:`transition_matrix`.
+    """Build the sampled loop of every phase that the stability rules use, for :func:`transition_matrix`.
 
     The leg hangs in the air from a pelvis that is held, at the equilibrium angles of the phase.
 
-    ``experiment``: with its table. ``velocity``: of all joints in [rad] / [s]; where the friction laws are
-    linearised. Returns loops by side and phase; one side only where both have the same numbers.
+    ``experiment``: the experiment with its table. ``velocity``: velocity of all joints in [rad] / [s] at
+    which the friction laws are linearised. Returns the loops by side and phase; one side only if both have
+    the same numbers.
     """
     return {
         (leg.side, phase): leg.linear_loop(index, velocity)

@@ -1,4 +1,4 @@
-"""Can a leg leave a phase by its own motors, or does only the time-out take it on?"""
+"""Rule that finds phases that a leg can leave by the time-out only, not by its own motors."""
 
 from collections.abc import Iterator
 
@@ -12,19 +12,19 @@ from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.signals import ANGLE, LOAD, LONGEST_STAY, OTHER_TIME, TIME, VELOCITY
 from twin_gait.gait.table import TICK, DrivenBy
 
-_POINT = 1e-7  # [rad]; half the width of a range that stands for one angle, beyond the rounding of sums
+_POINT = 1e-7  # [rad]; half the width of a range that represents one angle, above the rounding of sums
 
 
 @rule
 def cannot_leave(case: CheckCase) -> Iterator[Finding]:
-    """The leg comes to rest in a phase, or friction stops it, before any exit but the time-out opens.
+    """Find phases in which the leg comes to rest, or sticks, before any exit but the time-out opens.
 
-    The static balance of the joints: spring with its torque, current and angle limits, gravity and its
-    compensation, and the friction that compensation leaves over at the stated friction ratio. In stance on
-    a belt the foot carries the leg and belt and other leg move the hip, so the finding is a warning there,
-    and none if an exit of the phase is declared ``driven_by: contact``. It is a warning, too, where an exit
-    opens on the way but no longer at rest. None where the controller moves the legs by something else than
-    their phases.
+    The rest is the static balance of the joints: spring with its torque, current and angle limits, gravity
+    and its compensation, and the friction that compensation leaves over at the stated friction ratio. In
+    stance on a belt the foot carries the leg, and the belt and the other leg move the hip; the finding is
+    therefore a warning there, and is omitted if an exit of the phase is declared ``driven_by: contact``. It
+    is a warning, too, if an exit opens during the motion but no longer at rest. There are no findings if the
+    controller does not move the legs by their phases.
     """
     space = signal_space(case)
     for leg in hanging_legs(case):
@@ -43,7 +43,10 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
 
 
 def _finding(leg: HangingLeg, phase: str, rest: Rest, in_motion: bool, reason: str, remains: str) -> Finding:
-    """An error where nothing but the motors moves the leg and no exit opens on the way, else a warning."""
+    """Create the finding: an error if only the motors move the leg and no exit opens on the way.
+
+    Otherwise it is a warning.
+    """
     severity = Severity.WARNING if in_motion else Severity.ERROR
     way = ", though it can be on the way" if in_motion else ", nor was it on the way"
     suggestion = "move the equilibrium beyond the threshold of an exit, or raise the stiffness"
@@ -58,19 +61,21 @@ def _finding(leg: HangingLeg, phase: str, rest: Rest, in_motion: bool, reason: s
 
 
 def _words(leg: HangingLeg, rest: Rest) -> str:
-    """Rests of all joints."""
+    """Format the ranges of rest of all joints."""
     low, high = np.degrees(rest.corners.min(axis=0)), np.degrees(rest.corners.max(axis=0))
     parts = zip(leg.joints, low.tolist(), high.tolist(), strict=True)
     return ", ".join(f"{joint} {least:.1f} … {most:.1f}°" for joint, least, most in parts)
 
 
 def _worst_way(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]) -> tuple[bool, bool, Rest]:
-    """Whether some exits open in motion, and at rest, from the worst of the phases that lead into one.
+    """Determine whether exits open in motion, and at rest, on the worst of the ways into a phase.
 
-    At rest one of them has to be open with all joints still, wherever between its extremes the left-over
-    friction stops the leg. In motion one has to be open somewhere between entry and rest, each joint anywhere
-    on its way and as fast as torque and damper allow. All signals of the other leg are free; the foot carries
-    a load in stance on a belt, and for exits that are declared to be driven by contact there.
+    There is one way for each phase that leads into this one. At rest, one exit has to be open with all joints
+    still, wherever the left-over friction stops the leg between its extremes. In motion, one has to be open
+    somewhere between entry and rest, with each joint anywhere on its way and at most as fast as torque and
+    damper allow. All signals of the other leg are free. The foot carries a load in stance on a belt, and
+    there also for exits that are declared to be driven by contact. Returns whether an exit opens in motion,
+    whether one opens at rest, and the rest.
     """
     index, ways = leg.problem.table.phase_index(phase), []
     for start in entries(leg, index):
@@ -87,7 +92,7 @@ def _worst_way(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]
 def _some_exit_opens(
     space: SignalSpace, leg: HangingLeg, exits: list[int], angles: np.ndarray, velocities: np.ndarray
 ) -> bool:
-    """Whether one of some exits can be open with angles and velocities of joints in some ranges, in SI."""
+    """Check whether one of the exits can be open for angles and velocities in given ranges, in SI units."""
     phase = space.transition(exits[0]).source
     ranges = {TIME: (TICK, space.time_out(phase)), OTHER_TIME: (0.0, LONGEST_STAY)}
     for joint, angle, velocity in zip(leg.joints, angles, velocities, strict=True):

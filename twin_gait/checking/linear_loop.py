@@ -1,9 +1,9 @@
 """The linear loop of firmware and leg over one frame, as a matrix.
 
 A frame is the time between two samples of the slow velocity: ten ticks of 1 ms. In each tick the firmware
-measures (:func:`twin_gait.core.control_tick.measure_joint`), answers with a torque
-(:func:`twin_gait.control.joint_board.ask`) and holds it, while the leg moves on. Linearised,
-each of these is a matrix; their product over the ticks of a frame is exact, with nothing averaged.
+measures (:func:`twin_gait.core.control_tick.measure_joint`), computes a torque
+(:func:`twin_gait.control.joint_board.ask`) and holds it while the leg moves. Linearised, each of these steps
+is a matrix; their product over the ticks of a frame is exact, without averaging.
 """
 
 import math
@@ -14,33 +14,33 @@ import numpy as np
 
 from twin_gait.gait.table import TICK
 
-# Blocks of the state, n joints each: angle, velocity, fast velocity, last angle, angle of the last slow
-# sample; the ring of slow samples follows, and the torques on their way to the motors, newest first both.
+# Blocks of the state with n joints each: angle, velocity, fast velocity, last angle, angle of the last slow
+# sample. They are followed by the ring buffer of slow samples and the delayed torques, both newest first.
 ANGLE, VELOCITY, FAST, LAST, DECIMATED, RING = range(6)
 
-# Poles whose real part is five times that of the slowest hardly show in the response (Ogata, Modern Control
-# Engineering, from memory).
+# Poles whose real part is five times the one of the slowest pole contribute little to the response (Ogata,
+# Modern Control Engineering, from memory).
 DOMINANCE = 5.0
 _SERIES = 14  # terms of the exponential: 0.5^15 / 15! is 2e-17
-_GONE = 1e-6  # an eigenvalue below this leaves nothing after one frame
-_STILL = 1e-4  # [1 / s], rounding of a mode that is zero
+_GONE = 1e-6  # a mode with a smaller eigenvalue has decayed after one frame
+_STILL = 1e-4  # [1 / s]; rate of a mode that is zero but for rounding
 
 
 class LegMotion(NamedTuple):
-    """Motion of a leg over one tick under torques that are held."""
+    """Motion of a leg over one tick under constant torques."""
 
-    free: np.ndarray  # what angles and velocities before the tick give after it, shape ``(2 n, 2 n)``
-    driven: np.ndarray  # what the torques add, shape ``(2 n, n)``
+    free: np.ndarray  # transition matrix of angles and velocities, shape ``(2 n, 2 n)``
+    driven: np.ndarray  # input matrix of the torques, shape ``(2 n, n)``
 
 
 def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> LegMotion:
-    r"""Motion of a linearised leg over one tick, by one matrix exponential.
+    r"""Compute the motion of a linearised leg over one tick by one matrix exponential.
 
     The zero-order hold of :math:`M \ddot q = -K q - D \dot q + \tau`.
 
     ``mass``: M in [kg m²], armature included, shape ``(n, n)``. ``stiffness``: K, the slope of the leg's own
-    torques over the angles, in [N m] / [rad], shape ``(n, n)``. ``damping``: diagonal of D, the slope of its
-    friction, in [N m s] / [rad], shape ``(n,)``. Returns the motion.
+    torques over the angles, in [N m] / [rad], shape ``(n, n)``. ``damping``: diagonal of D, the slope of the
+    friction over the velocity, in [N m s] / [rad], shape ``(n,)``. Returns the motion.
     """
     n = len(damping)
     inverse = np.linalg.inv(mass)
@@ -54,11 +54,12 @@ def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> 
 
 
 def exponential(matrix: np.ndarray) -> np.ndarray:
-    """Exponential of a square matrix: its series at a norm below a half, squared as often as it was halved.
+    """Compute the exponential of a square matrix by scaling and squaring.
 
-    Method 3 of C. Moler, C. Van Loan: Nineteen dubious ways to compute the exponential of a matrix,
-    twenty-five years later, SIAM Review 45 (2003) 3-49. The first term left out is below 3e-17. Written out
-    because scipy.linalg takes longer to import than a gait table to check.
+    The matrix is halved until its norm is below one half; its power series is then squared as often. This is
+    method 3 of C. Moler, C. Van Loan: Nineteen dubious ways to compute the exponential of a matrix,
+    twenty-five years later, SIAM Review 45 (2003) 3-49. The first omitted term is below 3e-17. The method is
+    written out because importing scipy.linalg takes longer than checking a gait table.
     """
     halvings = max(0, math.ceil(math.log2(max(float(np.abs(matrix).sum(axis=0).max()), 1e-300))) + 1)
     part = matrix / 2.0**halvings
@@ -71,12 +72,12 @@ def exponential(matrix: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class LinearLoop:
-    """Leg and firmware, linearised about a posture and a velocity, for n coupled joints."""
+    """Leg and firmware, linearised at a posture and a velocity, for n coupled joints."""
 
-    motion: LegMotion  # of the leg in a tick
+    motion: LegMotion  # motion of the leg in a tick
     stiffness: np.ndarray  # k in [N m] / [rad], shape ``(n,)``
-    damping: np.ndarray  # b in [N m s] / [rad], on the fast velocity, shape ``(n,)``
-    gain: np.ndarray  # G, on the slow velocity, shape ``(n,)``
+    damping: np.ndarray  # b in [N m s] / [rad], applied to the fast velocity, shape ``(n,)``
+    gain: np.ndarray  # G, applied to the slow velocity, shape ``(n,)``
     # slope of the compensator's friction model in [N m s] / [rad], shape ``(n,)``
     modelled_friction: np.ndarray
     # slope of the gravity compensation over the angles in [N m] / [rad], shape ``(n, n)``
@@ -84,7 +85,7 @@ class LinearLoop:
     fast_gain: float  # gain of the first-order filter of the fast velocity
     decimation: int  # ticks between two slow samples
     window: int  # slow samples that are averaged
-    delay: int = 0  # ticks from a measurement to the torque that answers it
+    delay: int = 0  # ticks from a measurement to the torque computed from it
 
     @property
     def frame(self) -> float:
@@ -97,10 +98,10 @@ def _rows(loop: LinearLoop) -> int:
 
 
 def _measurement(loop: LinearLoop, decimates: bool) -> np.ndarray:
-    """What the sensors of one tick do to the state; angle and velocity stay."""
+    """Return the matrix by which the sensors change the state in one tick; angle and velocity stay."""
     n, rows = len(loop.stiffness), _rows(loop)
     eye = np.eye(n)
-    measures = np.eye(rows * n).reshape(rows, n, rows, n)  # block by block
+    measures = np.eye(rows * n).reshape(rows, n, rows, n)  # identity, reshaped into blocks
     measures[FAST, :, FAST] = (1.0 - loop.fast_gain) * eye
     measures[FAST, :, ANGLE] = loop.fast_gain / TICK * eye
     measures[FAST, :, LAST] = -loop.fast_gain / TICK * eye
@@ -115,7 +116,7 @@ def _measurement(loop: LinearLoop, decimates: bool) -> np.ndarray:
 
 
 def _response(loop: LinearLoop) -> np.ndarray:
-    """Torque of the controller on the measured state, shape ``(n, n_states)``."""
+    """Return the matrix from the measured state to the torque of the controller, shape ``(n, n_states)``."""
     n, rows = len(loop.stiffness), _rows(loop)
     response = np.zeros((n, rows, n))
     response[:, LAST] = loop.feed_forward - np.diag(loop.stiffness)
@@ -126,9 +127,10 @@ def _response(loop: LinearLoop) -> np.ndarray:
 
 
 def transition_matrix(loop: LinearLoop) -> np.ndarray:
-    """Matrix from before one slow sample to before the next, ``(5 + window + delay) n`` states.
+    """Compute the matrix from the state before one slow sample to the state before the next.
 
-    The first tick of the frame takes a slow sample, the others do not.
+    It has ``(5 + window + delay) n`` states. The first tick of the frame takes a slow sample, the others do
+    not.
     """
     n = len(loop.stiffness)
     leg, on_the_way = np.eye(_rows(loop) * n), RING + loop.window
@@ -142,24 +144,24 @@ def transition_matrix(loop: LinearLoop) -> np.ndarray:
 
 
 def spectral_radius(matrix: np.ndarray) -> float:
-    """Largest magnitude of the eigenvalues: below 1 the loop is stable, above it unstable."""
+    """Return the largest magnitude of the eigenvalues: the loop is stable below 1 and unstable above."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def effective_damping_ratio(matrix: np.ndarray, frame: float) -> float:
-    r"""Least damping ratio among the dominant oscillations.
+    r"""Compute the least damping ratio among the dominant oscillations.
 
     An eigenvalue :math:`\lambda` of the map over a frame :math:`T` is the mode
     :math:`s = \ln(\lambda) / T` of a continuous system, with the damping ratio
     :math:`\zeta = -\operatorname{Re}(s) / |s|`. A pair is dominant unless it decays ``DOMINANCE`` times as
-    fast as the slowest mode; this leaves the modes of the filters out.
+    fast as the slowest mode; this excludes the modes of the filters.
 
-    ``matrix``: from :func:`transition_matrix`. ``frame``: T in [s]. Returns ζ of the dominant pair with the
-    least of it; negative if unstable, 1 if nothing dominant oscillates.
+    ``matrix``: from :func:`transition_matrix`. ``frame``: T in [s]. Returns the least ζ of the dominant
+    pairs; negative if unstable, 1 if no dominant mode oscillates.
     """
     values = np.linalg.eigvals(matrix)
     modes = np.log(values[np.abs(values) > _GONE].astype(complex)) / frame
-    # A joint without a spring stays where it is: that mode neither decays nor oscillates.
+    # A joint without a spring remains at its angle: this mode neither decays nor oscillates.
     modes = modes[np.abs(modes) > _STILL]
     slowest = float(modes.real.max(initial=-np.inf))
     pairs = modes[(modes.imag > _STILL) & (modes.real >= min(DOMINANCE * slowest, 0.0))]

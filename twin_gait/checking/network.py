@@ -1,4 +1,4 @@
-"""Whether the CAN bus carries what the central unit and the boards tell each other."""
+"""Rules on the CAN bus between the central unit and the boards: load, response times, ranges of values."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -14,24 +14,25 @@ from twin_gait.network.dbc import load_messages
 from twin_gait.parameters import BOARDS, ImpedancePlace, NetworkParameters
 from twin_gait.simulation.problem import Problem
 
-_SETPOINTS = {"stiffness": " Nm/rad", "damping": " Nms/rad", "equilibrium": " rad", "gain": ""}  # as in a row
+# Units of the setpoints, in the order of a row of phases.
+_SETPOINTS = {"stiffness": " Nm/rad", "damping": " Nms/rad", "equilibrium": " rad", "gain": ""}
 
 
 class CyclicFrame(NamedTuple):
-    """A frame as the analysis sees it."""
+    """Timing of a cyclic frame for the analysis, all times in one unit."""
 
-    transmission: int  # longest time on the wire C, interframe space included
+    transmission: int  # longest transmission time C, interframe space included
     period: int  # shortest time T between two of its events
     jitter: int = 0  # longest time J from an event until the frame is queued
 
 
 def bus_load(frames: Sequence[CyclicFrame]) -> Fraction:
-    r"""Share of its time in which the bus is in use at most, :math:`\sum C_m / T_m`."""
+    r"""Compute the largest share of the time in which the bus is in use, :math:`\sum C_m / T_m`."""
     return sum((Fraction(frame.transmission, frame.period) for frame in frames), Fraction(0))
 
 
 def response_times(frames: Sequence[CyclicFrame], bit: int) -> list[int | None]:
-    r"""Longest times from an event to the end of its frame.
+    r"""Compute the longest times from an event to the end of its frame.
 
     With :math:`B_m` the longest transmission of a lower priority, over the instances
     :math:`q = 0 \dots Q_m - 1` of the busy period :math:`t_m`:
@@ -45,8 +46,8 @@ def response_times(frames: Sequence[CyclicFrame], bit: int) -> list[int | None]:
 
         R_m &= \max_q\; J_m + w_m(q) - q\,T_m + C_m
 
-    ``frames``: the highest priority first. ``bit``: length :math:`\tau_{bit}` of a bit, within which nodes
-    begin at the same time. Returns :math:`R_m` of each frame; None where frames of its priority and above
+    ``frames``: the frames, highest priority first. ``bit``: length :math:`\tau_{bit}` of a bit, within which
+    nodes begin at the same time. Returns :math:`R_m` of each frame; None if frames of its priority and above
     fill the bus.
     """
     return [_response_time(frames, number, bit) for number in range(len(frames))]
@@ -66,7 +67,7 @@ def _response_time(frames: Sequence[CyclicFrame], number: int, bit: int) -> int 
 
 
 def _settled(start: int, constant: int, frames: Sequence[CyclicFrame], bit: int) -> int:
-    """The least fixed point above a start of what frames with a constant take."""
+    """Find the least fixed point, at or above a start, of a constant plus the time that the frames take."""
     time, longer = start, -1
     while time != longer:
         longer = time
@@ -77,10 +78,10 @@ def _settled(start: int, constant: int, frames: Sequence[CyclicFrame], bit: int)
 
 
 def traffic_of(network: NetworkParameters, boards: Sequence[str] = BOARDS) -> tuple[float, dict[str, float]]:
-    """What a healthy bus carries of the frames of some boards at most, with all possible stuff bits.
+    """Compute the largest load of a healthy bus with the frames of some boards, with all possible stuff bits.
 
-    Returns the share of its time in which it is in use, and of each frame by its name the longest time in [s]
-    from the instant at which it is due to its arrival; infinite where the bus is full.
+    Returns the share of the time in which the bus is in use, and for each frame by its name the longest time
+    in [s] from the instant at which it is due to its arrival; infinite if the bus is full.
     """
     messages = cyclic_messages(load_messages(network.dbc), boards)
     bus = new_bus(network, messages, 0, TICK)
@@ -95,10 +96,10 @@ def traffic_of(network: NetworkParameters, boards: Sequence[str] = BOARDS) -> tu
 
 @rule
 def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
-    """The bus is asked for more than it carries, or a frame may arrive after the next one is due.
+    """Find a bus load above the capacity, and frames that may arrive after the next one is due.
 
-    A note on load and response times where it carries all. The bounds are those of Davis, Burns, Bril and
-    Lukkien (2007), for a healthy bus.
+    Reports load and response times as a note if the bus carries all frames. The bounds are those of Davis,
+    Burns, Bril and Lukkien (2007), for a healthy bus.
     """
     if case.experiment is None or case.experiment.network is None:
         return
@@ -119,12 +120,12 @@ def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
-    """A value of the experiment is outside the range of the signal that carries it, and would be cut."""
+    """Find values of the experiment outside the range of their signal on the bus, which would be clipped."""
     if case.experiment is None or case.experiment.network is None:
         return
     problem, messages = case.problem, load_messages(case.experiment.network.dbc)
     suggestion = "take a value within it, or a DBC file with a wider one"
-    found: dict[str, str] = {}  # by key: two legs have one
+    found: dict[str, str] = {}  # reason by key, because both legs have the same keys
     for number, joint in enumerate(problem.joints):
         for key, value, unit, kind, signal in _said(problem, case.experiment.network, number):
             message = f"{joint.side}_{joint.joint}_{kind}"
@@ -138,10 +139,11 @@ def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
 def _said(
     problem: Problem, network: NetworkParameters, number: int
 ) -> Iterator[tuple[str, float, str, str, str]]:
-    """What the bus has to say of a joint: key, value, unit, kind of message and signal.
+    """Yield the values of a joint that the bus carries: key, value, unit, kind of message, signal.
 
-    Limits of torque and current with what the monitor trips at, damping of the hold, target torques, k, b,
-    θ0 and G of every phase as they are driven. Springs of the control unit stay there.
+    These are the limits of torque and current, the latter at the trip of the monitor, the damping of the
+    hold, target torques, and k, b, θ0 and G of every phase as they are driven. Stiffness and damping are left
+    out if the control unit computes the impedance.
     """
     joint, control = problem.joints[number], problem.experiment.control
     trip = control.safety.current_share * control.limits.current

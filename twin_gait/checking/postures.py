@@ -1,4 +1,4 @@
-"""Where a leg enters a phase, comes to rest in it, and can leave it for the next."""
+"""Postures in which a leg enters a phase, comes to rest in it, and leaves it for the next phase."""
 
 import itertools
 import math
@@ -19,27 +19,27 @@ from twin_gait.gait.signals import ANGLE, OTHER, TIME, VELOCITY
 from twin_gait.parameters import FrictionLaw
 
 _STEPS = 2000
-_STILL = 1e-7  # [rad]; a step this small is the end of the search
+_STILL = 1e-7  # [rad]; the search ends when a step is smaller
 _SPEEDS = 200  # samples of the friction law up to the break-away velocity
 
-DEPTH = 2  # phases before one that its entry is followed through
-SAMPLES = 9  # of the way of each joint; thresholds come on top
-_ENTRY_SAMPLES = 3  # enough to find the first opening, which lies at a threshold or at an end
-_MOST = 4000  # combinations of angles and velocities that are tried
-_BESIDE = 1e-6  # in the unit of the signal: how far beside a threshold a sample lies
+DEPTH = 2  # number of preceding phases through which the entry of a phase is followed
+SAMPLES = 9  # samples of the way of each joint, without those at thresholds
+_ENTRY_SAMPLES = 3  # enough to find the first opening, which is at a threshold or at an end
+_MOST = 4000  # largest number of combinations of angles and velocities that are tested
+_BESIDE = 1e-6  # distance of a sample from a threshold, in the unit of the signal
 
 
 def in_contact(leg: HangingLeg, phase: str) -> bool:
-    """Whether ground and other leg can move a leg in a phase: on the ground in all but swing."""
+    """Return whether ground and other leg can move a leg: on the ground, in all phases but swing."""
     return leg.problem.experiment.scenario.grounded and not leg.problem.table.is_swing(phase)
 
 
 def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
-    r"""Friction that can still hold each joint while it creeps, compensation counted.
+    r"""Compute the friction that can still hold each joint while it creeps, less the compensation.
 
-    The largest :math:`T_{plant}(\omega) - G\,T_{model}(\omega)` in either direction up to the break-away or
-    Stribeck velocity of the plant's law, with the stated friction ratio; above that velocity friction slows a
-    joint but no longer holds it. In [N m], 0 or more, shape ``(n_joints,)``.
+    This is the largest :math:`T_{plant}(\omega) - G\,T_{model}(\omega)` in either direction up to the
+    break-away or Stribeck velocity of the plant's law, with the stated friction ratio; above that velocity
+    friction slows a joint but no longer holds it. Returns torques in [N m], 0 or more, shape ``(n_joints,)``.
     """
     experiment = leg.problem.experiment
     true, model = experiment.plant.true_friction(), experiment.control.friction_model
@@ -50,9 +50,12 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
     return np.maximum(left, 0.0)
 
 
-@lru_cache(maxsize=32)  # all phases of a table and all tables of a search ask for the same few
+@lru_cache(maxsize=32)  # all phases of a table and all tables of a search use the same few laws
 def _creeping(true: FrictionLaw, model: FrictionLaw) -> tuple[np.ndarray, np.ndarray]:
-    """Friction of the plant, in the direction of the larger, and of the model at the speeds of a creep."""
+    """Return the friction of the plant and of the model at creeping speeds, in [N m].
+
+    The friction of the plant is the larger one of both directions.
+    """
     speeds = np.linspace(0.0, true.in_plant().stribeck_velocity, _SPEEDS)[1:].tolist()
     held = [max(friction_torque(true, speed), -friction_torque(true, -speed)) for speed in speeds]
     return np.array(held), np.array([friction_torque(model, speed) for speed in speeds])
@@ -60,7 +63,7 @@ def _creeping(true: FrictionLaw, model: FrictionLaw) -> tuple[np.ndarray, np.nda
 
 @dataclass(frozen=True)
 class Rest:
-    """Where a leg that entered a phase at some posture comes to rest in it."""
+    """Rest posture of a leg that entered a phase at some posture."""
 
     start: np.ndarray  # posture of entry in [rad], shape ``(n_joints,)``
     middle: np.ndarray  # rest without friction in [rad], shape ``(n_joints,)``
@@ -71,36 +74,40 @@ class Rest:
     velocities: np.ndarray
 
     def path(self) -> np.ndarray:
-        """Lowest and highest angle of each joint from start to nearest rest in [rad], ``(n_joints, 2)``."""
+        """Return the lowest and highest angle of each joint on its way to the nearest rest.
+
+        In [rad], shape ``(n_joints, 2)``.
+        """
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         nearest = np.clip(self.start, low, high)
         return np.array([np.minimum(self.start, nearest), np.maximum(self.start, nearest)]).T
 
 
 def _feed_forward(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Gravity compensation and target torque in [N m], shape ``(n_joints,)``."""
+    """Compute the gravity compensation plus the target torque in [N m], shape ``(n_joints,)``."""
     targets = leg.problem.experiment.control.target_torque
     target = np.array([targets.get(joint, 0.0) for joint in leg.joints])
     return np.asarray(leg.gravity_shares[phase] * leg.modelled_gravity(angles) + target)
 
 
 def _carried(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Torques for the leg's weight that the motors have to give in [N m]: none if the ground carries it."""
+    """Compute the torques in [N m] by which the motors carry the leg: zero if the ground carries it."""
     return np.zeros(len(angles)) if in_contact(leg, leg.phases[phase]) else leg.gravity(angles)
 
 
 def command_at_rest(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Torques that the controller asks for while the joints are still, in [N m], shape ``(n_joints,)``."""
-    # The law is linear: arrays of joints pass as numbers do.
+    """Compute the torques that the controller commands at zero velocity, in [N m], ``(n_joints,)``."""
+    # The law is linear, so that it accepts arrays over the joints as well as numbers.
     stiffness, equilibrium = (leg.column(which)[phase] for which in (STIFFNESS, EQUILIBRIUM))
     springs = impedance_torque(angles, 0.0, stiffness, 0.0, equilibrium)  # type: ignore[arg-type]
     return np.asarray(springs + _feed_forward(leg, phase, angles))
 
 
 def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
-    """Torques that move a leg from rest, limits counted, friction apart, in [N m], shape ``(n_joints,)``.
+    """Compute the torques that move a leg from rest, within the limits, in [N m], ``(n_joints,)``.
 
-    In the air the motors have to carry the leg; a foot in contact carries it itself.
+    Friction is left out. In the air the motors have to carry the leg; a foot in contact carries the leg
+    itself.
     """
     limits = leg.torque_limits()
     given = np.clip(command_at_rest(leg, phase, angles), -limits, limits)
@@ -108,9 +115,13 @@ def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarra
 
 
 def rest_posture(leg: HangingLeg, phase: int, start: np.ndarray, hold: np.ndarray) -> np.ndarray:
-    """Posture in [rad] where driving torques come down to holding torques in [N m], or a stop is reached."""
+    """Find the posture at which the driving torques fall to the holding torques, or a stop is reached.
+
+    ``start``: posture in [rad]. ``hold``: holding torques in [N m]. Returns the posture in [rad]; each array
+    has the shape ``(n_joints,)``.
+    """
     low, high = leg.limits().T
-    # Steps as the stiffest direction allows: the spring's, and what the uncompensated weight can add.
+    # The stiffest direction limits the steps: stiffness of the spring plus that of the uncompensated weight.
     weight = [_feed_forward(leg, phase, q) - _carried(leg, phase, q) for q in (low, high, start)]
     stiffest = leg.column(STIFFNESS)[phase] + np.abs(weight).max(axis=0).sum() + 1.0
     angles = np.clip(start, low, high)
@@ -123,7 +134,7 @@ def rest_posture(leg: HangingLeg, phase: int, start: np.ndarray, hold: np.ndarra
 
 
 def find_rest(leg: HangingLeg, phase: int, start: np.ndarray) -> Rest:
-    """Find where a leg that enters a phase at a posture in [rad] comes to rest, as far as friction allows."""
+    """Find the rest of a leg that enters a phase at a posture in [rad], and its range due to friction."""
     friction = left_over_friction(leg, phase)
     middle = rest_posture(leg, phase, start, np.zeros(len(start)))
     corners = [
@@ -139,9 +150,9 @@ def find_rest(leg: HangingLeg, phase: int, start: np.ndarray) -> Rest:
 
 
 def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
-    """Postures in [rad] in which a phase is taken to be entered: the rests of the phases before it.
+    """Return the postures in [rad] at which a phase is assumed to be entered.
 
-    If nothing leads into it, its own equilibrium.
+    These are the rests of the phases before it; if no transition leads into it, its own equilibrium.
     """
     table, equilibria = leg.problem.table, leg.column(EQUILIBRIUM)
     leading = [item.source for item in table.transitions if table.phase_index(item.target) == phase]
@@ -153,7 +164,7 @@ def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
 
 
 def _thresholds(space: SignalSpace, index: int, name: str) -> list[float]:
-    """Values beside the thresholds that a guard sets one signal, in the units of the table."""
+    """Return values next to the thresholds that a guard sets for one signal, in the units of the table."""
     return [
         atom.threshold + side
         for atom in dict.fromkeys(atoms(space.transition(index).guard))
@@ -167,7 +178,7 @@ def _candidates(
 ) -> dict[str, np.ndarray]:
     """Return signals of the leg on its way through the phase that is left, in the units of the table.
 
-    Each has one value for each candidate.
+    Each signal has one value for each candidate.
     """
     waits = space.transition(index).is_time_out
     choices: dict[str, list[float]] = {}
@@ -181,7 +192,7 @@ def _candidates(
         choices[velocity] = [0.0, *moving]
     several = [list(dict.fromkeys(values)) for values in choices.values()]
     count = math.prod(map(len, several))
-    # A fixed choice among too many of them.
+    # If there are too many combinations, a fixed random selection is tested.
     few = count <= _MOST
     chosen = np.arange(count) if few else np.random.default_rng(0).choice(count, size=_MOST, replace=False)
     places = np.unravel_index(chosen, list(map(len, several)))
@@ -191,7 +202,10 @@ def _candidates(
 
 
 def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
-    """Signals that open a guard, with the other leg's in the middle and at both ends of their ranges."""
+    """Return signals that open a guard, for several values of those of the other leg.
+
+    The signals of the other leg are in the middle and at both ends of their ranges.
+    """
     found = []
     guard = Requirement(space.transition(index).guard)
     for point in space.find([guard], {TIME: space.window(index)}):
@@ -206,12 +220,12 @@ def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
 def postures(
     space: SignalSpace, index: int, leg: HangingLeg, rest: Rest, samples: int = SAMPLES
 ) -> np.ndarray:
-    """Postures of a guard that lie on the way of the leg through the phase that it leaves.
+    """Return the postures at which a guard opens on the way of the leg through the phase that it leaves.
 
-    Each joint is anywhere between the entry of the phase and its rest, or beside a threshold of the guard, at
-    rest or at the speed of :class:`Rest`. A time-out finds the leg at rest.
+    Each joint is anywhere between the entry of the phase and its rest, or next to a threshold of the guard,
+    at rest or at the speed of :class:`Rest`. A time-out occurs with the leg at rest.
 
-    Returns angles in [rad] and velocities in [rad] / [s], shape ``(n, 2, n_joints)``; none if the guard
+    Returns angles in [rad] and velocities in [rad] / [s], shape ``(n, 2, n_joints)``; n is 0 if the guard
     cannot open.
     """
     backgrounds = _backgrounds(space, index)
@@ -226,11 +240,11 @@ def postures(
         opened |= space.is_open(index, replace(point, signals=everything))
     if opened.any():
         return rows[..., opened].transpose(2, 0, 1)
-    return _in_si(leg, backgrounds[0].signals)[None]  # else the point that opens the guard
+    return _in_si(leg, backgrounds[0].signals)[None]  # otherwise the point that opens the guard
 
 
 def _in_si(leg: HangingLeg, known: Mapping[str, Any]) -> np.ndarray:
-    """Return angles and velocities of the joints in SI, shape ``(2, n_joints, …)``; 0 of unknown ones."""
+    """Return angles and velocities of the joints in SI units, shape ``(2, n_joints, …)``; 0 if unknown."""
     return np.array(
         [
             [known.get(item.of(joint), 0.0) * item.unit.factor for joint in leg.joints]
@@ -239,16 +253,16 @@ def _in_si(leg: HangingLeg, known: Mapping[str, Any]) -> np.ndarray:
     )
 
 
-@lru_cache(maxsize=64)  # rules follow each other, and ways into a phase share what comes before
+@lru_cache(maxsize=64)  # rules run in succession, and ways into a phase share the phases before
 def first_rests(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DEPTH) -> list[Rest]:
-    """Rests of a phase, one for each posture at which the exits into it open first.
+    """Return the rests of a phase, one for each posture at which the exits into it open first.
 
-    A machine switches as soon as it may: of the postures of each guard that leads into the phase, the one
-    nearest to the entry of the phase before is taken. Time-outs count only where no guard leads into the
-    phase. So many phases before this one are followed; the first of them is entered at rest.
+    A leg switches as soon as the guard opens: of the postures of each guard that leads into the phase, the
+    one nearest to the entry of the preceding phase is taken. Time-outs count only if no guard leads into the
+    phase. ``depth``: number of preceding phases that are followed; the first of them is entered at rest.
     """
     number = space.table.phase_index(phase)
-    starts: dict[bytes, np.ndarray] = {}  # ways that meet again have one end
+    starts: dict[bytes, np.ndarray] = {}  # ways that meet again have the same end
     for index, item in enumerate(space.table.transitions):
         if item.target != phase or item.is_time_out or depth == 0:
             continue

@@ -1,4 +1,4 @@
-"""Numbers outside what others have published or measured."""
+"""Rules that find numbers outside the ranges that others have published or measured."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -13,7 +13,7 @@ from twin_gait.vocabulary import JointName, Side
 
 
 class PublishedRange(NamedTuple):
-    """Least and largest published value, and where they stand."""
+    """Least and largest published value, and their source."""
 
     least: float
     most: float
@@ -21,18 +21,18 @@ class PublishedRange(NamedTuple):
 
 
 _DEGREE = math.pi / 180.0
-# Chapter 4 of the thesis on TWIN's hip and knee: the loop with 0.20 to 0.60 was usable, 0.35 the best.
+# Chapter 4 of the thesis on TWIN's hip and knee: the loop was usable with gains of 0.20–0.60, best with 0.35.
 GAIN_JOINTS = (JointName.HIP, JointName.KNEE)
 GAIN_RANGE = PublishedRange(0.20, 0.60, "the thesis on TWIN's joints, chapter 4")
 # Ogata, Modern Control Engineering (from memory, high confidence): a transient that neither oscillates much
 # nor is sluggish. No leg exoskeleton with a table of ζ per phase was found.
 DAMPING_RATIO_RANGE = PublishedRange(0.4, 0.8, "Ogata, Modern Control Engineering")
-# In [N m] / [deg]. Hip and knee: the least and the largest spring that least squares finds in one of the five
-# phases in the mean curves of moment over angle of Winter (1991; slow, normal) and Fukuchi et al. (2018;
-# 0.9 and 1.2 m/s), for 75 kg: 16 to 231 Nm/rad and none to 359 Nm/rad. The human hip in swing at 0.5 m/s,
-# 34 to 66 Nm/rad (van der Kooij et al., 2022), and the knees of Sup et al. (2009; 0 to 5 Nm/deg) lie inside.
-# Ankle, found in the tables of prostheses: from the swing of the Open-Source Leg, 7.9 Nm/rad, to the
-# stance of Sup et al. (2009); the swings of Sup et al., 0.3 to 0.7 Nm/deg, lie inside.
+# Ranges of stiffness in [N m] / [deg]. Hip and knee: the smallest and the largest spring that a fit by least
+# squares finds in one of the five phases, in the mean curves of moment over angle of Winter (1991; slow,
+# normal) and Fukuchi et al. (2018; 0.9 and 1.2 m/s), for 75 kg: hip 16–231 N·m/rad, knee 0–359 N·m/rad.
+# The human hip in swing at 0.5 m/s, 34–66 N·m/rad (van der Kooij et al., 2022), and the knees of Sup et al.
+# (2009; 0–5 N·m/deg) lie inside. Ankle, from the tables of prostheses: from the swing of the Open-Source Leg,
+# 7.9 N·m/rad, to the stance of Sup et al. (2009); the swings of Sup et al., 0.3–0.7 N·m/deg, lie inside.
 STIFFNESS_RANGES: Mapping[str, PublishedRange] = {
     JointName.HIP: PublishedRange(16.0 * _DEGREE, 231.0 * _DEGREE, "Winter 1991, Fukuchi et al. 2018"),
     JointName.KNEE: PublishedRange(0.0, 359.0 * _DEGREE, "Winter 1991, Fukuchi et al. 2018, Sup et al. 2009"),
@@ -40,12 +40,13 @@ STIFFNESS_RANGES: Mapping[str, PublishedRange] = {
 }
 
 
-# What is said of a joint in a phase, as one side (or None for both) has it; empty if nothing is.
+# Function that returns the text of a finding on a joint in a phase of one side (None for both sides), or an
+# empty text.
 _Look = Callable[[Side | None, str, str, JointImpedance], str]
 
 
 def _find(case: CheckCase, suggestion: str, look: _Look) -> Iterator[Finding]:
-    """One warning for each phase, with what was seen of all its joints."""
+    """Yield one warning for each phase that has a finding, with the texts of all its joints."""
     common: list[tuple[Side | None, Mapping[str, PhaseParameters]]] = [(None, case.gait.phases)]
     for side, phases in [*common, *case.gait.side_phases.items()]:
         for phase, parameters in phases.items():
@@ -56,7 +57,7 @@ def _find(case: CheckCase, suggestion: str, look: _Look) -> Iterator[Finding]:
 
 
 def _out_of(what: str, value: float | None, published: PublishedRange | None, unit: str = "") -> str:
-    """Where a value lies outside a range in words; empty if inside, or if one of them is not known."""
+    """Describe how a value lies outside a range; the text is empty if it is inside or if either is None."""
     if value is None or published is None or published.least <= value <= published.most:
         return ""
     least, most, source = published
@@ -65,9 +66,9 @@ def _out_of(what: str, value: float | None, published: PublishedRange | None, un
 
 @rule
 def unusual_gain(case: CheckCase) -> Iterator[Finding]:
-    """A friction compensation gain lies outside 0.20 to 0.60, what was usable on the bench.
+    """Find friction compensation gains outside 0.20 to 0.60, the range that was usable on the bench.
 
-    The range is that of TWIN's hip and knee; for other joints and devices there is no published one.
+    The range applies to TWIN's hip and knee; no range is published for other joints and devices.
     """
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
@@ -80,7 +81,7 @@ def unusual_gain(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def equilibrium_beyond_limits(case: CheckCase) -> Iterator[Finding]:
-    """An equilibrium angle lies outside the limits of its joint: the spring presses it into the stop."""
+    """Find equilibrium angles outside the limits of their joint: the spring presses it into the stop."""
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         low, high = (math.degrees(value) for value in case.limits[name])
@@ -93,7 +94,7 @@ def equilibrium_beyond_limits(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def unusual_stiffness(case: CheckCase) -> Iterator[Finding]:
-    """A stiffness lies outside the published ranges of its joint."""
+    """Find stiffnesses outside the published ranges of their joint."""
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         return _out_of(f"{name} k", math.radians(joint.stiffness), STIFFNESS_RANGES.get(name), " Nm/deg")
@@ -104,17 +105,17 @@ def unusual_stiffness(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def unusual_damping_ratio(case: CheckCase) -> Iterator[Finding]:
-    """A damping ratio, given or resulting from b, lies outside 0.4 to 0.8.
+    """Find damping ratios, given or computed from b, outside 0.4 to 0.8.
 
-    Where the table gives b, ζ = b / (2 √(k I)) takes the inertia of the leg in the air; without a leg model
-    or a spring it is left out.
+    If the table gives b, the ratio ζ = b / (2 √(k I)) is computed with the inertia of the leg in the air. It
+    is not checked without a leg model or without a spring.
     """
     legs = hanging_legs(case)
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         ratio = joint.damping_ratio
         own = case.gait.side_phases
-        # What both sides share is that of a leg that has nothing of its own there.
+        # A phase that both sides share is checked on a leg that has no phase of its own in its place.
         sharing = (
             leg for leg in legs if side in (None, leg.side) and (side or phase not in own.get(leg.side, {}))
         )

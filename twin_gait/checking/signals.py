@@ -1,4 +1,4 @@
-"""Ranges of the signals that a table reads, and points in them where guards are open or closed."""
+"""Ranges of the signals that a table reads, and points in them at which guards are open or closed."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,13 +27,13 @@ from twin_gait.gait.signals import (
 from twin_gait.gait.table import TICK, Transition
 
 OTHER_PHASE = "other.phase"
-# Time in the phase just after a switch, at which the exits of the new phase are read first.
+# Time in the phase just after a switch, at which the exits of the new phase are evaluated first.
 ENTRY_TIME = "entry." + TIME
-_END = "end."  # of a debounce
+_END = "end."  # prefix of the signals at the end of a debounce
 
 _DEGREE = math.pi / 180.0
-# Where no leg model says more: normal ranges of motion (Merck Manual: hip -15 … 125°, knee 0 … 130°,
-# ankle -50 … 20°), with 5 to 15° more for prostheses and overshoot.
+# Ranges without a leg model: normal ranges of motion (Merck Manual: hip −15–125°, knee 0–130°,
+# ankle −50–20°), extended by 5–15° for prostheses and overshoot.
 JOINT_RANGES = {
     "hip": (-30.0 * _DEGREE, 130.0 * _DEGREE),
     "knee": (-5.0 * _DEGREE, 140.0 * _DEGREE),
@@ -48,25 +48,27 @@ Ranges = Mapping[str, tuple[float, float]]
 class Point:
     """Signals by name in the units of the table, and the phase of the other leg."""
 
-    signals: Mapping[str, float]  # those that decide
-    other: str | None  # phase of the other leg, or None without one
-    phase_decides: bool = False  # whether that phase decides too
+    signals: Mapping[str, float]  # signals that decide
+    other: str | None  # phase of the other leg, or None if there is none
+    phase_decides: bool = False  # whether this phase decides, too
 
 
 class SignalSpace:
-    """What both legs of a table can measure, inside their limits.
+    """Ranges of all signals that both legs of a table can measure.
 
     Attributes:
-        case: What is checked.
-        table: Its table.
-        others: Phases that the other leg can be in; only None without another leg. Of modes the requests,
-            None among them.
-        opening: Signals that open an exit, not held back by time, in a phase of the other leg or in any.
-        can_fire: Whether an exit can be open for as long as its debounce asks, all signals free meanwhile.
+        case: Case that is checked.
+        table: Table of the case.
+        others: Phases in which the other leg can be; only None without another leg. For modes the requests,
+            including None.
+        opening: Function that returns signals that open an exit, time permitting, with the other leg in a
+            given phase or in any.
+        can_fire: Function that returns whether an exit can be open for the time of its debounce, with all
+            signals free meanwhile.
     """
 
     def __init__(self, case: CheckCase) -> None:
-        """Lay out the ranges and compile the guards."""
+        """Collect the ranges and compile the guards."""
         self.case = case
         self.table = case.table
         modes, members = isinstance(case.table, ModeTable), case.table.members
@@ -76,31 +78,31 @@ class SignalSpace:
         self.opening, self.can_fire = cache(self._opening), cache(self._can_fire)
 
     def exits(self, phase: str) -> list[int]:
-        """Indices of the transitions that leave a phase."""
+        """Return the indices of the transitions that leave a phase."""
         return [index for index, item in enumerate(self.table.transitions) if item.source == phase]
 
     def guarded(self, phase: str) -> list[int]:
-        """Those of them that are no pure time-outs."""
+        """Return the indices of the transitions that leave a phase by a guard, not by time alone."""
         return [index for index in self.exits(phase) if not self.transition(index).is_time_out]
 
     def transition(self, index: int) -> Transition:
-        """A transition of the table."""
+        """Return a transition of the table."""
         return self.table.transitions[index]
 
     def time_out(self, phase: str | None) -> float:
-        """Time in [s] at which the first pure time-out ends a phase, an hour without one."""
+        """Return the time in [s] at which the first pure time-out ends a phase; an hour if there is none."""
         exits = [item for item in self.table.transitions if item.source == phase and item.is_time_out]
         return min([(item.time_out_ticks or 0) * TICK for item in exits], default=LONGEST_STAY)
 
     def window(self, index: int) -> tuple[float, float]:
-        """Times in the phase in [s] at which a transition could fire without a debounce."""
+        """Return the times in the phase in [s] at which a transition could fire without a debounce."""
         item = self.transition(index)
         earliest = max(1, self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
         return earliest * TICK, self.time_out(item.source)
 
     def range(self, name: str) -> tuple[float, float]:
-        """Range of a measured signal in the units of the table; either leg's."""
-        # The unknowns of a search may have further words in front: other, entry, noisy, end.
+        """Return the range of a measured signal of either leg in the units of the table."""
+        # The unknowns of a search may have further prefixes: other, entry, noisy, end.
         signal, part = signal_of(name), part_of(name)
         if signal is VELOCITY:
             highest = self.case.velocity_limits.get(part, HIGHEST_VELOCITY)
@@ -120,17 +122,17 @@ class SignalSpace:
         """Find signals inside the limits that open or close guards.
 
         Args:
-            requirements: What has to be open or closed.
-            ranges: Range of each time in a phase in [s] (the other leg's follows from its phase, any further
-                one is free), and of signals that have a narrower one than the limits.
+            requirements: Guards that have to be open or closed.
+            ranges: Range of each time in a phase in [s] (the range of the other leg's time follows from its
+                phase, any further time is free), and of signals whose range is narrower than their limits.
             other: Phase of the other leg; None for any.
-            beside: Bounds that have to be kept in addition, times in [s].
+            beside: Additional bounds that have to be kept, times in [s].
 
         Yields:
-            A point for each way to do it, rounded if it stays true.
+            A point for each way to fulfil the requirements, rounded if it fulfils them after rounding.
 
         Raises:
-            GaitTableError: If the guards leave too many choices to try.
+            GaitTableError: If the guards have too many choices to try.
         """
         if any(low > high + 0.5 * TICK for name, (low, high) in ranges.items() if name.endswith(TIME)):
             return
@@ -144,13 +146,13 @@ class SignalSpace:
                 yield replace(found, phase_decides=decides)
 
     def first(self, guards: Sequence[Guard], ranges: Ranges, other: str | None = None) -> Point | None:
-        """First point of :meth:`find` that opens some guards, or None."""
+        """Return the first point of :meth:`find` at which some guards are open, or None."""
         return next(self.find([Requirement(guard) for guard in guards], ranges, other=other), None)
 
     def possible(
         self, requirements: Sequence[Requirement], ranges: Ranges, beside: Sequence[Bound] = ()
     ) -> bool:
-        """Whether any signals do what :meth:`find` looks for; taken as given where it is too much to try."""
+        """Return whether :meth:`find` finds any point; True if there are too many choices to try."""
         try:
             return next(self.find(requirements, ranges, beside=beside), None) is not None
         except GaitTableError:
@@ -158,7 +160,7 @@ class SignalSpace:
 
     def _solutions(self, start: Way, requirements: Sequence[Requirement], ranges: Ranges) -> Iterator[Point]:
         def within(bound: Bound) -> list[Bound]:
-            """A bound and the limits of what it reads."""
+            """Return a bound and the limits of the signals that it reads."""
             found = [bound]
             for name in bound.names:
                 low, high = ranges.get(name) or self.range(name)
@@ -182,17 +184,17 @@ class SignalSpace:
             return self.opening(index) is not None
         earliest, latest = self.window(index)
         stay = (item.debounce_ticks - 1) * TICK
-        # Both ends of the debounce in the guard: what lies between is too, as a choice of bounds is convex.
-        # The other leg may have gone on meanwhile.
+        # Both ends of the debounce lie in the guard, so do all points between them, since a choice of bounds
+        # is convex. The other leg may have switched meanwhile.
         last = translated(item.guard, lambda name: _END + name, lambda membership: True)
         both = [Requirement(item.guard), Requirement(last)]
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
         return self.possible(both, times, equal(_END + TIME, TIME, stay))
 
     def is_open(self, index: int, point: Point) -> bool:
-        """Return whether the guard of a transition is open at a point; signals that it leaves open are 0.
+        """Return whether the guard of a transition is open at a point; signals without a value are 0.
 
-        Signals may be arrays of one shape, of as many points.
+        Signals may be arrays of one shape, for as many points.
         """
         absent = OTHER if point.other is None else ()
         measured = [
@@ -203,7 +205,7 @@ class SignalSpace:
         return guard_holds(self.program, rule.first_node, rule.end_node, measured, other)
 
     def counterexample(self, point: Point) -> dict[str, float | str]:
-        """Signals of a point that decide, for a finding; the rest may have any value."""
+        """Return the signals of a point that decide, for a finding; all others may have any value."""
         found: dict[str, float | str] = {
             name: point.signals[name] for name in self._scales if name in point.signals
         }
@@ -212,18 +214,18 @@ class SignalSpace:
         return found
 
 
-signal_space = once(SignalSpace)  # of a case, laid out once for all rules
+signal_space = once(SignalSpace)  # signal space of a case, built once for all rules
 
 
 def _in_ticks(bound: Bound) -> Bound:
-    """A bound on times in [s] as one on whole ticks; any other as it is."""
+    """Convert a bound on times in [s] to a bound on whole ticks; return any other bound unchanged."""
     if not any(name.endswith(TIME) for name in bound.names):
         return bound
     return replace(bound, limit=bound.limit / TICK, room=bound.room / TICK, whole=True)
 
 
 def swapped(name: str) -> str:
-    """Name that the other leg has for a signal; both are told the same."""
+    """Return the name that the other leg has for a signal; signals of the device keep their name."""
     if name in DEVICE_NAMES:
         return name
     return name.removeprefix(OTHER) if name.startswith(OTHER) else OTHER + name

@@ -1,4 +1,4 @@
-"""Stability of the sampled loop of the joints in every phase."""
+"""Rules on the stability of the sampled control loop of the joints in every phase."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -19,15 +19,16 @@ from twin_gait.checking.linear_loop import (
 VELOCITIES = (0.0, 1.0)  # [rad] / [s]
 _ABOUT = ("rest", "±1 rad/s")
 LEAST_DAMPING_RATIO = 0.5
-# A joint without a spring has a mode at exactly 1, which rounding moves; this much is 1 % in 17 minutes.
+# A joint without a spring has an eigenvalue of exactly 1, which rounding changes; this margin allows a growth
+# of 1 % in 17 minutes.
 NEUTRAL = 1e-7
 LARGEST_DAMPING = 1e5  # [N m s] / [rad]; the search goes no further
-LARGEST_GAIN = 1.0  # no table can ask for more
+LARGEST_GAIN = 1.0  # the largest gain that a table may have
 _BISECTIONS = 12
 
 
 class _Phase(NamedTuple):
-    """One phase of one leg; lists hold a value for each of ``VELOCITIES``."""
+    """One phase of one leg; lists have one value for each element of ``VELOCITIES``."""
 
     leg: HangingLeg
     name: str
@@ -37,7 +38,7 @@ class _Phase(NamedTuple):
 
     @property
     def is_unstable(self) -> bool:
-        """Whether a small motion does not die away."""
+        """Whether a small motion fails to decay."""
         return max(self.radii) > 1.0 + NEUTRAL
 
 
@@ -45,7 +46,7 @@ class _Phase(NamedTuple):
 def _phases(case: CheckCase) -> list[_Phase]:
     found = []
     for leg in hanging_legs(case):
-        rings = bool(leg.bristles.any())  # at rest within its bristles, whatever the table asks for
+        rings = bool(leg.bristles.any())  # at rest within its bristles for every table
         for index, name in enumerate(leg.phases):
             loops = [leg.linear_loop(index, velocity) for velocity in VELOCITIES]
             maps = [transition_matrix(loop) for loop in loops]
@@ -59,11 +60,11 @@ def _phases(case: CheckCase) -> list[_Phase]:
 
 @rule
 def unstable(case: CheckCase) -> Iterator[Finding]:
-    """The sampled loop of the joints is unstable in a phase: its spectral radius is above 1.
+    """Find phases in which the sampled loop of the joints is unstable: its spectral radius is above 1.
 
-    That of the closed-loop transition matrix, at rest or at ±1 rad/s. The leg is in the air with its pelvis
-    held, at the equilibrium angles of the phase and under the plant's stated friction; ground and belt are
-    not in it.
+    The radius is computed from the closed-loop transition matrix, at rest and at ±1 rad/s. The leg is in the
+    air with its pelvis held, at the equilibrium angles of the phase and under the stated friction of the
+    plant; ground and belt are not part of the loop.
     """
     for phase in _phases(case):
         if not phase.is_unstable:
@@ -80,7 +81,7 @@ def unstable(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def effective_damping(case: CheckCase) -> Iterator[Finding]:
-    """A phase oscillates: damping ratio below 0.5 with delays and friction compensation counted in."""
+    """Find phases that oscillate: damping ratio below 0.5, delays and friction compensation included."""
     for phase in _phases(case):
         worst = int(np.argmin(phase.ratios))
         if phase.is_unstable or phase.ratios[worst] >= LEAST_DAMPING_RATIO:
@@ -95,7 +96,7 @@ def effective_damping(case: CheckCase) -> Iterator[Finding]:
 
 @rule
 def stability_margin(case: CheckCase) -> Iterator[Finding]:
-    """Distance of a stable phase from instability: spectral radius, largest b and G of each joint."""
+    """Report the margin of each stable phase: spectral radius, and the largest b and G of each joint."""
     for phase in _phases(case):
         if not phase.is_unstable:
             reason = (
@@ -107,7 +108,11 @@ def stability_margin(case: CheckCase) -> Iterator[Finding]:
 
 
 def largest_stable(radius: Callable[[float], float], start: float, most: float) -> float | None:
-    """Value from ``start`` on at which the spectral radius passes 1, at most ``most``; None without one."""
+    """Search for the value at which the spectral radius passes 1.
+
+    The search starts at ``start`` and ends at ``most``. If the loop is unstable at ``start``, it searches
+    between 0 and ``start``. Returns the largest stable value found; None if the loop is unstable at 0, too.
+    """
 
     def stable(value: float) -> bool:
         return radius(value) <= 1.0 + NEUTRAL
@@ -129,7 +134,10 @@ def largest_stable(radius: Callable[[float], float], start: float, most: float) 
 
 
 def largest_value(loops: list[LinearLoop], name: str, joint: int, most: float) -> float | None:
-    """Largest stable ``damping`` or ``gain`` of one joint, at most a value, the rest as it is."""
+    """Return the largest stable ``damping`` or ``gain`` of one joint, at most ``most``.
+
+    Everything else in the loops stays as it is. Returns None if there is no stable value.
+    """
     present: np.ndarray = getattr(loops[0], name)
 
     def radius(value: float) -> float:
@@ -141,7 +149,7 @@ def largest_value(loops: list[LinearLoop], name: str, joint: int, most: float) -
 
 
 def _margins(phase: _Phase) -> str:
-    """Largest b and G in words, with what the table has."""
+    """Return the largest stable b and G of each joint as text, with the values of the table."""
 
     def margin(name: str, most: float, form: str, joint: int) -> str:
         value, own = largest_value(phase.loops, name, joint, most), getattr(phase.loops[0], name)[joint]

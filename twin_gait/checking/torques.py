@@ -1,4 +1,4 @@
-"""What a phase asks of the motors: a jump at the switch, and stiffness that the limits cannot serve."""
+"""Rules on the torques of a phase: a jump at the switch, and stiffness that the limits do not allow."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from twin_gait.core.impedance import damping_ratio_of, impedance_torque
 from twin_gait.gait.table import TICK, Transition
 from twin_gait.parameters import FrictionLaw
 
-# A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
+# A step of a quarter of the torque limit within a millisecond is perceived as a knock (an assumption).
 KNOCK = 0.25
 _MOST_TICKS = 500
 
@@ -26,20 +26,20 @@ class Jump(NamedTuple):
     """Largest change of the commanded torque of one joint over the postures of a switch."""
 
     joint: str
-    limit: float  # of its torque in [N m]
+    limit: float  # limit of the joint's torque in [N m]
     whole: float  # change from the old phase to the new one, without blending, in [N m]
-    tick: float  # largest change in one tick with blending, the posture held, in [N m]
-    at: dict[str, float]  # signals of the posture of the larger of the two, each measured against its bound
+    tick: float  # largest change in one tick with blending, at constant posture, in [N m]
+    at: dict[str, float]  # signals of the posture of the larger change, each relative to its bound
 
     @property
     def excess(self) -> float:
-        """The larger of the two, as a share of what is allowed."""
+        """The larger of both changes, as a fraction of the accepted one."""
         return max(self.whole, self.tick / KNOCK) / self.limit
 
 
-@lru_cache(maxsize=32)  # several transitions lead into a phase, on several ways
+@lru_cache(maxsize=32)  # several transitions lead into a phase, by several ways
 def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, list[float]]:
-    """Ticks of the blend into a phase, from the one before the switch on, and its share in each."""
+    """Return the ticks of the blend into a phase, from the tick before the switch, and its share in each."""
     table = leg.problem.table
     length = table.blend_ticks(table.phases_of(leg.side)[table.phase_names[phase]])
     # Long blends are sampled: their steps are small and change slowly.
@@ -50,9 +50,10 @@ def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, list[float]]:
 
 
 def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) -> list[Jump]:
-    """Largest change of the commanded torque (impedance, gravity and friction compensation), per joint.
+    """Compute the largest change of the commanded torque at a switch, for each joint.
 
-    ``samples``: angles and velocities of :func:`postures`.
+    The command is the sum of impedance, gravity compensation and friction compensation. ``samples``: angles
+    and velocities of :func:`postures`.
     """
     table, laws = leg.problem.table, leg.problem.experiment.control.friction_model
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
@@ -85,11 +86,12 @@ def _friction(law: FrictionLaw, velocities: np.ndarray) -> np.ndarray:
 
 @rule
 def torque_jump(case: CheckCase) -> Iterator[Finding]:
-    """A switch changes the commanded torque by more than the limit, or too much of it in one tick.
+    """Find switches that change the commanded torque by more than the limit, or by too much in one tick.
 
-    Over the postures of the guard that lie on the way through the phase that is left. A warning if the whole
-    change, before blending, exceeds the torque limit, or its largest step in a tick, after blending, a
-    quarter of the limit; an error if a single step exceeds the limit.
+    The change is taken over the postures of the guard that lie on the way through the phase that is left. The
+    finding is a warning if the whole change, before blending, exceeds the torque limit, or if its largest
+    step in a tick, after blending, exceeds a quarter of the limit. It is an error if a single step exceeds
+    the limit.
     """
     space = signal_space(case)
     for leg in hanging_legs(case):
@@ -116,9 +118,9 @@ def torque_jump(case: CheckCase) -> Iterator[Finding]:
 
 
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
-    r"""Largest speed of a damped spring and mass that are let go at rest.
+    r"""Compute the largest speed of a damped spring and mass that are released at rest.
 
-    From :math:`\ddot x + 2 \zeta \omega_0 \dot x + \omega_0^2 x = 0`:
+    The solution of :math:`\ddot x + 2 \zeta \omega_0 \dot x + \omega_0^2 x = 0` gives
 
     .. math::
 
@@ -127,7 +129,8 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
 
     and its continuation beyond :math:`\zeta = 1`.
 
-    A in [rad], k in [N m] / [rad], b in [N m s] / [rad], I in [kg m²]; the speed in [rad] / [s], 0 or more.
+    ``deflection``: A in [rad]. ``stiffness``: k in [N m] / [rad]. ``damping``: b in [N m s] / [rad].
+    ``inertia``: I in [kg m²]. Returns the speed in [rad] / [s], 0 or more.
     """
     if stiffness == 0.0 or deflection == 0.0:
         return 0.0
@@ -143,9 +146,10 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
 
 @rule
 def stiffness_not_served(case: CheckCase) -> Iterator[Finding]:
-    """A spring asks for more than the torque or current limit gives, or faster than the voltage allows.
+    """Find springs that exceed the torque or current limit, or the speed that the voltage allows.
 
-    Looked at where the phase is first entered on the way through the one before, with the joints at rest.
+    The rule is applied at the posture at which the phase is first entered on the way through the phase
+    before, with the joints at rest.
     """
     space = signal_space(case)
     suggestion = "lower the stiffness, or begin the phase closer to its equilibrium"
@@ -158,7 +162,7 @@ def stiffness_not_served(case: CheckCase) -> Iterator[Finding]:
 
 
 def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterator[str]:
-    """What the springs of a phase ask for beyond the limits, from the worst of some postures in [rad]."""
+    """Describe where the springs of a phase exceed the limits, at the worst of some postures in [rad]."""
     commands = np.array([command_at_rest(leg, phase, start) for start in starts])
     torque_limit = leg.problem.experiment.control.limits.torque
     for joint, (name, limit) in enumerate(zip(leg.joints, leg.torque_limits().tolist(), strict=True)):

@@ -1,4 +1,4 @@
-"""Logs in the formats of other programs."""
+"""Export of logs to the formats of other programs."""
 
 import lazy_loader
 

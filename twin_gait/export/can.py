@@ -1,4 +1,4 @@
-"""Frames that a walk puts on the CAN network, from the rows of its log, and files of them for other tools."""
+"""Frames of a walk on the CAN network, from the rows of its log, and files of them for other tools."""
 
 import struct
 from collections.abc import Iterable, Iterator, Mapping
@@ -25,21 +25,24 @@ from twin_gait.vocabulary import JointName, Side
 
 CANDUMP, ASC = "candump", "asc"
 CHANNEL = 0  # can0 in a candump file, 1 in an ASC file
-_CHUNK = 10_000  # ticks that become frames at once
+_CHUNK = 10_000  # ticks that are converted to frames at once
 
 Rows = Mapping[str, np.ndarray]
 
 
 class BusFrame(NamedTuple):
-    """A frame as it goes onto the bus."""
+    """A frame on the bus."""
 
-    time: float  # of its tick in [s] since the start of the walk
-    identifier: int  # of 11 bits
-    data: bytes  # its bytes
+    time: float  # time of its tick in [s] since the start of the walk
+    identifier: int  # identifier of 11 bits
+    data: bytes  # payload
 
 
 def messages_of(experiment: Experiment) -> dict[str, Message]:
-    """Messages of the network of an experiment, at its cycle; without one those of the packaged file."""
+    """Return the messages of the network of an experiment, at its cycle.
+
+    Without a network, these are the messages of the packaged file.
+    """
     network = experiment.network
     if network is None:
         return load_messages()
@@ -49,7 +52,7 @@ def messages_of(experiment: Experiment) -> dict[str, Message]:
 
 
 def run_frames(run: Run, messages: Mapping[str, Message]) -> Iterator[BusFrame]:
-    """All frames of a run of legs, in the order of their times and identifiers."""
+    """Yield all frames of a run of legs, in the order of their times and identifiers."""
     trip = run.trip
     tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
     for first in range(0, len(run.log), _CHUNK):
@@ -61,13 +64,11 @@ def run_frames(run: Run, messages: Mapping[str, Message]) -> Iterator[BusFrame]:
 def bus_frames(
     rows: Rows, messages: Mapping[str, Message], *, first: int, body_weight: float, tripped: str = ""
 ) -> list[BusFrame]:
-    """Frames of some ticks: every message at its own cycle, as if the bus took no time.
+    """Create the frames of some ticks: every message at its own cycle, without delays of the bus.
 
-    Boards that the log does not have send none.
-
-    ``rows``: columns of the log by name, with the names of the phases. ``first``: tick of the first row.
-    ``body_weight``: of wearer and device in [N]. ``tripped``: board that the monitor tripped on, such as
-    ``left_knee``; empty for none.
+    A board that the log lacks sends no frames. ``rows``: columns of the log by name, including the names of
+    the phases. ``first``: tick of the first row. ``body_weight``: weight of wearer and device in [N].
+    ``tripped``: board on which the monitor tripped, such as ``left_knee``; empty for none.
     """
     ticks = first + np.arange(len(rows["safety_state"]))
     found: list[BusFrame] = []
@@ -87,7 +88,7 @@ def bus_frames(
     return sorted(found, key=lambda frame: frame[:2])
 
 
-# Signals of the frames of a board, and how the columns of the log end that have their values.
+# Signals in the frames of a board, and the endings of the log columns that contain their values.
 _SETPOINT = {
     "stiffness": "stiffness_Nm_per_rad",
     "damping": "damping_Nms_per_rad",
@@ -103,7 +104,7 @@ _MEASUREMENT = {
 
 
 def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -> dict[str, Any]:
-    """Values of the signals by name, but for counter and time; empty if nobody sends the message."""
+    """Return the values of the signals by name, without counter and time; empty if no node sends them."""
     board, _, kind = message.name.rpartition("_")
     if board in BOARDS and (kind == "command" or f"{board}_measured_angle_rad" not in rows):
         return {}
@@ -124,7 +125,7 @@ def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -
         }
     if message.name == "battery":
         return {"voltage": rows["bus_voltage_V"], "power": rows["battery_power_W"]}
-    if message.name == "imu":  # neither guide nor harness lets the trunk pitch; the rate is the true one
+    if message.name == "imu":  # with a guide or a harness the trunk does not pitch; the rate is the true one
         rate = rows.get("trunk_pitch_velocity_rad_per_s", 0.0)
         return {"pitch": rows.get(TRUNK_PITCH.column, 0.0), "pitch_rate": rate}
     return _gait_state(message, rows)
@@ -144,13 +145,13 @@ def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
 
 def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     codes = message.codes.get("trip_cause", {})
-    # A DBC file may have no word for a cause.
+    # A DBC file may lack a code for a cause.
     own = [codes.get(str(cause), 0) if codes else cause.code for cause in TripCause]
     return np.take(own, rows["trip_cause"].astype(int))
 
 
 def export_can(frames: Iterable[BusFrame], path: str | Path, kind: str) -> None:
-    """Write frames as ``candump``, the log of can-utils, or ``asc``, that of Vector."""
+    """Write frames as ``candump``, the log format of can-utils, or as ``asc``, the format of Vector."""
     try:
         import can
     except ImportError as error:

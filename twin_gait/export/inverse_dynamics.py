@@ -1,4 +1,4 @@
-r"""A run as OpenSim's InverseDynamicsTool takes it: model, motion, external loads, set-up, and what it finds.
+r"""Export of a run for OpenSim's InverseDynamicsTool: model, motion, external loads, set-up, joint moments.
 
 The ground acts on each foot with one force at its centre of pressure,
 
@@ -6,15 +6,15 @@ The ground acts on each foot with one force at its centre of pressure,
 
     x = -M_y / F_z, \qquad y = M_x / F_z
 
-in the axes of the belt, of the moment about a point on it; heel and toe are taken apart again by the law of
-the contact at the logged state. Support and guide of the pelvis are a load of their own, so that nothing is
-left over there.
-The moments of joints with a motor are what arrives at the leg behind the gear: torques of the log less what
-accelerates the rotor, :math:`J_{rotor}\,\dot\omega`, which no body of OpenSim has.
+in the axes of the belt, where M is the moment about a point on the belt. The forces at heel and toe are
+computed again by the law of the contact from the logged state. Support and guide of the pelvis are an
+external load of their own, so that no residual force remains at the pelvis. The moments of joints with a
+motor are the moments on the leg behind the gear: the torques of the log minus the torque that accelerates the
+rotor, :math:`J_{rotor}\,\dot\omega`, because OpenSim has no body for the rotor.
 
-With braces the bodies are the wearer's or the device's, and the braces are among the moments. The log has
-the guides of both in one sum, so that what OpenSim finds as ``pelvis_tx_force`` and ``pelvis_tilt_moment`` is
-then what the guide does.
+With braces, the bodies are those of the wearer or of the device, and the moments include the braces. The log
+has the sum of both guides, so that ``pelvis_tx_force`` and ``pelvis_tilt_moment`` of OpenSim are then the
+loads of the guide.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,26 +52,27 @@ _BODIES = {JointName.HIP: "thigh", JointName.KNEE: "shank", JointName.ANKLE: "fo
 
 
 class ExternalLoad(NamedTuple):
-    """What the surroundings do on a body, in the axes of OpenSim."""
+    """Load of the environment on a body, in the axes of OpenSim."""
 
-    name: str  # of the load
-    body: str  # on which it acts
+    name: str  # name of the load
+    body: str  # body on which it acts
     force: np.ndarray  # in [N], shape ``(n, 3)``
-    point: np.ndarray  # where it acts, in the world in [m], shape ``(n, 3)``
-    torque: np.ndarray  # beside the force in [N m], shape ``(n, 3)``
+    point: np.ndarray  # point of application in the world in [m], shape ``(n, 3)``
+    torque: np.ndarray  # free torque in addition to the force in [N m], shape ``(n, 3)``
 
 
 def export_inverse_dynamics(
     run: Run, folder: str | Path, convention: Convention, *, device: bool = False
 ) -> None:
-    """Write everything that OpenSim needs to find the joint moments of a run.
+    """Write all files that OpenSim needs to compute the joint moments of a run.
 
-    ``opensim-cmd run-tool inverse_dynamics.xml`` in the folder then writes ``inverse_dynamics.sto``, to be
-    compared with ``joint_moments.sto``.
+    ``opensim-cmd run-tool inverse_dynamics.xml`` in the folder then writes ``inverse_dynamics.sto``, which
+    can be compared with ``joint_moments.sto``.
 
     ``folder``: an existing, empty folder. ``convention``: names and signs of the coordinates. ``device``:
-    whether bodies and motion are the device's where braces bind the wearer to it. Raises ParameterError if
-    the convention has no column names of its own, the log is too short, or the trunk is free.
+    whether bodies and motion are those of the device if braces connect the wearer to it. Raises
+    ParameterError if the convention has no column names of its own, the log is too short, or the trunk is
+    free.
     """
     if len(run.log) < 2:
         raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")
@@ -96,7 +97,7 @@ def export_inverse_dynamics(
     for file, columns in tables.items():
         in_degrees = file == MOTION_FILE
         write_storage(Path(folder) / file, {"time": time, **columns}, in_degrees=in_degrees)
-    # OpenSim's files, which have the version that every OpenSim 4 reads.
+    # The files have the format version that every OpenSim 4 reads.
     templates = templates_in(Path(__file__).with_name("templates"), autoescape=True)
     templates.filters["numbers"] = _numbers
     for file in pages:
@@ -107,7 +108,7 @@ def export_inverse_dynamics(
 def _external_loads(
     run: Run, world: World, pelvis: Mapping[str, np.ndarray], device: bool
 ) -> list[ExternalLoad]:
-    """What ground, support and guide do on the bodies that are written."""
+    """Compute the loads of ground, support and guide on the bodies that are written."""
     turn = _to_opensim(world.model.up_axis)
     loads = [_pelvis_load(run, world, pelvis, device)]
     if run.experiment.scenario.walking is not None and not (device and world.braces is not None):
@@ -122,17 +123,17 @@ def _external_loads(
 
 
 def _belt_axes(world: World) -> np.ndarray:
-    """Directions in the world along the belt, to the left and away from the belt, in columns."""
+    """Return the directions in the world along the belt, to the left and normal to the belt, as columns."""
     ground = world.ground()
     sine, cosine = ground.slope_sine, ground.slope_cosine
     return np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
 
 
 def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
-    """Force and moment about the origin on each foot in the axes of the belt, shape ``(n, 6)``.
+    """Compute force and moment about the origin on each foot in the axes of the belt, shape ``(n, 6)``.
 
-    A belt takes the speed of a tick at once, as a motor its torque: an acceleration at the tick is about that
-    of the mean pull of both speeds.
+    The belt reaches the speed of a tick at once, as a motor does its torque. The acceleration at the tick
+    therefore corresponds approximately to the mean force at both speeds.
     """
     contacts, ground, axes = GroundContacts(world), world.ground(), _belt_axes(world)
     points = [Point() for foot in contacts.feet.values() for _ in foot.points]
@@ -150,7 +151,10 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
 
 
 def _centres_of_pressure(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Where the moment of the ground has no horizontal part; in the air where it was or will be."""
+    """Compute the points about which the moment of the ground has no horizontal part.
+
+    In the air, the last point on the ground is repeated, or the next one if there is none.
+    """
     loaded = force[:, 2] > LEAST_FORCE
     point = np.full(force.shape, np.nan)
     point[loaded, 0] = -moment[loaded, 1] / force[loaded, 2]
@@ -174,7 +178,7 @@ def _pelvis_load(run: Run, world: World, pelvis: Mapping[str, np.ndarray], devic
 
 
 def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
-    """Tilt and place of the pelvis of the bodies that are written; nothing if it is fixed."""
+    """Return tilt and position of the pelvis of the bodies that are written; empty if it is fixed."""
     model, still = world.model, np.zeros(len(run.log))
     if model.pelvis_index is None:
         return {}
@@ -185,7 +189,7 @@ def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
 
 
 def _joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
-    """Moments in [N m] at the joints of the bodies that are written, as OpenSim names and counts them."""
+    """Compute the moments in [N m] at the joints of the written bodies, with OpenSim's names and signs."""
     moments = {}
     for side, joint in ((side, joint) for side, leg in world.model.legs.items() for joint, _ in leg.items()):
         own, log = _device_moment(run, world, side, joint), run.log
@@ -200,16 +204,20 @@ def _joint_moments(run: Run, world: World, convention: Convention, device: bool)
 
 
 def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
-    """Motor, friction, stop and orthosis less what the rotor takes; without a motor, orthosis and stop."""
+    """Compute the moment of the device at a joint in [N m].
+
+    It is the sum of motor, friction, stop and orthosis minus the torque that accelerates the rotor; without a
+    motor, the sum of orthosis and stop.
+    """
     name, log = f"{side}_{joint}", run.log
     velocity = log[f"{name}_velocity_rad_per_s"].to_numpy()
     if f"{name}_motor_torque_Nm" not in log:
-        # The log has the orthosis without its stops.
+        # The log column of the orthosis excludes its stops.
         plant = world.plant[world.model.index(side, joint)]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
         moved = ((rotational_torque(plant.friction, speed, 0.0), angle, speed) for angle, speed in states)
         return np.array([passive_torque(plant, *state, 0.0, 0.0) for state in moved])
-    # The log has the motor from its tick on, an acceleration at the tick is the mean of before and after.
+    # The logged motor torque acts from its tick on; an acceleration at a tick is the mean over both sides.
     motor = log[f"{name}_motor_torque_Nm"]
     held = 0.5 * (motor + motor.shift().fillna(motor))
     rotor = run.experiment.plant.actuators[joint].armature * np.gradient(velocity, TICK)
@@ -227,12 +235,12 @@ def _load_columns(loads: list[ExternalLoad]) -> dict[str, np.ndarray]:
 
 
 def _body_name(side: Side, joint: JointName) -> str:
-    """Name of the body that a joint carries, such as ``shank_r``."""
+    """Return the name of the body that a joint moves, such as ``shank_r``."""
     return f"{_BODIES[joint]}_{str(side)[0]}"
 
 
 def _to_opensim(up_axis: str) -> np.ndarray:
-    """Rotation from the axes of a URDF to those of OpenSim."""
+    """Return the rotation from the axes of a URDF to those of OpenSim."""
     return np.eye(3) if up_axis == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
@@ -241,10 +249,10 @@ def _numbers(values: Sequence[float] | np.ndarray) -> str:
 
 
 def _bodies(model: LegModel, convention: Convention) -> list[dict[str, Any]]:
-    """Bodies of a planar model: joints turn about the lateral axis, the pelvis moves in its plane.
+    """Return the bodies of a planar model.
 
-    Rotors are not bodies: their inertia at the joints is left out. A pelvis that is fixed in the world is the
-    ground.
+    Joints rotate about the lateral axis, and the pelvis moves in its plane. Rotors are not bodies: their
+    inertia at the joints is left out. A pelvis that is fixed in the world is part of the ground.
     """
     bodies = export_bodies(model.model)
     names = [PELVIS] * len(bodies)
@@ -256,7 +264,7 @@ def _bodies(model: LegModel, convention: Convention) -> list[dict[str, Any]]:
             coordinates[index] = (convention.columns[side, joint],), convention.signs.get(joint, 1.0)
     turn, written = _to_opensim(model.up_axis), []
     for index, body in enumerate(bodies):
-        if index != model.forward_index:  # the planar joint of the pelvis has both of its guides
+        if index != model.forward_index:  # the planar joint of the pelvis represents both guides
             grounded = body.parent < 0 or body.parent == model.forward_index
             parent = "/ground" if grounded else f"/bodyset/{names[body.parent]}"
             written.append(_body(body, names[index], parent, turn, *coordinates[index]))
@@ -266,7 +274,7 @@ def _bodies(model: LegModel, convention: Convention) -> list[dict[str, Any]]:
 def _body(
     body: BodyArrays, name: str, parent: str, turn: np.ndarray, coordinates: tuple[str, ...], sign: float
 ) -> dict[str, Any]:
-    """A body and its joint, which turns about the z axis of the frames that it has on both bodies."""
+    """Return a body and its joint, which rotates about the z axis of its frames on both bodies."""
     centre = turn @ np.array(body.first_moment) / body.mass
     about_origin = turn @ np.array(body.inertia) @ turn.T
     inertia = about_origin - body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))

@@ -1,4 +1,4 @@
-"""Logs as CSV and as motions of OpenSim (.mot, .sto).
+"""Export of logs as CSV and as motions of OpenSim (.mot, .sto).
 
 A storage file of OpenSim has a header, ``endheader``, the names of the columns and rows of numbers.
 """
@@ -22,13 +22,13 @@ def export_motion(
 ) -> None:
     """Write the joint angles of a log as a motion of an OpenSim model.
 
-    Hip and knee, and the ankle where the log has one, under the names and signs of the model. The pelvis is
-    left out: the model keeps its own place.
+    The file contains hip and knee, and the ankle if the log has one, with the names and signs of the model.
+    It leaves the pelvis out, so that the model keeps its own pelvis coordinates.
 
     ``log``: one row per tick, with ``time_s`` and true angles. ``unit``: ``deg``, which is usual in .mot
-    files, or ``rad``; the header says which. ``device``: whether the angles are the device's where braces let
-    the wearer move against it. Raises ParameterError if the convention has no column names of its own, or the
-    unit is another.
+    files, or ``rad``; the header states it. ``device``: whether to write the angles of the device if braces
+    allow the wearer to move relative to it. Raises ParameterError if the convention has no column names of
+    its own, or the unit is another.
     """
     require(unit in (DEGREES, RADIANS), "unit", f"{DEGREES} or {RADIANS}", unit)
     columns = {"time": log["time_s"].to_numpy(dtype=float)}
@@ -39,7 +39,7 @@ def export_motion(
 def joint_angles(
     log: pd.DataFrame, convention: Convention, unit: str, *, device: bool
 ) -> dict[str, np.ndarray]:
-    """Angles of all joints of a log by column, under the names and signs of a model."""
+    """Return the angles of all joints of a log by column, with the names and signs of a model."""
     if not convention.columns:
         raise ParameterError(f"convention: {convention.name} has no column names of its own")
     own: Container[str] = () if device else log.columns
@@ -48,14 +48,14 @@ def joint_angles(
         column = wearer_column(own, side, joint, "angle_rad")
         if column in log:
             angle = convention.turned(joint, log[column].to_numpy(dtype=float))
-            if unit == DEGREES:  # a name that states its unit states the one that is written
+            if unit == DEGREES:  # a name that contains a unit contains the written one
                 name, angle = re.sub("_rad$", "_deg", name), np.degrees(angle)
             columns[name] = angle
     return columns
 
 
 def write_storage(path: str | Path, columns: Mapping[str, np.ndarray], *, in_degrees: bool) -> None:
-    """Write a .mot or .sto file of columns, ``time`` first, with all digits."""
+    """Write columns to a .mot or .sto file, ``time`` first, with all digits."""
     table = pd.DataFrame(columns)
     header = [
         Path(path).stem,

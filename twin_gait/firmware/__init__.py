@@ -1,4 +1,4 @@
-"""The controller as C, printed from the functions of the simulation, and the processors that it runs on."""
+"""The controller as C, printed from the functions of the simulation, and the processors that run it."""
 
 import lazy_loader
 

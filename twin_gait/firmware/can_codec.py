@@ -13,9 +13,9 @@ _NOTHING = SignalLayout(0, 0, 0, 0, 0, 1.0, 0.0, 0.0, 0.0)  # a signal without b
 class CanMessage:
     """A message of the DBC file."""
 
-    identifier: int  # Of 11 bits.
-    length: int  # In bytes.
-    # In the order of the README; behind them some without bits, so that all have as many.
+    identifier: int  # Identifier of 11 bits.
+    length: int  # Length in bytes.
+    # Signals in the order of the README, padded by signals without bits to one number for all messages.
     signals: list[SignalLayout]
 
 
@@ -23,16 +23,16 @@ class CanMessage:
 class CanFrame:
     """A frame on the bus."""
 
-    identifier: int = 0  # Of 11 bits.
-    length: int = 0  # In bytes.
-    # Bytes 0 to 3 and bytes 4 to 7, each as one number with the first byte lowest.
+    identifier: int = 0  # Identifier of 11 bits.
+    length: int = 0  # Length in bytes.
+    # Bytes 0–3 and bytes 4–7, each as one number with the first byte as the lowest.
     halves: list[int] = field(default_factory=lambda: [0, 0])
 
 
 def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
     """Write numbers into a frame.
 
-    One for each signal of the message in its unit, NaN for none.
+    There is one number for each signal of the message, in its unit, NaN for none.
     """
     frame.identifier = message.identifier
     frame.length = message.length
@@ -40,9 +40,10 @@ def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
 
 
 def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> bool:
-    """Read numbers from a frame, if it is one of a message.
+    """Read numbers from a frame, if it is a frame of the message.
 
-    One for each signal, NaN for none. Returns whether it is.
+    There is one number for each signal, in its unit, NaN for none. Returns whether the frame belongs to the
+    message.
     """
     if frame.identifier != message.identifier or frame.length != message.length:
         return False
@@ -52,9 +53,9 @@ def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> boo
 
 @dataclass(slots=True)
 class CanCodec:
-    """The codec as a unit that the test runs; :file:`include/can_codec_step.h` is the same in C."""
+    """The codec as a unit for the test; :file:`include/can_codec_step.h` is the same in C."""
 
-    messages: list[CanMessage]  # In the order of the DBC file.
+    messages: list[CanMessage]  # Messages in the order of the DBC file.
 
 
 @dataclass(slots=True)
@@ -71,8 +72,8 @@ class CanCodecOutputs:
     """The frame with the packed numbers, and the unpacked numbers."""
 
     frame: CanFrame
-    known: bool  # Whether the frame of the inputs is one of the message.
-    values: list[float]  # Of that frame; the numbers before it if it is not one.
+    known: bool  # Whether the frame of the inputs belongs to the message.
+    values: list[float]  # Numbers of this frame; the previous numbers if it does not belong to the message.
 
 
 def can_codec_step(unit: CanCodec, inputs: CanCodecInputs, outputs: CanCodecOutputs) -> None:
@@ -83,7 +84,7 @@ def can_codec_step(unit: CanCodec, inputs: CanCodecInputs, outputs: CanCodecOutp
 
 
 def can_messages(messages: Mapping[str, Message]) -> dict[str, CanMessage]:
-    """Messages of a DBC file as the firmware has them, by their names in C."""
+    """Return the messages of a DBC file in the form of the firmware, by their names in C."""
     width = max(len(message.signals) for message in messages.values())
     return {
         f"message_{name}": CanMessage(

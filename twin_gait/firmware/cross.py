@@ -1,4 +1,4 @@
-"""Compile a unit of the controller with the main loop that feeds it, for the Cortex-M4F or this machine."""
+"""Compiler calls for a unit of the controller with its main loop, for the Cortex-M4F or this machine."""
 
 import re
 import shutil
@@ -14,23 +14,23 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversi
 CORTEX_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 INSTALL = "apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
 _PACKAGES = {"gcc": "gcc libc6-dev", "clang": "clang", "cppcheck": "cppcheck"}
-_CAUSE = re.compile("error|undefined reference|overflowed")  # what follows from it is told later
+_CAUSE = re.compile("error|undefined reference|overflowed")  # later lines are consequences of the first match
 
 
 @dataclass(frozen=True)
 class Unit:
     """C of a unit in a folder: ``<name>.c``, and ``<name>.h`` with its record, ``init`` and ``step``."""
 
-    # prefix of its functions, ``exoskeleton``; its records are ``Exoskeleton``, ``ExoskeletonInputs`` and
-    # ``ExoskeletonOutputs``
+    # Prefix of its functions, such as ``exoskeleton``; its records are then ``Exoskeleton``,
+    # ``ExoskeletonInputs`` and ``ExoskeletonOutputs``.
     name: str
-    folder: Path  # of the two files
+    folder: Path  # Folder of the two files.
     init: str = ""  # Prefix of ``init``, if it is not the name: ``joint_board_left_hip``.
     header: str = ""  # Header with record, ``init`` and ``step``, if it is not ``<name>.h``.
 
     @property
     def words(self) -> list[str]:
-        """What the compiler must know of the unit: what it is called, and its source."""
+        """Arguments of the compiler for the unit: its names, and its source."""
         record = "".join(word.capitalize() for word in self.name.split("_"))
         names = [
             f"-DUNIT={self.name}",
@@ -42,7 +42,7 @@ class Unit:
 
 
 def find_tool(name: str) -> str:
-    """Path of a program; a MissingToolError says how to get it."""
+    """Return the path of a program; raise MissingToolError with the way to install it."""
     path = shutil.which(name)
     if path is None:
         install = f"apt-get install {_PACKAGES[name]}" if name in _PACKAGES else INSTALL
@@ -51,7 +51,7 @@ def find_tool(name: str) -> str:
 
 
 def build_object(unit: Unit, folder: Path) -> Path:
-    """Compile a unit for the Cortex-M4F into an object file in a folder that exists."""
+    """Compile a unit for the Cortex-M4F into an object file in an existing folder."""
     path = folder / f"{unit.name}.o"
     _run("arm-none-eabi-gcc", [*FLAGS, *CORTEX_M4F, *unit.words, "-c", "-o", path])
     return path
@@ -60,7 +60,7 @@ def build_object(unit: Unit, folder: Path) -> Path:
 def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
     """Link a unit with main loop and start-up code of QEMU's mps2-an386 into an ELF file, without libm.
 
-    Raises FirmwareError: no cross compiler, or it refuses a source.
+    Raises FirmwareError: there is no cross compiler, or it rejects a source.
     """
     harness = [TARGET / name for name in ("main.c", "cortex_m4.c", "clock.S")]
     script = ["-nostartfiles", "--specs=nano.specs", "-T", TARGET / "mps2_an386.ld"]
@@ -76,16 +76,16 @@ def build_host(unit: Unit, path: Path, *, compiler: str = "gcc", flags: Sequence
 
 
 def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
-    """Compile sources into a shared library of this machine, beside the first of them."""
+    """Compile sources into a shared library of this machine, next to the first of them."""
     path = sources[0].with_suffix(".so")
     _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])
     return path
 
 
 def sizes(path: Path) -> tuple[int, int]:
-    """Bytes of flash and RAM of an object file, without the records that its caller keeps.
+    """Return the bytes of flash and RAM of an object file, without the records of its caller.
 
-    Flash has code, constants and the initial values of variables, as ``arm-none-eabi-size`` counts them.
+    Flash contains code, constants and the initial values of variables, as ``arm-none-eabi-size`` counts them.
     """
     text, data, bss = map(int, _run("arm-none-eabi-size", [path]).splitlines()[1].split()[:3])
     return text + data, data + bss

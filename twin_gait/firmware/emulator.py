@@ -1,6 +1,7 @@
-"""A unit of the controller in a process of its own, fed tick by tick: a Cortex-M4F in QEMU, or this machine.
+"""A unit of the controller in a process of its own, tick by tick: a Cortex-M4F in QEMU, or this machine.
 
-Inputs go down a pipe, outputs come back on another; QEMU has no network, and its image opens those two only.
+One pipe transmits the inputs, another one the outputs; QEMU has no network, and its image opens only these
+two.
 """
 
 import contextlib
@@ -16,16 +17,16 @@ import numpy as np
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware.cross import find_tool
 
-# A virtual clock that advances 1024 ns an instruction, QEMU's most: 25.6 counts of the board's timer.
+# A virtual clock that advances 1024 ns per instruction, QEMU's maximum: 25.6 counts of the board's timer.
 _MACHINE = (
     "-M", "mps2-an386", "-nic", "none", "-display", "none", "-monitor", "none", "-serial", "none",
     "-semihosting-config", "enable=on,target=native", "-icount", "shift=10",
 )  # fmt: skip
-_CALIBRATION = np.array([1, 1_002, 100_002])  # instructions, clock.S
+_CALIBRATION = np.array([1, 1_002, 100_002])  # lengths of the calibration steps of clock.S, in instructions
 _GREETING = 3 + len(_CALIBRATION)  # words: sizes of inputs, outputs and record, then the calibration
-_COST = 2  # words behind the outputs: counts of the clock, bytes of stack
-_PIPE = 4096  # bytes that any pipe holds
-# Exit status of cortex_m4.c.
+_COST = 2  # number of words after the outputs: counts of the clock, bytes of stack
+_PIPE = 4096  # bytes that fit into any pipe
+# Meaning of the exit status of cortex_m4.c.
 _STATUS = {
     70: "the processor stopped at a fault, such as an address without memory",
     71: "4 kB of stack are full",
@@ -36,20 +37,21 @@ class UnitProcess:
     """A unit that waits for inputs, as a context manager: its process starts and ends with the block.
 
     Attributes:
-        process: Where it runs, or None.
+        process: The process of the unit, or None.
     """
 
     def __init__(self, name: str, command: Sequence[object], timeout: float) -> None:
-        """Keep name for messages, program and arguments, and the longest time in [s] without an answer."""
+        """Store the name for messages, the command, and the longest time in [s] until an answer."""
         self._name, self._command, self._timeout = name, list(map(str, command)), timeout
         self.process: Popen[bytes] | None = None
         self._input_bytes = self._answer_words = 0
-        self._calibration = np.zeros(len(_CALIBRATION))  # clock counts of steps of known length
+        self._calibration = np.zeros(len(_CALIBRATION))  # clock counts for steps of known length
         self._costs = [np.empty((0, _COST), np.uint32)]
 
     def __enter__(self) -> Self:
-        """Start the process; the unit is as its ``init`` leaves it."""
-        # Ctrl-C is for us, who then end the process: a session of its own. Without us its input ends.
+        """Start the process; the unit is in the state after its ``init``."""
+        # The unit has a session of its own, so that Ctrl-C reaches only this process, which then ends it.
+        # If this process ends, the input of the unit ends.
         process = Popen(self._command, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True)
         self.process = process
         with contextlib.ExitStack() as unless_it_greets:
@@ -65,7 +67,7 @@ class UnitProcess:
         self._end()
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs, records of any type; rows of outputs as 4-byte words.
+        """Run a tick for each row of inputs, records of any type; return rows of outputs as 4-byte words.
 
         Raises FirmwareError: inputs of another size, a process that has ended or does not answer.
         """
@@ -76,10 +78,10 @@ class UnitProcess:
         process, answers = self.process, list[bytes]()
         if process is None or process.stdin is None:
             raise FirmwareError(f"{self._name}: a unit runs in a with statement")
-        # As much as the pipes hold: else each side might wait for the other to read.
+        # Send at most as much as fits into the pipes: otherwise each side might wait for the other to read.
         ticks = max(1, _PIPE // max(self._input_bytes, 4 * self._answer_words))
         for part in (rows[first : first + ticks] for first in range(0, len(rows), ticks)):
-            with contextlib.suppress(BrokenPipeError):  # reading says why
+            with contextlib.suppress(BrokenPipeError):  # reading reports the reason
                 process.stdin.write(part.tobytes())
                 process.stdin.flush()
             answers.append(self._read(process, 4 * len(part) * self._answer_words))
@@ -88,7 +90,7 @@ class UnitProcess:
         return words[:, :-_COST].copy()
 
     def _read(self, process: Popen[bytes], size: int) -> bytes:
-        assert process.stdout is not None  # __enter__ asked for it
+        assert process.stdout is not None  # __enter__ opens it
         content = b""
         while len(content) < size:
             if not select.select([process.stdout], [], [], self._timeout)[0]:
@@ -101,7 +103,7 @@ class UnitProcess:
         return content
 
     def _last_words(self, process: Popen[bytes]) -> str:
-        assert process.stderr is not None  # __enter__ asked for it
+        assert process.stderr is not None  # __enter__ opens it
         said = process.stderr.read().decode(errors="replace").splitlines()
         status = process.wait()
         self._end()
@@ -120,18 +122,18 @@ class HostUnit(UnitProcess):
     """A unit on this machine, built by :func:`~twin_gait.firmware.build_host`."""
 
     def __init__(self, program: Path, *, timeout: float = 10.0) -> None:
-        """Keep the program; nothing starts before the ``with`` statement."""
+        """Store the program; nothing starts before the ``with`` statement."""
         super().__init__(program.name, [program.resolve()], timeout)
 
 
 class Emulator(UnitProcess):
     """A unit on an emulated Cortex-M4F, built by :func:`~twin_gait.firmware.build_image`.
 
-    QEMU knows what instructions do and not how long they take: it tells instructions, never cycles.
+    QEMU emulates the effects of instructions but not their duration: it counts instructions, not cycles.
     """
 
     def __init__(self, image: Path, *, timeout: float = 10.0) -> None:
-        """Keep the image; nothing starts before the ``with`` statement. FirmwareError without QEMU."""
+        """Store the image; nothing starts before the ``with`` statement. FirmwareError without QEMU."""
         command = [find_tool("qemu-system-arm"), *_MACHINE, "-kernel", image.resolve()]
         super().__init__("qemu-system-arm", command, timeout)
 
@@ -139,18 +141,18 @@ class Emulator(UnitProcess):
     def instructions(self) -> np.ndarray:
         """Instructions of each call of ``step`` since the start, its return included; shape ``(ticks,)``.
 
-        FirmwareError: the clock does not follow them, which a step of known length shows.
+        Raises FirmwareError: the clock does not follow the instructions, as a step of known length shows.
         """
         shortest, _, longest = self._calibration
-        rate = (longest - shortest) / (_CALIBRATION[2] - _CALIBRATION[0])  # counts an instruction
+        rate = (longest - shortest) / (_CALIBRATION[2] - _CALIBRATION[0])  # counts per instruction
         counts = np.concatenate([self._calibration, np.concatenate(self._costs)[:, 0]])
         found = np.rint((counts - shortest) / rate) + _CALIBRATION[0]
-        # Less than a few counts an instruction could not tell one from the next.
+        # Adjacent numbers could not be distinguished with less than a few counts per instruction.
         if rate < 4.0 or (found[: len(_CALIBRATION)] != _CALIBRATION).any():
             raise FirmwareError(f"this version of {self._name} has a clock that does not follow instructions")
         return np.asarray(found[len(_CALIBRATION) :], np.int64)
 
     @property
     def stack_bytes(self) -> int:
-        """The deepest stack since the start, the main loop's frame of a few words included."""
+        """The deepest stack since the start, including the frame of the main loop of a few words."""
         return int(np.concatenate(self._costs)[:, 1].max(initial=0))

@@ -1,4 +1,4 @@
-"""Expressions: of what kind they are, what they change, and how C says them, in the order of Python."""
+"""Expressions: their kind, the records that they change, and their text in C, in the order of Python."""
 
 import ast
 import math
@@ -27,7 +27,7 @@ from twin_gait.firmware.values import (
     number,
 )
 
-# In C, how strongly it binds, and what it takes. C divides whole numbers otherwise: functions of real.h.
+# Text in C, precedence, and accepted kinds. Integer division differs in C, and is a function of real.h.
 OPERATORS: dict[type[ast.operator], tuple[str, int, tuple[Scalar, ...]]] = {
     ast.Add: ("+", SUM, (INT, REAL)),
     ast.Sub: ("-", SUM, (INT, REAL)),
@@ -54,28 +54,28 @@ RELATIONS: dict[type[ast.cmpop], tuple[str, int]] = {
     ast.Eq: ("==", EQUALITY),
     ast.NotEq: ("!=", EQUALITY),
 }
-BUILT_IN = {"abs": 1, "max": 2, "min": 2, "len": 1, "float": 1, "int": 1}  # arguments by name
+BUILT_IN = {"abs": 1, "max": 2, "min": 2, "len": 1, "float": 1, "int": 1}  # number of arguments by name
 
 
 class Expressions:
-    """Understands and prints the expressions of one function."""
+    """Analyses and prints the expressions of one function."""
 
     def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = TAKEN) -> None:
-        """Keep what is known of the function, and names that its own may not be."""
+        """Store the analysed function, and names that are not available for its variables."""
         self.functions, self.function, self.source = functions, function, function.source
         self.taken = taken
-        self.alone: ast.expr | None = None  # what stands alone in its statement
+        self.alone: ast.expr | None = None  # expression that is its whole statement
 
     def local(self, name: str) -> str:
-        """An argument or a name of the function."""
+        """Return the name in C of an argument or a variable of the function."""
         return identifier(name, self.taken)
 
     def known(self, name: str) -> Kind:
-        """Kind of an argument or a name of the function; None of any other."""
+        """Return the kind of an argument or a variable of the function; None for any other name."""
         return self.function.params.get(name) or self.function.locals.get(name)
 
     def fit(self, node: ast.AST, value: Value, wanted: Kind) -> Value:
-        """A value in the place of one of some kind; refused if it cannot take it."""
+        """Convert a value to a kind; raise FirmwareError if the kind cannot represent it."""
         kind = value.kind
         widened = (kind in (INT, BOOL) and wanted is REAL) or (kind is BOOL and wanted is INT)
         if kind != wanted and not widened and joined(kind, wanted) is None:
@@ -83,11 +83,11 @@ class Expressions:
         return value.in_kind(wanted)
 
     def expect(self, node: ast.expr, wanted: Kind) -> Value:
-        """An expression of some kind."""
+        """Return an expression of a given kind."""
         return self.fit(node, self.value(node), wanted)
 
     def wrote(self, value: Value) -> None:
-        """Note that a record or list is written to, and so all that it is reached through."""
+        """Record that a record or list is written to, and so all records through which it is reached."""
         self.functions.mutable.update(field for field in value.fields if field is not None)
         if value.name not in self.function.written:
             self.function.written.add(value.name)
@@ -95,7 +95,7 @@ class Expressions:
                 self.wrote(other)
 
     def length(self, node: ast.AST, value: Value) -> int:
-        """Of a list, which is refused if it is not known; notes that it matters."""
+        """Return the length of a list and record that it is relevant; raise FirmwareError if unknown."""
         if not isinstance(value.kind, ListKind) or value.kind.length is None:
             raise self.source.refused(node, "is no list of one known length")
         self._note_length(value)
@@ -108,7 +108,7 @@ class Expressions:
                 self._note_length(other)
 
     def numbers(self, nodes: Sequence[ast.expr]) -> tuple[list[Value], Scalar]:
-        """Several numbers, and the kind that holds them."""
+        """Return several numbers, and the kind that can represent all of them."""
         values = [self.value(node) for node in nodes]
         kinds = [value.kind for value in values]
         for node, kind in zip(nodes, kinds, strict=True):
@@ -117,12 +117,12 @@ class Expressions:
         return values, REAL if REAL in kinds else INT if INT in kinds else BOOL
 
     def whole(self, node: ast.expr) -> Value:
-        """An expression that stands alone in its statement, where it may change records."""
+        """Return an expression that is a whole statement, in which it may change records."""
         self.alone = node
         return self.value(node)
 
     def value(self, node: ast.expr) -> Value:
-        """An expression."""
+        """Return an expression."""
         match node:
             case ast.Constant(value=bool() | int() | float() as value):
                 kind = SCALARS[type(value)]
@@ -144,7 +144,8 @@ class Expressions:
             case ast.BoolOp(op=op, values=items):
                 sign, binds = ("&&", AND) if isinstance(op, ast.And) else ("||", OR)
                 parts = [self.expect(item, BOOL) for item in items]
-                # What binds less strongly, and an "and" within an "or", where compilers warn.
+                # Brackets are added for operands of lower precedence, and for an "and" within an "or",
+                # because compilers warn without them.
                 text = f" {sign} ".join(part.inside(BIT_OR) for part in parts)
                 return Value(BOOL, text, binds)
             case ast.Compare():
@@ -159,7 +160,7 @@ class Expressions:
         raise self.source.refused(node, "an expression that is not printed")
 
     def _field(self, node: ast.Attribute) -> Value:
-        """A field of a record, which may be written to."""
+        """Return a field of a record, which may be written to."""
         record = self.value(node.value)
         if not isinstance(record.kind, type):
             raise self.source.refused(node, "is no field of a record")
@@ -173,7 +174,7 @@ class Expressions:
         return replace(record, kind=kind, text=text, is_address=address, fields=reached)
 
     def _entry_of(self, node: ast.Subscript) -> Value:
-        """An entry of a list, which may be written to."""
+        """Return an entry of a list, which may be written to."""
         items, at = self.value(node.value), self.expect(node.slice, INT)
         if not isinstance(items.kind, ListKind) or isinstance(node.slice, ast.UnaryOp):
             raise self.source.refused(node, "is no entry of a list, counted from its beginning")
@@ -206,12 +207,12 @@ class Expressions:
         left, right = (operand.in_kind(kind) for operand in operands)
         if binds == PRIMARY:
             return Value(kind, f"{sign}({left.text}, {right.text})")
-        # In brackets, since compilers warn without, what stands beside an operator on bits.
+        # Operands of an operator on bits are in brackets, because compilers warn without them.
         beside = (UNARY, UNARY) if binds <= SHIFT else (binds, binds + 1)
         return Value(kind, f"{left.inside(beside[0])} {sign} {right.inside(beside[1])}", binds)
 
     def _comparison(self, node: ast.Compare) -> Value:
-        """Comparisons, in a chain too."""
+        """Return comparisons, also in a chain."""
         items, _ = self.numbers([node.left, *node.comparators])
         parts, binds = [], AND
         for left, op, right in zip(items, node.ops, items[1:], strict=False):
@@ -223,7 +224,7 @@ class Expressions:
         return Value(BOOL, " && ".join(parts), binds if len(parts) == 1 else AND)
 
     def call(self, node: ast.Call) -> Value:
-        """A call of a function, of real.h or printed."""
+        """Return a call of a function of real.h or of a printed function."""
         match node:
             case ast.Call(keywords=[_, *_]):
                 raise self.source.refused(node, "arguments are given by place")
@@ -265,6 +266,6 @@ class Expressions:
                 self.wrote(value)
             if name in called.lengths:
                 self.length(item, value)
-        if called.writes and node is not self.alone:  # C may evaluate what is beside it before or after
+        if called.writes and node is not self.alone:  # C may evaluate other operands before or after it
             raise self.source.refused(node, "changes records beside what else is read; name its result")
         return Value(called.returns, f"{called.name}({', '.join(texts)})")

@@ -1,4 +1,4 @@
-"""A function with the kinds of its names, and what it writes to; all that entries lead to."""
+"""A function with the kinds of its names and the names to which it writes; all functions of the entries."""
 
 from __future__ import annotations
 
@@ -12,56 +12,57 @@ from twin_gait.firmware.source import Source, Sources
 from twin_gait.firmware.values import Value
 
 ELEMENTARY = "twin_gait.core.elementary"
-# These look at bits; real.h has them.
+# Functions on the bits of a number, which real.h contains.
 BY_HAND = {(ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")}
 
 
 @dataclass(slots=True, eq=False)
 class Function:
-    """A function, understood."""
+    """An analysed function."""
 
-    source: Source  # as it stands in Python
+    source: Source  # source in Python
     params: dict[str, Kind]  # kinds of its arguments
     returns: Kind = None  # kind of its result
     locals: dict[str, Kind] = field(default_factory=dict)  # kinds of its names
-    calls: dict[ast.Call, Function] = field(default_factory=dict)  # functions that are called, by the call
-    constants: dict[str, bool | int | float] = field(default_factory=dict)  # values of the global names in it
-    # what names of records and lists have been assigned
+    calls: dict[ast.Call, Function] = field(default_factory=dict)  # called functions, by the call
+    constants: dict[str, bool | int | float] = field(default_factory=dict)  # values of its global names
+    # values that have been assigned to the names of records and lists
     aliases: dict[str, list[Value]] = field(default_factory=dict)
     written: set[str] = field(default_factory=set)  # names of records and lists that are written to
-    lengths: set[str] = field(default_factory=set)  # arguments whose length matters
+    lengths: set[str] = field(default_factory=set)  # arguments with a relevant length
 
     @property
     def name(self) -> str:
-        """In C."""
+        """Name in C."""
         return identifier(self.source.name)
 
     @property
     def result(self) -> str:
-        """Type of what it returns, of several numbers a structure of its own."""
+        """Type of the result; for several numbers, a structure of its own."""
         if isinstance(self.returns, tuple):
             return "".join(word.capitalize() for word in self.source.name.split("_")) + "Result"
         return str(self.returns or "void")
 
     @property
     def writes(self) -> bool:
-        """Whether it changes anything outside."""
+        """Whether the function changes any of its arguments."""
         return not self.written.isdisjoint(self.params)
 
 
 class Functions:
-    """All functions that entries lead to, each after those that it calls.
+    """All functions that the entries call, directly or indirectly, each after its callees.
 
     Attributes:
         order: The functions.
         used: Fields that are read or written, with their class.
-        mutable: Fields that hold records or lists and lead to something that is written from here or outside.
+        mutable: Fields of records or lists that lead to a value to which these functions, or code outside,
+            write.
     """
 
     def __init__(
         self, sources: Sources, shapes: Shapes, read: Callable[[Functions, Function], object]
     ) -> None:
-        """Begin with none; ``read`` goes through the statements of a function and notes all about it."""
+        """Start without functions; ``read`` analyses the statements of a function and records the results."""
         self.sources, self.shapes, self._read = sources, shapes, read
         self.order: list[Function] = []
         self.used: set[tuple[type, str]] = set()
@@ -70,7 +71,7 @@ class Functions:
         self._open: list[Source] = []
 
     def entry(self, source: Source) -> Function:
-        """Understand a function that is called from outside; its annotations say what its arguments are."""
+        """Analyse a function that is called from outside; its annotations give the kinds of its arguments."""
         kinds = []
         for item in source.tree.args.args:
             try:
@@ -80,7 +81,7 @@ class Functions:
         return self.called(source, kinds)
 
     def called(self, source: Source, given: Sequence[Kind]) -> Function:
-        """Understand a function for arguments of some kinds."""
+        """Analyse a function for arguments of given kinds."""
         if source in self._open:
             raise source.refused(source.tree.args, "recursion, which has no bounded stack")
         names = [item.arg for item in source.tree.args.args]
@@ -93,11 +94,11 @@ class Functions:
             known = self._found[source] = Function(source, params, kind_of_hint(source.hints.get("return")))
             if (source.module, source.name) not in BY_HAND:
                 self._open.append(source)
-                # What it writes is known behind its last line only: it is printed another time.
+                # Its writes are complete after its last line only, so that it is printed in a second pass.
                 self._read(self, known)
                 self._open.pop()
                 self.order.append(known)
-        # Of other kinds than in the calls before, or a list of another length where that matters.
+        # Other kinds than in earlier calls, or a list of another length if the length is relevant.
         for name, kind in params.items():
             before, both = known.params[name], joined(known.params[name], kind)
             if (both is None and kind is not None) or (both != before and name in known.lengths):

@@ -1,7 +1,7 @@
-"""What a value is in C: a number, a record, a list of them, or several numbers that a function returns.
+"""Kind of a value in C: a number, a record, a list of them, or several numbers that a function returns.
 
-Nothing is guessed: the kinds of a record's fields come from its class and a sample instance, which gives its
-lists their lengths.
+Nothing is guessed: the kinds of the fields of a record come from its class and a sample instance, which
+determines the lengths of its lists.
 """
 
 from __future__ import annotations
@@ -26,49 +26,52 @@ class Scalar(StrEnum):
 REAL, INT, BOOL = Scalar
 SCALARS = {float: REAL, int: INT, bool: BOOL}
 INT_LIMIT = 2**31
-LARGEST_SINGLE = (2.0 - 2.0**-23) * 2.0**127  # of float
+LARGEST_SINGLE = (2.0 - 2.0**-23) * 2.0**127  # largest number of float
 
 
 @dataclass(frozen=True, slots=True)
 class ListKind:
-    """A list, all entries alike."""
+    """A list with entries of one kind."""
 
     item: Kind  # kind of an entry
-    length: int | None  # number of entries; None where it depends on the caller
+    length: int | None  # number of entries; None if it depends on the caller
 
 
-# A number; a record, by its class, which C handles by its address; a list; several numbers that a function
+# A number; a record, by its class, which C passes by its address; a list; several numbers that a function
 # returns; nothing.
 Kind: TypeAlias = "Scalar | type | ListKind | tuple[Scalar, ...] | None"
 
 
 def entry_of(kind: Kind) -> Kind:
-    """Kind of the entries of a list, and of a list of lists of theirs; any other kind itself."""
+    """Return the kind of the entries of a list, also of nested lists; any other kind itself."""
     return entry_of(kind.item) if isinstance(kind, ListKind) else kind
 
 
 def type_name(kind: Kind) -> str:
-    """Type of a number or a record in C, and of the entries of a list."""
+    """Return the type in C of a number or a record, or of the entries of a list."""
     entry = entry_of(kind)
     return entry.__name__ if isinstance(entry, type) else str(entry)
 
 
 def joined(first: Kind, second: Kind) -> Kind:
-    """The kind of both; of lists of two lengths one of no length, of two other kinds None."""
+    """Return the common kind of two kinds.
+
+    For lists of two lengths it is a list without length; for two other different kinds it is None.
+    """
     if isinstance(first, ListKind) and isinstance(second, ListKind) and first.item == second.item:
         return first if first == second else ListKind(first.item, None)
     return first if first == second else None
 
 
 class Shapes:
-    """Kinds of the fields of all records that samples hold.
+    """Kinds of the fields of all records in samples.
 
     Attributes:
         fields: Kinds by class and name; a list has no length if two instances differ in it.
     """
 
     def __init__(self, samples: Iterable[Any]) -> None:
-        """Walk through samples."""
+        """Collect the kinds from samples."""
         self.fields: dict[type, dict[str, Kind]] = {}
         self._visited: set[int] = set()
         for sample in samples:
@@ -102,7 +105,7 @@ class Shapes:
 
 
 def kind_of_hint(hint: Any) -> Kind:
-    """Kind that an annotation says, a TypeError if none; lists have no length."""
+    """Return the kind of an annotation; raise TypeError if there is none; lists have no length."""
     if hint in SCALARS:
         return SCALARS[hint]
     if is_dataclass(hint) and isinstance(hint, type):

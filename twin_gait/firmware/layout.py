@@ -1,4 +1,4 @@
-"""How the C looks: names, comments and lines of bounded length."""
+"""Layout of the C: names, comments, and lines of bounded length."""
 
 import inspect
 import re
@@ -8,7 +8,7 @@ from twin_gait.docstrings import docstring_of
 
 WIDTH = 100
 INDENT = 4
-# Words of C99, of its headers and of ours that a name may not be.
+# Words of C99, of its headers and of this package's headers that are not available as names.
 TAKEN = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int "
     "long register restrict return short signed sizeof static struct switch typedef union unsigned void "
@@ -17,13 +17,13 @@ TAKEN = frozenset(
 
 
 def identifier(name: str, taken: frozenset[str] | set[str] = TAKEN) -> str:
-    """A name of Python in C: without leading underscores, and another one if it is taken."""
+    """Convert a name of Python to C: without leading underscores, and another one if it is taken."""
     short = name.lstrip("_") or "unused"
     return f"{short}_" if short in taken else short
 
 
 def plain(text: str) -> str:
-    """A line of a docstring without its markup."""
+    """Return a line of a docstring without its markup."""
     text = re.sub(r":\w+:`~?(?:[\w.]*\.)?([^`]+)`", r"\1", text)
     text = re.sub(r"\\[ ,;]", " ", text.replace("``", "").replace(r"\le ", "<= "))
     text = re.sub(r"\\([a-z]+)", r"\1", text)
@@ -31,7 +31,7 @@ def plain(text: str) -> str:
 
 
 def comment(text: str, indent: int = 0) -> list[str]:
-    """A comment, on one line if it fits."""
+    """Return a comment, on one line if it fits."""
     lines = textwrap.wrap(plain(text), WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False)
     if not lines:
         return []
@@ -40,7 +40,7 @@ def comment(text: str, indent: int = 0) -> list[str]:
     return [*lines[:-1], f"{lines[-1]} */"]
 
 
-# Where a line may be broken, best places first: after commas, before operators, after an assignment.
+# Positions at which a line may be broken, best first: after commas, before operators, after an assignment.
 _BREAKS = [
     re.compile(found)
     for found in (r"(?<=,) ", r" (?=(?:&&|\|\||\?|:) )", r" (?=(?:\+|-|\|) )", r" (?=(?:\*|/) )", r"(?<= =) ")
@@ -48,7 +48,7 @@ _BREAKS = [
 
 
 def wrapped(line: str, indent: int) -> list[str]:
-    """A statement, broken where its brackets are fewest."""
+    """Break a statement into lines, at the positions with the fewest open brackets."""
     result, pad = [], " " * indent
     while len(pad) + len(line) > WIDTH:
         limit = WIDTH - len(pad)
@@ -70,12 +70,15 @@ def _depth(text: str) -> int:
     return sum(text.count(left) - text.count(right) for left, right in ("()", "[]", "{}"))
 
 
-# Comments above an attribute, its name, and a comment behind it.
+# Comments above an attribute, its name, and a comment after it.
 _ATTRIBUTE = re.compile(r"((?: *# .*\n)*) +(\w+): [^#\n]*(?:# (.*))?$", re.MULTILINE)
 
 
 def attributes_of(kind: type) -> dict[str, str]:
-    """What a class says of its attributes, by name: in comments behind or above them, or in its docstring."""
+    """Return the descriptions of the attributes of a class by name, from comments or from its docstring.
+
+    A comment is after an attribute or above it.
+    """
     found: dict[str, str] = {}
     listed = re.findall(r"(\w+): (.*)", docstring_of(kind).partition("Attributes:\n")[2])
     for above, name, behind in _ATTRIBUTE.findall(inspect.getsource(kind)):

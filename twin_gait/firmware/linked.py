@@ -1,4 +1,4 @@
-"""The controller of an experiment as one unit without a bus, and what it reads and gives in a run."""
+"""The controller of an experiment as one unit without a bus, and its inputs and outputs in a run."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -23,25 +23,26 @@ from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
 from twin_gait.worlds.faults import FaultKind
 
-Progress: TypeAlias = Callable[[int, int], None]  # takes ticks done and ticks in all
-Tick: TypeAlias = Callable[[int, int, np.ndarray, int], int]  # runs one as an engine runs several
-Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
+Progress: TypeAlias = Callable[[int, int], None]  # arguments: finished ticks and total number of ticks
+Tick: TypeAlias = Callable[[int, int, np.ndarray, int], int]  # runs one tick; arguments as of an engine
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and fields of the engine's record
 
-# Fields of the unit's inputs, and where an engine has them: from the end of a tick to that of the next,
+# Inputs of the unit, and their fields in the record of an engine, valid from the end of a tick to the end of
+# the next one.
 DRIVES = {
     "boards.voltage": "joints.voltage",
     "boards.current": "joints.current",
     "boards.current_deviation": "joints.current_deviation",
     "surroundings.bus_voltage": "supply.bus_voltage",
 }
-# and once the sensors have been read;
+# Inputs that are valid after the sensors have been read.
 SENSORS = {
     "boards.angle": "joints.board.encoder.angle",
     "surroundings.loads": "soles.load",
     "surroundings.common": "controller.common",
     "surroundings.request": "controller.supervisor.request",
 }
-# of its outputs, at the end of a tick.
+# Outputs of the unit, and their fields in the record of an engine, valid at the end of a tick.
 ANSWERS = {
     "demands": "joints.board.demand",
     "commands": "joints.board.command",
@@ -55,17 +56,17 @@ ANSWERS = {
 
 
 class LinkedUnit(NamedTuple):
-    """All that the unit of an experiment is printed from, or bound to."""
+    """The data from which the unit of an experiment is printed, and to which it is bound."""
 
-    record: units.Exoskeleton  # at tick 0
-    inputs: units.ExoskeletonInputs  # of a tick; only their shape is of meaning
-    outputs: units.ExoskeletonOutputs  # likewise
-    structure: Mapping[str, Any]  # constants and functions of the controller that it is bound to
+    record: units.Exoskeleton  # state at tick 0
+    inputs: units.ExoskeletonInputs  # inputs of a tick; only their shape has a meaning
+    outputs: units.ExoskeletonOutputs  # outputs of a tick; only their shape has a meaning
+    structure: Mapping[str, Any]  # constants and functions of the controller to which it is bound
     kernel: str  # source of the functions of the controller's model
 
 
 def linked_unit(problem: Problem) -> LinkedUnit:
-    """The unit of a problem; angles come to it as counts times the angle of a count."""
+    """Build the unit of a simulation setup; it receives angles as counts times the angle of a count."""
     bodies, episode, structure = laid_out(problem)
     boards = [joint.board for joint in episode.joints]
     for board in boards:
@@ -93,7 +94,7 @@ def linked_unit(problem: Problem) -> LinkedUnit:
 
 
 def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int]]) -> None:
-    """Take out, in place, the empty entries with which tables of like size share a compiled loop."""
+    """Remove, in place, the empty entries with which tables of similar size share a compiled loop."""
     count = max(1, len(program.transitions))
     del room.transitions[count:]
     del room.nodes[max(1, len(program.nodes)) :]
@@ -103,9 +104,9 @@ def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int
 
 
 def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
-    """Move, in place, thresholds on the time in a phase half-way to the next tick, which changes no result.
+    """Move, in place, thresholds on the time in a phase half-way to the next tick; no result changes.
 
-    A time of whole ticks that meets its threshold exactly in double numbers need not do so in float.
+    A time of whole ticks that meets its threshold exactly in double numbers may not do so in float.
     """
     for comparison in program.comparisons:
         if comparison.factor_b == 0.0 and signals[comparison.signal_a].endswith(TIME):
@@ -115,15 +116,15 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
 
 
 class Vectors(NamedTuple):
-    """A run as the unit sees it."""
+    """Inputs and outputs of the unit in a run."""
 
-    run: Run  # of the compiled engine
-    inputs: np.ndarray  # of each tick, shape ``(n_ticks,)``, laid out as ExoskeletonInputs
-    outputs: np.ndarray  # expected, likewise as ExoskeletonOutputs
-    measurements: np.ndarray  # What the boards report in each tick, shape ``(n_ticks, n_joints)``.
+    run: Run  # run of the compiled engine
+    inputs: np.ndarray  # inputs of each tick, shape ``(n_ticks,)``, in the layout of ExoskeletonInputs
+    outputs: np.ndarray  # expected outputs, in the layout of ExoskeletonOutputs
+    measurements: np.ndarray  # measurements of the boards, shape ``(n_ticks, n_joints)``
 
     def csv(self, joints: Sequence[str]) -> str:
-        """A tick in a line as runner.c reads it: its inputs, then what is expected."""
+        """Format one line per tick for runner.c: its inputs, then the expected outputs."""
         boards, around = self.inputs["boards"], self.inputs["surroundings"]
         commands, decision = self.outputs["commands"], self.outputs["decision"]
         read = ("angle", "voltage", "current", "current_deviation")
@@ -143,11 +144,11 @@ class Vectors(NamedTuple):
 def record_vectors(
     experiment: Experiment, progress: Progress | None = None, on_compile: Callable[[], None] | None = None
 ) -> Vectors:
-    """Run an experiment on the compiled engine, and keep what the unit reads and gives in each tick.
+    """Run an experiment on the compiled engine, and record inputs and outputs of the unit in each tick.
 
-    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all.
-    ``on_compile``: called if the engine has to be compiled first. Raises FirmwareError: a fault of the
-    controller itself.
+    ``experiment``: run without its bus. ``progress``: called at intervals with finished ticks and total
+    number of ticks. ``on_compile``: called if the engine has to be compiled first. Raises FirmwareError: a
+    fault of the controller itself.
     """
     engine = engine_without_bus(experiment, on_compile)
     unit, ticks, record = linked_unit(engine.problem), experiment.n_ticks, engine.store
@@ -171,7 +172,10 @@ def record_vectors(
 def engine_without_bus(
     experiment: Experiment, on_compile: Callable[[], None] | None = None
 ) -> CompiledEngine:
-    """The engine of an experiment without its bus; a controller that goes wrong by itself is refused."""
+    """Create the engine of an experiment without its bus.
+
+    Raises FirmwareError: a fault of the controller itself.
+    """
     for fault in experiment.faults:
         if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
             raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
@@ -179,7 +183,10 @@ def engine_without_bus(
 
 
 def pairs_of(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray) -> Pairs:
-    """Fields of rows with those of an engine's record, shape ``(1,)``; a supervisor's where there is one."""
+    """Return fields of rows with those of an engine's record, shape ``(1,)``.
+
+    Fields of a supervisor are included if there is one.
+    """
     modes = "supervisor" in (record["controller"].dtype.fields or ())
     named = [pair for pair in fields.items() if modes or "supervisor" not in pair[1]]
     return [(_field(rows, ours), _field(record, theirs)) for ours, theirs in named]
@@ -190,6 +197,6 @@ def _field(records: np.ndarray, name: str) -> np.ndarray:
 
 
 def keep(pairs: Pairs, tick: int) -> None:
-    """Take what stands in the engine into the row of a tick."""
+    """Copy the values in the engine to the row of a tick."""
     for rows, record in pairs:
         rows[tick] = record[0]

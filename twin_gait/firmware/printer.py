@@ -1,8 +1,8 @@
-"""Functions of Python as readable C99, and the records that they work on.
+"""Printer of Python functions as readable C99, and of the records on which they operate.
 
-What is printed are the very functions that the simulation runs: typed, on numbers and records, without
-recursion, allocation and anything of the C library. Built with double numbers (``-DREAL_DOUBLE``) they give
-the bits of Python; a microcontroller takes float.
+The printed functions are the ones that the simulation runs: typed, on numbers and records, without recursion,
+allocation and calls of the C library. Built with double numbers (``-DREAL_DOUBLE``) their results equal those
+of Python bit for bit; a microcontroller uses float.
 """
 
 import hashlib
@@ -23,22 +23,22 @@ from twin_gait.firmware.values import number
 
 
 class TranslationUnit(NamedTuple):
-    """What one file of C is for."""
+    """Contents of one C file."""
 
-    name: str  # of the file
-    entries: Sequence[Callable[..., Any]]  # functions that are called from outside
-    # records as they are at tick 0, by name. Of what is written to there is a function ``<name>_init``; what
-    # is not is a constant
+    name: str  # name of the file
+    entries: Sequence[Callable[..., Any]]  # functions that are called from other files
+    # records at tick 0, by name. A record to which functions write gets a function ``<name>_init``; any other
+    # record is a constant
     samples: Mapping[str, Any]
 
 
 class Program(NamedTuple):
-    """What was printed."""
+    """The printed program."""
 
-    files: dict[str, str]  # text by name
-    source_hash: str  # of all that it was printed from
+    files: dict[str, str]  # text of each file by name
+    source_hash: str  # hash of all its sources
     records: Records  # layout of the records
-    entries: list[Function]  # what is called from outside
+    entries: list[Function]  # functions that are called from other files
 
 
 def print_units(
@@ -50,29 +50,30 @@ def print_units(
     """Print units of firmware.
 
     Args:
-        units: One file of C each.
-        names: Constants and functions by the names of the globals that they take the place of, as
-            :func:`twin_gait.simulation.binding.bind` takes them. A branch that they rule out is not printed.
-        text: Source of more functions, likewise; what they call is found in ``names``.
-        shapes: Samples of records that are handed in from outside: they have no table, and are whole.
+        units: Contents of one C file each.
+        names: Constants and functions by the names of the globals that they replace, as in
+            :func:`twin_gait.simulation.binding.bind`. A branch that a constant rules out is not printed.
+        text: Source of more functions, which replace globals, too; the functions that they call are looked up
+            in ``names``.
+        shapes: Samples of records that are passed in from outside: they have no tables, and are complete.
 
     Returns:
         Files by name: ``real.h``, ``types.h``, and a header and a source of each unit.
 
     Raises:
-        FirmwareError: If something cannot be printed; it names function, line and construct.
+        FirmwareError: If a construct cannot be printed; it names function, line and construct.
     """
     samples = [item for unit in units for item in unit.samples.values()]
     functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]), _read)
     entries = {unit.name: [functions.entry(sources.of(item)) for item in unit.entries] for unit in units}
     every = [item for found in entries.values() for item in found]
-    outside = Shapes(shapes).fields.items()  # all of these may be written there
+    outside = Shapes(shapes).fields.items()  # code outside may write to all of these
     functions.mutable |= {(record, name) for record, fields in outside for name in fields}
     records = Records(functions, every)
     body = {"types.h": _header("types", ["real.h"], records.structures())}
     for unit in units:
         body |= _files_of(unit, entries[unit.name], records)
-    # The hash is that of the functions as they stand in Python, and of all tables and constants.
+    # The hash covers the functions as they are written in Python, and all tables and constants.
     hashed = [item.source.text for item in functions.order] + ["\n".join(lines) for lines in body.values()]
     source_hash = hashlib.sha256("\0".join(hashed).encode()).hexdigest()
     modules = ", ".join(sorted({item.source.module for item in functions.order}))
@@ -86,15 +87,15 @@ def print_units(
 
 
 def _read(functions: Functions, function: Function) -> None:
-    """Go through the statements of a function, which notes what it calls, reads and writes."""
+    """Analyse the statements of a function and record its calls, reads and writes."""
     Statements(functions, function).definition(exported=False)
 
 
 def _files_of(unit: TranslationUnit, entries: Sequence[Function], records: Records) -> dict[str, list[str]]:
-    """Header and source of a unit without their first lines."""
+    """Return header and source of a unit without their first lines."""
     reached = set(_reached(entries))
     order = [item for item in records.functions.order if item in reached]
-    taken = TAKEN | {item.name for item in order}  # what no local name may be
+    taken = TAKEN | {item.name for item in order}  # names that are not available for local variables
     printed = {item: Statements(records.functions, item, taken) for item in order}
     header, source, tables = list[str](), list[str](), Tables(records)
     for item in entries:
@@ -115,7 +116,7 @@ def _files_of(unit: TranslationUnit, entries: Sequence[Function], records: Recor
 
 
 def _sample(name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str]]:
-    """Lines of the header and of the source that make a record as it is at tick 0."""
+    """Return the lines of the header and of the source that define a record at tick 0."""
     kind, contents = type(sample).__name__, tables.initialiser(sample, name)
     if type(sample) not in tables.records.in_ram:
         tables.add(f"const {kind} {name}", contents)
@@ -139,7 +140,7 @@ def _constants(functions: Sequence[Function]) -> list[str]:
 
 
 def _reached(entries: Iterable[Function]) -> Iterator[Function]:
-    """Entries and what they call."""
+    """Yield the entry functions and all functions that they call."""
     for item in entries:
         yield item
         yield from _reached(item.calls.values())

@@ -23,7 +23,7 @@ class UnitSample:
     step: Callable[..., None]  # Function of a tick, as it is printed.
     record: Any  # State at tick 0.
     inputs: Any  # Inputs of a tick; only their shape has a meaning.
-    outputs: Any  # Outputs of a tick, likewise.
+    outputs: Any  # Outputs of a tick; only their shape has a meaning.
 
 
 class PythonUnit:
@@ -44,7 +44,7 @@ class PythonUnit:
         return self
 
     def __exit__(self, *reason: object) -> None:
-        """Leave nothing behind."""
+        """Do nothing."""
 
     def exchange(self, inputs: np.ndarray) -> np.ndarray:
         """Run a tick for each row of inputs, records of double numbers; return a row of outputs for each."""

@@ -1,7 +1,7 @@
-"""Records in C: a structure of each class, and what an instance holds at tick 0 as tables.
+"""Records in C: a structure for each class, and the values of an instance at tick 0 as tables.
 
-What no printed function writes to is a parameter: a structure has its address, and it lies in flash. All else
-is part of the structure, and lies in RAM.
+A field to which no printed function writes is a parameter: the structure has its address, and its value is in
+flash. All other fields are part of the structure, and are in RAM.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,10 +19,10 @@ from twin_gait.simulation.problem import NEVER
 
 
 class Records:
-    """Layout of all records of a program."""
+    """Memory layout of all records of a program."""
 
     def __init__(self, functions: Functions, entries: Iterable[Function]) -> None:
-        """Decide which of all that is printed is no table: what entries write to."""
+        """Determine which records are no tables, because the entry functions write to them."""
         self.functions, self.fields = functions, functions.shapes.fields
         self.in_ram: set[type] = set()
         for entry in entries:
@@ -30,7 +30,7 @@ class Records:
                 self._embed(entry.params[name])
 
     def _embed(self, kind: kinds.Kind) -> None:
-        """Keep a record in RAM with all that is part of it."""
+        """Place a record in RAM, with all its parts."""
         entry = kinds.entry_of(kind)
         if isinstance(entry, type) and entry not in self.in_ram:
             self.in_ram.add(entry)
@@ -39,18 +39,21 @@ class Records:
                     self._embed(inner)
 
     def used(self, record: type) -> Iterator[tuple[str, kinds.Kind]]:
-        """Names and kinds of the fields that are read or written, in their order."""
+        """Yield names and kinds of the fields that are read or written, in their order."""
         for name, kind in self.fields.get(record, {}).items():
             if (record, name) in self.functions.used:
                 yield name, kind
 
     def is_table(self, record: type, name: str) -> bool:
-        """Whether a field is the address of something in flash."""
+        """Return whether a field is the address of a value in flash."""
         kind = self.fields[record][name]
         return not isinstance(kind, kinds.Scalar) and (record, name) not in self.functions.mutable
 
     def dtype(self, record: type, real: str) -> np.dtype[Any]:
-        """Layout of a record in C, its numbers of a type, addresses of tables as a Cortex-M has them."""
+        """Return the layout of a record in C, with a given type of numbers.
+
+        Addresses of tables have 32 bits, as on a Cortex-M.
+        """
         codes: dict[kinds.Kind, Any] = {kinds.REAL: real, kinds.INT: "i4", kinds.BOOL: "?"}
         fields: list[Any] = []
         for name, kind in self.used(record):
@@ -63,7 +66,7 @@ class Records:
         return np.dtype(fields, align=True)
 
     def structures(self) -> list[str]:
-        """Definitions of all structures, each after those that it contains."""
+        """Return the definitions of all structures, each after the structures that it contains."""
         found: dict[type, list[str]] = {}
 
         def define(kind: kinds.Kind) -> None:
@@ -86,7 +89,7 @@ class Records:
         return [*lines, f"}} {record.__name__};", ""]
 
     def member(self, record: type, name: str) -> str:
-        """Declaration of a field."""
+        """Return the declaration of a field."""
         kind, place = self.fields[record][name], identifier(name)
         if isinstance(kind, kinds.Scalar):
             return f"{kind} {place}"
@@ -103,16 +106,16 @@ class Records:
 
 
 class Tables:
-    """Tables in flash of one unit; what is equal is there once."""
+    """Tables of one unit in flash; equal tables are stored once."""
 
     def __init__(self, records: Records) -> None:
-        """Begin with none."""
+        """Start without tables."""
         self.records = records
         self.lines: list[str] = []
         self._names: dict[tuple[str, str], str] = {}
 
     def initialiser(self, sample: Any, name: str) -> str:
-        """Contents of a record; its tables are added, named after it."""
+        """Return the initialiser of a record; its tables are added, with names derived from ``name``."""
         record, parts = type(sample), []
         for field, kind in self.records.used(record):
             value = getattr(sample, field)

@@ -1,7 +1,7 @@
-"""The functions that are printed, read and simplified: what a constant rules out is gone, pairs are unpacked.
+"""The functions to be printed, read and simplified: excluded branches are removed, pairs are unpacked.
 
-Names are looked up as :mod:`twin_gait.simulation.binding` binds them: first what is given, then the globals
-of the function.
+A constant excludes a branch. Names are looked up as :mod:`twin_gait.simulation.binding` binds them: first the
+given names, then the globals of the function.
 """
 
 import ast
@@ -19,18 +19,18 @@ from twin_gait.firmware.kinds import SCALARS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """A function as it is printed."""
+    """A function to be printed."""
 
-    name: str  # in Python
-    module: str  # where it stands
-    text: str  # as it was written
-    first_line: int  # in its file
-    tree: ast.FunctionDef  # simplified
-    scope: Mapping[str, Any]  # what its global names stand for
-    hints: Mapping[str, Any]  # of its arguments and of what it returns
+    name: str  # name in Python
+    module: str  # module that contains it
+    text: str  # original text
+    first_line: int  # number of its first line in the file
+    tree: ast.FunctionDef  # simplified syntax tree
+    scope: Mapping[str, Any]  # values of its global names
+    hints: Mapping[str, Any]  # annotations of its arguments and its result
 
     def refused(self, node: ast.AST, problem: str) -> FirmwareError:
-        """What is raised for something that cannot be printed; it names function, line and construct."""
+        """Return the error for a construct that cannot be printed; it names function, line and construct."""
         line = self.first_line - 1 + getattr(node, "lineno", 1)
         shown = " ".join(ast.unparse(node).split()) if isinstance(node, (ast.expr, ast.stmt)) else ""
         shown = f"{shown[:60]}…" if len(shown) > 60 else shown
@@ -38,27 +38,30 @@ class Source:
 
 
 class Sources:
-    """Every function by name or by itself, read once."""
+    """All functions by name or by the function itself, each read once."""
 
     def __init__(self, names: Mapping[str, Any], text: str) -> None:
-        """Keep ``names``, which replace globals, and the functions of a ``text``, likewise."""
+        """Store ``names``, which replace globals, and the functions of ``text``, which replace them, too."""
         self.names, self._text = names, text
         self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
         self._read: dict[Any, Source] = {}
 
     def found(self, name: str, scope: Mapping[str, Any]) -> Any:
-        """What a global name stands for: a :class:`Source`, a number, a module; None of nothing."""
+        """Return the value of a global name: a :class:`Source`, a number, a module; None if there is none."""
         if name in self._texts:
             return self._source(name, scope.get(name))
         value = self.names.get(name, scope.get(name))
         return self.of(value) if isinstance(value, FunctionType) else value
 
     def of(self, function: Callable[..., Any]) -> Source:
-        """A function, or what takes its place."""
+        """Return the source of a function, or of its replacement."""
         return self._source(function.__name__, function)
 
     def _source(self, name: str, function: Any) -> Source:
-        """A function, of the text where it stands there; the other one then says what its arguments are."""
+        """Return the source of a function, from the text if it is there.
+
+        In this case ``function``, the replaced one, gives the annotations of the arguments.
+        """
         key = name if name in self._texts else function
         if key not in self._read:
             hints = {} if function is None else get_type_hints(function)
@@ -80,13 +83,13 @@ class Sources:
 
 
 class _Folding(ast.NodeTransformer):
-    """Decides conditions that are constants, and assigns pairs one after the other."""
+    """Transformer that evaluates constant conditions, and assigns pairs one after the other."""
 
     def __init__(self, sources: Sources, source: Source, own: set[str]) -> None:
         self.sources, self.source, self.own = sources, source, own
 
     def value(self, node: ast.expr) -> Any:
-        """Of an expression of constants alone; None of any other."""
+        """Return the value of an expression of constants only; None for any other expression."""
         constants = {}
         for item in ast.walk(node):
             if isinstance(item, (ast.Call, ast.Attribute, ast.Subscript)):
@@ -97,7 +100,7 @@ class _Folding(ast.NodeTransformer):
                     return None
                 constants[item.id] = found
         # The expression is part of a function of this package or of a generated kernel, and every name in it
-        # is a number: no text of a user is evaluated (tests/firmware/test_hostile_names.py).
+        # is a number. No text of a user is evaluated (tests/firmware/test_hostile_names.py).
         return eval(compile(ast.Expression(node), "constants", "eval"), {}, constants)
 
     def visit_If(self, node: ast.If) -> Any:
@@ -140,12 +143,12 @@ class _Folding(ast.NodeTransformer):
 
 
 def _at(node: ast.AST, made: ast.AST) -> ast.AST:
-    """What takes the place of a node, at its line."""
+    """Return a replacement of a node, at the same line."""
     return ast.fix_missing_locations(ast.copy_location(made, node))
 
 
 def _touches(target: ast.expr, value: ast.expr) -> bool:
-    """Whether a value may be another one once a name, a field or an entry has been assigned."""
+    """Return whether a value may change when a name, a field or an entry is assigned."""
     for item in ast.walk(value):
         called = isinstance(item, ast.Call) and not isinstance(target, ast.Name)
         if called or (type(item) is type(target) and _last_name(item) == _last_name(target)):
@@ -154,5 +157,5 @@ def _touches(target: ast.expr, value: ast.expr) -> bool:
 
 
 def _last_name(node: ast.AST) -> str:
-    """Of a name or a field; empty for the entry of a list, which any other one may be."""
+    """Return the name of a name or a field; empty for the entry of a list, which may be any entry."""
     return getattr(node, "id", getattr(node, "attr", ""))

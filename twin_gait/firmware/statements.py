@@ -1,4 +1,4 @@
-"""Functions in C, statement by statement; every name is declared where the narrowest block needs it."""
+"""Functions in C, statement by statement; every name is declared in the narrowest block that needs it."""
 
 import ast
 from collections import Counter
@@ -12,10 +12,10 @@ from twin_gait.firmware.values import Value
 
 
 class Statements(Expressions):
-    """Understands and prints one function."""
+    """Analyses and prints one function."""
 
     def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = TAKEN) -> None:
-        """Begin before its first line; see :class:`Expressions`."""
+        """Start before the first line of the function; arguments as of :class:`Expressions`."""
         super().__init__(functions, function, taken)
         names = [item for item in ast.walk(self.source.tree) if isinstance(item, ast.Name)]
         self.stores = Counter(item.id for item in names if isinstance(item.ctx, ast.Store))
@@ -25,12 +25,12 @@ class Statements(Expressions):
         self.depth = 0
 
     def signature(self) -> str:
-        """Head of the function without its end."""
+        """Return the head of the function without its end."""
         params = [self._declaration(name) for name in self.function.params]
         return f"{self.function.result} {self.function.name}({', '.join(params) or 'void'})"
 
     def definition(self, *, exported: bool) -> list[str]:
-        """The function with the first line of its docstring."""
+        """Return the function with the first line of its docstring."""
         says = (ast.get_docstring(self.source.tree) or "").split("\n")[0]
         head = self.signature() if exported else f"static {self.signature()}"
         self.lines = [*comment(says), *wrapped(f"{head} {{", 0)]
@@ -42,11 +42,11 @@ class Statements(Expressions):
         return [*self.lines, "}"]
 
     def _emit(self, line: str) -> None:
-        """A line at the present depth."""
+        """Add a line at the present depth."""
         self.lines += wrapped(line, self.depth * INDENT)
 
     def _block(self, statements: Sequence[ast.stmt]) -> None:
-        """Statements, with the names that are of no narrower block."""
+        """Print statements, and declare the names that no narrower block contains."""
         first = {}
         for name in sorted(set(self.function.locals) - self.declared):
             places = [number for number, item in enumerate(statements) if name in names_in(item)]
@@ -61,7 +61,10 @@ class Statements(Expressions):
         self.declared -= first.keys()
 
     def _declaration(self, name: str, *, once: bool = False) -> str:
-        """Of a name, of records and lists as an address; constant if it is a number that is stored once."""
+        """Return the declaration of a name.
+
+        Records and lists are declared as addresses; a number that is stored once is constant.
+        """
         kind = self.known(name)
         if isinstance(kind, Scalar):
             constant = once and self.stores[name] == 1
@@ -70,7 +73,7 @@ class Statements(Expressions):
         return f"{'' if written else 'const '}{type_name(kind)} *{self.local(name)}"
 
     def _free(self, wanted: str) -> str:
-        """A name that the function does not have yet."""
+        """Return a name that the function does not have yet."""
         used = {self.local(name) for name in (*self.function.locals, *self.function.params)}
         used |= {word for line in self.lines for word in line.replace("(", " ").replace(";", " ").split()}
         number = 1
@@ -79,12 +82,12 @@ class Statements(Expressions):
         return identifier(name, self.taken)
 
     def _statement(self, node: ast.stmt, fresh: set[str]) -> None:
-        """One statement; ``fresh`` are names that it declares if it assigns them."""
+        """Print one statement; ``fresh`` are names that it declares if it assigns them."""
         match node:
             case ast.Assign(targets=[ast.Tuple(elts=targets)], value=value):
                 self._assign_several(node, targets, value, fresh)
             case ast.Assign(targets=[target], value=value):
-                # C may compute the place of an entry before or after.
+                # C may compute the index of an entry before or after the value.
                 mixed = any(isinstance(item, ast.Subscript) for item in ast.walk(target))
                 self._assign(target, value, self.value(value) if mixed else self.whole(value), fresh)
             case ast.If():
@@ -108,7 +111,7 @@ class Statements(Expressions):
     def _assign_several(
         self, node: ast.stmt, targets: Sequence[ast.expr], call: ast.expr, fresh: set[str]
     ) -> None:
-        """Numbers that a function returns, to as many names or places."""
+        """Assign the numbers that a function returns to as many names or fields."""
         found = self.whole(call)
         if not isinstance(found.kind, tuple) or len(found.kind) != len(targets):
             raise self.source.refused(node, "as many names as values are expected")
@@ -134,7 +137,7 @@ class Statements(Expressions):
         self._emit(f"{place} = {self.fit(node, value, kind).text};")
 
     def _declare(self, target: ast.Name, node: ast.expr, value: Value) -> Kind:
-        """Note that a name has a value from here on; the kind that it has everywhere."""
+        """Record that a name has a value after this statement; return its kind in the whole function."""
         function, name = self.function, target.id
         if value.kind is None or isinstance(value.kind, tuple):
             raise self.source.refused(node, "is no single value")
@@ -170,7 +173,7 @@ class Statements(Expressions):
         self.depth -= 1
 
     def _loop(self, node: ast.For) -> None:
-        """Over numbers or a list, whose entry then has a name of its own within the loop."""
+        """Print a loop over numbers or over a list, whose entry has a name of its own within the loop."""
         first, entry = "0", ""
         match node.iter, node.target:
             case ast.Call(func=ast.Name(id="range"), args=args), ast.Name() as number if len(args) in (1, 2):
@@ -202,17 +205,17 @@ class Statements(Expressions):
         return self.local(target.id)
 
     def _entry(self, target: ast.Name, node: ast.expr, counter: str) -> tuple[str, str]:
-        """Length of a list, and the statement that names its present entry."""
+        """Return the length of a list, and the statement that names its present entry."""
         items = self.value(node)
         length, fields = self.length(node, items), (*items.fields, None)
-        assert isinstance(items.kind, ListKind)  # that has a length
+        assert isinstance(items.kind, ListKind)  # because it has a length
         entry = Value(items.kind.item, f"{items.text}[{counter}]", name=items.name, fields=fields)
         kind = self._declare(target, node, entry)
         text = f"{self._declaration(target.id, once=True)} = {entry.in_kind(kind).text};"
         return str(length), text
 
     def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
-        """Where a loop ends, which Python computes before it and C anew in every turn."""
+        """Return the end of a loop, which Python computes before the loop and C anew in every iteration."""
         text, stored = self.expect(node, INT).text, _stored_in(body)
         inside = {item for statement in body for item in ast.walk(statement)}
         writes = any(call in inside and called.writes for call, called in self.function.calls.items())
@@ -245,9 +248,9 @@ class Statements(Expressions):
 
 
 def result_names(function: Function) -> list[str]:
-    """Return the names of the numbers that a function returns: those in its return statements.
+    """Return the names of the numbers that a function returns, taken from its return statements.
 
-    A number without a name, or with that of another one, is named by its position: ``value_1``.
+    A number without a name, or with the name of another one, is named by its position: ``value_1``.
     """
     assert isinstance(function.returns, tuple)
     found = [f"value_{position}" for position in range(1, len(function.returns) + 1)]
@@ -261,12 +264,12 @@ def result_names(function: Function) -> list[str]:
 
 
 def result_struct(function: Function) -> list[str]:
-    """Structure of several numbers that a function returns; nothing of another function."""
+    """Return the structure of several numbers that a function returns; empty for other functions."""
     if not isinstance(function.returns, tuple):
         return []
     fields = zip(function.returns, result_names(function), strict=True)
     return [
-        *comment(f"What {function.name} returns, in its order."),
+        *comment(f"Results of {function.name}, in the order in which it returns them."),
         "typedef struct {",
         *(f"    {kind} {name};" for kind, name in fields),
         f"}} {function.result};",
@@ -275,7 +278,7 @@ def result_struct(function: Function) -> list[str]:
 
 
 def names_in(node: ast.AST) -> set[str]:
-    """Names in a statement; those that a loop counts with are of that loop only."""
+    """Return the names in a statement; the counter of a loop belongs to this loop only."""
     if isinstance(node, ast.Name):
         return {node.id}
     found: set[str] = set().union(*(names_in(item) for item in ast.iter_child_nodes(node)))
@@ -283,13 +286,13 @@ def names_in(node: ast.AST) -> set[str]:
 
 
 def _stored_in(statements: Sequence[ast.stmt]) -> set[str]:
-    """Names and places that some statements assign."""
+    """Return the names, fields and entries that some statements assign."""
     inside = (item for statement in statements for item in ast.walk(statement))
     return {ast.unparse(item) for item in inside if isinstance(getattr(item, "ctx", None), ast.Store)}
 
 
 def _in_one_block(node: ast.stmt) -> set[str]:
-    """Names that one inner block of a statement has to itself."""
+    """Return the names that only one inner block of a statement uses."""
     match node:
         case ast.If():
             head = names_in(node.test)
@@ -302,7 +305,7 @@ def _in_one_block(node: ast.stmt) -> set[str]:
 
 
 def _assigned_by(node: ast.stmt) -> set[str]:
-    """Names that an assignment may declare."""
+    """Return the names that an assignment may declare."""
     targets = node.targets if isinstance(node, ast.Assign) else []
     inside = (item for target in targets for item in ast.walk(target))
     return {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}

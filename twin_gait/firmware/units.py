@@ -1,6 +1,6 @@
 """The units of the firmware, which are printed as C: a joint's board, the gait controller, and both as one.
 
-The order of the device in a tick of 1 ms is that of :mod:`twin_gait.control.device_schedule`, which the
+The order of the device in a tick of 1 ms is defined by :mod:`twin_gait.control.device_schedule`, which the
 simulation runs, too (:mod:`twin_gait.simulation.schedule`). A step takes a unit with its inputs, and changes
 unit and outputs in place.
 """
@@ -40,46 +40,46 @@ from twin_gait.simulation.executors import Names, scalar_driver
 
 @dataclass(slots=True)
 class Settings:
-    """What all units are set to."""
+    """Settings of all units."""
 
-    rates: Rates  # How they sample.
-    limits: Limits  # Of commands, and of what is borne how long.
-    watching: bool  # Whether the monitor is on.
+    rates: Rates  # Configuration of the sampling.
+    limits: Limits  # Limits of commands, and timeouts.
+    watching: bool  # Whether the safety monitor is on.
 
 
 @dataclass(slots=True)
 class JointBoardInputs:
-    """What a board reads at the start of a tick."""
+    """Inputs of a board at the start of a tick."""
 
-    # Counts of the encoder times the angle of a count, in [rad]; not a number if it is missing.
+    # Counts of the encoder times the angle of a count, in [rad]; NaN if the measurement is missing.
     angle: float = 0.0
-    voltage: float = 0.0  # On the winding in the tick before, in [V].
-    current: float = 0.0  # Measured in the tick before, in [A].
-    current_deviation: float = 0.0  # Of this current from what the drive should have given, in [A].
-    # Last heard from the gait controller; a unit of all boards has it itself.
+    voltage: float = 0.0  # Voltage of the winding in the tick before, in [V].
+    current: float = 0.0  # Current measured in the tick before, in [A].
+    current_deviation: float = 0.0  # Deviation of this current from its expected value, in [A].
+    # Last demand received from the gait controller; in the unit of all boards it is not used.
     demand: Demand = field(default_factory=Demand)
-    heard: bool = False  # Whether it came since the tick before.
+    heard: bool = False  # Whether the demand was received since the tick before.
 
 
 @dataclass(slots=True)
 class JointBoardOutputs:
-    """What a board gives in a tick."""
+    """Outputs of a board in a tick."""
 
-    command: Command = field(default_factory=Command)  # With the current set point of the drive.
-    measurement: Measurement = field(default_factory=Measurement)  # For the gait controller.
+    command: Command = field(default_factory=Command)  # Command with the current setpoint of the drive.
+    measurement: Measurement = field(default_factory=Measurement)  # Measurement for the gait controller.
 
 
 @dataclass(slots=True)
 class JointBoard:
     """The unit of a board."""
 
-    settings: Settings  # Of all units.
-    state: BoardState  # All that it keeps.
-    tick: int = 0  # Present one.
+    settings: Settings  # Settings of all units.
+    state: BoardState  # State of the board.
+    tick: int = 0  # Present tick.
 
 
 def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointBoardOutputs) -> None:
-    """Measure, and set the current of what the gait controller has demanded last."""
+    """Measure, and set the current for the last demand of the gait controller."""
     board, settings = unit.state, unit.settings
     measure(board, settings, inputs, unit.tick)
     hear(board, settings.limits, inputs.demand, inputs.heard)
@@ -91,63 +91,64 @@ def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointB
 
 
 def note_last_drive(board: BoardState, inputs: JointBoardInputs, tick: int) -> None:
-    """Note for the monitor what the drive did in the tick before."""
+    """Record the voltage and current of the drive in the tick before, for the monitor."""
     if tick > 0:
         note_drive(board, inputs.voltage, inputs.current, inputs.current_deviation)
 
 
 @dataclass(slots=True)
 class Surroundings:
-    """What the gait controller reads itself at the start of a tick."""
+    """Direct inputs of the gait controller at the start of a tick."""
 
-    loads: list[float]  # Of the feet over body weight.
-    bus_voltage: float = 0.0  # In [V].
-    # Heard of the device as a whole, for the guards of both legs; with operating modes only the pitch of the
-    # trunk is.
+    loads: list[float]  # Loads of the feet over body weight.
+    bus_voltage: float = 0.0  # Voltage of the bus in [V].
+    # Signals of the device as a whole, for the guards of both legs; with operating modes only the pitch of
+    # the trunk is used.
     common: Device = field(default_factory=Device)
-    request: int = NO_REQUEST  # Of the supervisor in this tick, counted from 1, 0 for none.
+    request: int = NO_REQUEST  # Request to the supervisor in this tick, counted from 1, 0 for none.
 
 
 @dataclass(slots=True)
 class Decision:
-    """What the gait controller has decided."""
+    """Decision of the gait controller."""
 
-    phases: list[int]  # Of the legs.
-    transitions: list[int]  # That the legs take in this tick, -1 for none; of no meaning after a trip.
-    trip_cause: int = NO_TRIP  # Of the monitor, 0 for none.
-    trip_part: int = 0  # Of a trip: a joint, or the number of joints plus a leg, or -1 for the supply.
+    phases: list[int]  # Phases of the legs.
+    transitions: list[int]  # Transitions of the legs in this tick, -1 for none; without meaning after a trip.
+    trip_cause: int = NO_TRIP  # Cause of the trip of the monitor, 0 for none.
+    # Part that tripped: a joint, or the number of joints plus a leg, or -1 for the supply.
+    trip_part: int = 0
     mode: int = 0  # Operating mode.
-    refused: int = NO_REQUEST  # Request of this tick that nothing has answered, 0 for none.
+    refused: int = NO_REQUEST  # Request of this tick that was rejected, 0 for none.
 
 
 @dataclass(slots=True)
 class GaitControllerInputs:
-    """What the gait controller reads and has heard at the start of a tick."""
+    """Inputs of the gait controller at the start of a tick."""
 
-    surroundings: Surroundings  # Read by itself.
-    measurements: list[Measurement]  # Last heard from each board.
-    heard: list[bool]  # Which of them came since the tick before.
+    surroundings: Surroundings  # Direct inputs of the gait controller.
+    measurements: list[Measurement]  # Last measurement received from each board.
+    heard: list[bool]  # Whether each was received since the tick before.
 
 
 @dataclass(slots=True)
 class GaitControllerOutputs:
-    """What the gait controller gives in a tick."""
+    """Outputs of the gait controller in a tick."""
 
-    decision: Decision  # Phases and trip.
-    demands: list[Demand]  # For each board.
+    decision: Decision  # Decision with phases and trip.
+    demands: list[Demand]  # Demand for each board.
 
 
 @dataclass(slots=True)
 class GaitController:
     """The unit of the gait controller."""
 
-    settings: Settings  # Of all units.
-    state: ControllerState  # All that it keeps.
-    tick: int = 0  # Present one.
+    settings: Settings  # Settings of all units.
+    state: ControllerState  # State of the gait controller.
+    tick: int = 0  # Present tick.
 
 
 def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None:
-    """Take loads, voltage and what is heard of the device as a whole."""
+    """Read loads, voltage and the signals of the device as a whole."""
     for number in range(len(controller.legs)):
         hear_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
@@ -159,7 +160,7 @@ def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None
 
 
 def tell(controller: ControllerState, decision: Decision) -> None:
-    """Say what was decided; ``decision`` is changed in place."""
+    """Write the decision; ``decision`` is changed in place."""
     for number in range(len(controller.legs)):
         decision.phases[number] = controller.legs[number].phase
         decision.transitions[number] = controller.legs[number].chosen
@@ -173,7 +174,7 @@ def tell(controller: ControllerState, decision: Decision) -> None:
 def gait_controller_step(
     unit: GaitController, inputs: GaitControllerInputs, outputs: GaitControllerOutputs
 ) -> None:
-    """Take what the boards have told, decide, and say what every board is to do."""
+    """Receive the measurements of the boards, decide, and compute the demand for every board."""
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
         measured = controller.joints[number].measurement
@@ -195,31 +196,31 @@ def gait_controller_step(
 class Exoskeleton:
     """Boards and gait controller in one unit."""
 
-    settings: Settings  # Of all.
-    boards: list[BoardState]  # Leg by leg: left hip, left knee, right hip, …
-    controller: ControllerState  # That demands of them.
-    tick: int = 0  # Present one.
+    settings: Settings  # Settings of boards and gait controller.
+    boards: list[BoardState]  # States of the boards, leg by leg: left hip, left knee, right hip, …
+    controller: ControllerState  # State of the gait controller.
+    tick: int = 0  # Present tick.
 
 
 @dataclass(slots=True)
 class ExoskeletonInputs:
-    """What all sensors read at the start of a tick."""
+    """Inputs of all sensors at the start of a tick."""
 
-    boards: list[JointBoardInputs]  # Of each joint.
-    surroundings: Surroundings  # Of the gait controller itself.
+    boards: list[JointBoardInputs]  # Inputs of the board of each joint.
+    surroundings: Surroundings  # Direct inputs of the gait controller.
 
 
 @dataclass(slots=True)
 class ExoskeletonOutputs:
-    """What is given in a tick."""
+    """Outputs of the unit in a tick."""
 
-    demands: list[Demand]  # That the board of each joint goes by.
-    commands: list[Command]  # What it makes of it, with the current set point of its drive.
-    decision: Decision  # Phases and trip.
+    demands: list[Demand]  # Demand for the board of each joint.
+    commands: list[Command]  # Command of each board, with the current setpoint of its drive.
+    decision: Decision  # Decision with phases and trip.
 
 
 def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: ExoskeletonOutputs) -> None:
-    """Measure everywhere, decide, and set every current, all in one tick."""
+    """Measure all joints, decide, and set all currents, in one tick."""
     controller, settings, tick = unit.controller, unit.settings, unit.tick
     for number in range(len(unit.boards)):
         measure(unit.boards[number], settings, inputs.boards[number], tick)
@@ -263,7 +264,7 @@ decide = scalar_driver(
     _NAMES,
     head="(controller, settings, tick)",
     module=__name__,
-    says="Watch, run both state machines, fade, and compute the torques that are fed forward.",
+    says="Check for trips, run both state machines, blend, and compute the feed-forward torques.",
 )
 drive = scalar_driver(
     "drive",

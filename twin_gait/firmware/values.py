@@ -6,7 +6,7 @@ from typing import Self
 
 from twin_gait.firmware.kinds import BOOL, INT, REAL, Kind, ListKind, Scalar
 
-# How strongly operators bind in C; what is stronger needs no brackets.
+# Precedence of operators in C; an operand with a higher precedence needs no brackets.
 PRIMARY, UNARY, PRODUCT, SUM, SHIFT, RELATION, EQUALITY, BIT_AND, BIT_XOR, BIT_OR, AND, OR, CHOICE = range(
     13, 0, -1
 )
@@ -18,19 +18,19 @@ class Value:
 
     kind: Kind
     text: str
-    binds: int = PRIMARY  # how strongly its last operator does
-    # Of a record or a list: whether the text is its address, the name that leads to it, and the fields (None
-    # for entries) on the way.
+    binds: int = PRIMARY  # precedence of its last operator
+    # Origin of a record or a list: whether the text is its address, the name from which it is reached, and
+    # the fields (None for entries) between.
     is_address: bool = False
     name: str = ""
     fields: tuple[tuple[type, str] | None, ...] = ()
 
     def inside(self, binds: int) -> str:
-        """As an operand, in brackets where they are needed."""
+        """Return the text as an operand, in brackets if they are needed."""
         return self.text if self.binds >= binds else f"({self.text})"
 
     def in_kind(self, wanted: Kind) -> Self:
-        """As a number of a kind that holds it; of a record or a list the address."""
+        """Convert a number to a kind that can represent it; for a record or a list, return its address."""
         if not isinstance(self.kind, Scalar):
             direct = self.is_address or isinstance(self.kind, ListKind)
             return replace(self, text=self.text if direct else f"&{self.text}", binds=UNARY)
@@ -40,7 +40,7 @@ class Value:
 
 
 def number(value: bool | int | float, kind: Scalar) -> str:
-    """A literal."""
+    """Return a literal."""
     if kind is BOOL:
         return "true" if value else "false"
     if kind is INT:

@@ -1,4 +1,4 @@
-"""The proof that what is printed is what walks in the simulation: on this machine, and on a Cortex-M4F."""
+"""Verification that the printed C equals the simulation: on this machine, and on a Cortex-M4F."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -38,21 +38,24 @@ from twin_gait.worlds.faults import Fault, FaultKind
 
 MOST_SHIFT = 1  # ticks between a switch in float and in double numbers
 MOST_CURRENT_ERROR = 1e-4  # [A], root mean square; the thesis compares at 0.0035 A
-FAULT_TIME, FAULT_RUN = 2.5, 4.0  # [s] of the fault, and of the run with it
+FAULT_TIME, FAULT_RUN = 2.5, 4.0  # [s]; time of the fault, and duration of the run with it
 
-# Ticks, leg by leg, with what happened: leg, phases before and after; of a trip its cause.
+# Ticks, leg by leg, with the event: leg, phases before and after; for a trip its cause.
 Events: TypeAlias = Sequence[tuple[int, tuple[Any, ...]]]
 
 
 def differing(first: np.ndarray, second: np.ndarray) -> int:
-    """Numbers of two arrays of records of one layout that are not the same bits; of NaN any is the same."""
+    """Count the numbers of two arrays of records of one layout that differ in their bits.
+
+    All NaN are equal.
+    """
     ours, theirs = (structured_to_unstructured(rows, float) for rows in (first, second))
     same = (ours.view(np.uint64) == theirs.view(np.uint64)) | (np.isnan(ours) & np.isnan(theirs))
     return int(same.size - same.sum())
 
 
 def events_of(outputs: np.ndarray) -> Events:
-    """Switches of the legs that a unit decided on, leg by leg in the order of time, and its trip."""
+    """Return the switches of the legs that a unit decided, leg by leg in the order of time, and its trip."""
     decision, found = outputs["decision"], list[tuple[int, tuple[Any, ...]]]()
     for leg, phases in enumerate(decision["phases"].T.tolist()):
         found += [(tick, (leg, *pair)) for tick, pair in enumerate(pairwise(phases), 1) if pair[0] != pair[1]]
@@ -62,7 +65,7 @@ def events_of(outputs: np.ndarray) -> Events:
 
 
 def largest_shift(first: Events, second: Events) -> float:
-    """Ticks between events that belong together; infinite if others come, or in another order."""
+    """Compute the largest number of ticks between corresponding events; infinite if the events differ."""
     if [event for _, event in first] != [event for _, event in second]:
         return math.inf
     return max((abs(ours - theirs) for (ours, _), (theirs, _) in zip(first, second, strict=True)), default=0)
@@ -70,19 +73,19 @@ def largest_shift(first: Events, second: Events) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The C of a project, and its outputs for vectors; nothing is built before it is asked for.
+    """The C of a project, and its outputs for vectors; everything is built on first use.
 
-    Whatever needs a compiler or an emulator raises
-    :class:`~twin_gait.exceptions.MissingToolError` without it.
+    All methods that need a compiler or an emulator raise :class:`~twin_gait.exceptions.MissingToolError`
+    without it.
     """
 
     project: Project
-    vectors: Sequence[linked.Vectors]  # of some runs
-    unit: Unit  # its C, beside which builds are written
+    vectors: Sequence[linked.Vectors]  # inputs and outputs of some runs
+    unit: Unit  # C of the project; builds are written to its folder
 
     @cached_property
     def every(self) -> Sequence[UnitVectors]:
-        """Inputs and expected outputs of all units: their part in the runs, then what excites them."""
+        """Inputs and expected outputs of all units: their part in the runs, then the excitations."""
         walks = (walks_of(self.project, sample, self.vectors) for sample in self.project.samples)
         pairs = zip(walks, excitations_of(self.project), strict=True)
         return [
@@ -116,7 +119,7 @@ class Bench:
 
     @cached_property
     def target(self) -> Emulator:
-        """The unit on a Cortex-M4F."""
+        """The linked unit on a Cortex-M4F."""
         return Emulator(build_image(self.unit, self.unit.folder / "image.elf"))
 
     def target_of(self, sample: UnitSample) -> Emulator:
@@ -124,7 +127,7 @@ class Bench:
         return Emulator(build_image(self.unit_of(sample), self.unit.folder / f"{sample.init}.elf"))
 
     def outputs(self, unit: UnitProcess, *, double: bool = False) -> list[np.ndarray]:
-        """What a build gives for all vectors."""
+        """Return the outputs of a build for all vectors."""
         (given, taken), found = self.project.dtypes(double=double), []
         for item in self.vectors:
             with unit:
@@ -133,13 +136,13 @@ class Bench:
 
     @cached_property
     def expected(self) -> list[np.ndarray]:
-        """Outputs of the simulation, as the C in double numbers has them."""
+        """Outputs of the simulation, in the layout of the C with double numbers."""
         _, taken = self.project.dtypes(double=True)
         return [require_fields(item.outputs, taken) for item in self.vectors]
 
     @cached_property
     def single(self) -> list[np.ndarray]:
-        """Outputs on this machine in float."""
+        """Outputs of the linked unit on this machine in float."""
         return self.outputs(self.host(double=False))
 
 
@@ -148,15 +151,16 @@ def verify(
 ) -> dict[str, Any]:
     """Print an experiment's controller, build it, and compare it with the simulation.
 
-    Its walk is run, and a shorter one with a fault of each kind. A controller that runs away is a fault of
-    the controller itself, which no C has. Nothing is compared if the experiment does not walk without faults.
+    Its walk is run, and a shorter one with a fault of each kind. A runaway controller is excluded, because it
+    is a fault of the controller itself, which the C does not have. Nothing is compared if the experiment does
+    not walk without faults.
 
-    ``experiment``: run without its bus. ``progress``: called now and then with ticks done and ticks in all of
-    each of the runs. ``on_compile``: called if an engine has to be compiled first. Returns what
-    ``verification.json`` keeps: the hash of the source, whether nothing is wrong, and of each check its name,
-    whether it has passed (None if a tool is missing) and what was found; if it does
-    not walk, no check and the reason as ``baseline_problem``. Raises FirmwareError: it uses something that
-    the firmware does not have, or a compiler refuses the C.
+    ``experiment``: run without its bus. ``progress``: called at intervals with finished ticks and total
+    number of ticks of each of the runs. ``on_compile``: called if an engine has to be compiled first. Returns
+    the content of ``verification.json``: the hash of the source, whether all checks have passed, and for each
+    check its name, whether it has passed (None if a tool is missing) and its findings; if the experiment does
+    not walk, no check and the reason as ``baseline_problem``. Raises FirmwareError: the experiment uses a
+    feature that the firmware does not have, or a compiler rejects the C.
     """
     project = print_project(experiment)
     problem = simulate(replace(experiment, faults=()), on_compile=on_compile).baseline_problem
@@ -183,7 +187,7 @@ def verify(
 
 
 def cases_of(experiment: Experiment) -> Iterator[Experiment]:
-    """The experiment itself, and with a fault of each kind that it can have."""
+    """Yield the experiment itself, and with a fault of each possible kind."""
     yield experiment
     length = min(FAULT_RUN, experiment.duration)
     impossible = {FaultKind.CONTROLLER_RUNAWAY}
@@ -209,7 +213,7 @@ def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Fou
 def _same_units(
     bench: Bench, first: Sequence[Sequence[np.ndarray]], second: Sequence[Sequence[np.ndarray]]
 ) -> Found:
-    """Compare outputs of all units, with the numbers of each that differ."""
+    """Compare outputs of all units; return the number of differing values of each."""
     found = [_same_bits(ours, theirs)[1] for ours, theirs in zip(first, second, strict=True)]
     names = [item.sample.init for item in bench.every]
     wrong = {name: item["differing"] for name, item in zip(names, found, strict=True)}
@@ -228,7 +232,7 @@ def host_in_double(bench: Bench) -> Found:
 
 
 def host_in_float(bench: Bench) -> Found:
-    """In float it decides in the same ticks, and asks for the same currents."""
+    """Check that the unit in float decides in the same ticks and commands the same currents."""
     shift, errors = 0.0, list[np.ndarray]()
     for ours, theirs in zip(bench.expected, bench.single, strict=True):
         shift = max(shift, largest_shift(events_of(ours), events_of(theirs)))
@@ -240,7 +244,7 @@ def host_in_float(bench: Bench) -> Found:
 
 
 def target_in_float(bench: Bench) -> Found:
-    """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
+    """Compare a Cortex-M4F with this machine, bit for bit, and count its instructions."""
     bench.outputs(bench.target)
     given = []
     for item in bench.every:
@@ -262,7 +266,7 @@ def target_in_float(bench: Bench) -> Found:
 
 
 def in_the_loop(bench: Bench) -> Found:
-    """With the emulated processor as the controller of the same plant the walk has the same outcome."""
+    """Compare outcome and strides of a walk with the emulated processor as its controller."""
     before = bench.vectors[0].run
     with bench.target as target:
         walk = walk_with(target, bench.project, before.experiment)
@@ -282,12 +286,12 @@ def in_the_loop(bench: Bench) -> Found:
 def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False) -> Run:
     """Run an experiment with a unit as its controller.
 
-    The log has the plant and the unit's commands; velocities are as the boards of the simulation estimate
-    them from the same encoders.
+    The log contains the plant and the unit's commands; velocities are the estimates of the simulated boards
+    from the same encoders.
 
-    ``unit``: at tick 0. ``project``: that it was built from. ``experiment``: run without its bus. ``double``:
-    whether the unit was built with double numbers, as no Cortex-M4F is. Raises FirmwareError: the unit does
-    not answer, or a fault is one of the controller itself.
+    ``unit``: unit at tick 0. ``project``: project from which it was built. ``experiment``: run without its
+    bus. ``double``: whether the unit was built with double numbers, which no Cortex-M4F build is. Raises
+    FirmwareError: the unit does not answer, or a fault is one of the controller itself.
     """
     engine = linked.engine_without_bus(experiment)
     plant = loop_of(engine, None, run_part)
@@ -307,7 +311,7 @@ def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, do
 
 
 def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
-    """Bring demands, commands, phases and trip of a unit's answer in a tick into the record of an engine."""
+    """Copy demands, commands, phases and trip of a unit's outputs in a tick to the record of an engine."""
     e, decision = engine.episode, answer["decision"]
     board, trip, recording = e["joints"]["board"], e["controller"]["trip"], e["recording"]
     for name in ("demand", "command"):

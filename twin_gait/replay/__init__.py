@@ -1,4 +1,4 @@
-"""Recorded walks through the gait state machine, offline: what would this table have done?"""
+"""Offline replay of recorded walks: the decisions of a gait table on measurements from a log."""
 
 import lazy_loader
 

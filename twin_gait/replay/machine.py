@@ -1,8 +1,8 @@
-"""The gait state machine over a recorded walk, of a log or of a run: what the controller would have decided.
+"""Replay of a recorded walk through the gait state machine: the decisions of the controller on it.
 
-The recorded angles pass through the velocity estimator of the firmware and the evaluator of the state
-machine, tick by tick in the order of the engines: measure, then advance both legs on one snapshot. A walk
-that lacks a signal which a guard reads is refused.
+The walk is a log of a device or of a run. The recorded angles pass through the velocity estimator of the
+firmware and the evaluator of the state machine, tick by tick in the order of the engines: measure, then
+advance both legs on one snapshot. A walk that lacks a signal which a guard reads is rejected.
 """
 
 from collections.abc import Mapping
@@ -31,13 +31,13 @@ from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import Side
 
 OTHER_PHASE = f"{signals.OTHER}phase"
-Signals = dict[str, np.ndarray]  # by name in SI, shape ``(n,)``
+Signals = dict[str, np.ndarray]  # signals by name in SI units, shape ``(n,)``
 DEFAULT_TABLE = "treadmill"
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A recorded walk with the phases that a table gives it."""
+    """A recorded walk with the phases that a table assigns to it."""
 
     table: GaitTable  # the gait table
     recording: Recording  # the walk
@@ -45,15 +45,15 @@ class Replay:
     velocities: Mapping[tuple[Side, str], np.ndarray]
     phases: Mapping[Side, np.ndarray]  # index of the phase of each leg at each tick, shape ``(n,)``, integers
     switches: tuple[PhaseSwitch, ...]  # every change of phase with its cause
-    # what guards read and nothing recorded, with what it stayed at in the unit of the table
+    # signals that guards read but the log lacks, with their constant value in the unit of the table
     assumed: Mapping[str, float]
 
 
 def replay(recording: Recording, table: GaitTable) -> Replay:
     """Run the state machines of the recorded legs over a walk.
 
-    A leg begins in its phase of the recording if the table has that, or else in the first one of the table.
-    Raises GaitTableError if the guards need a signal that was not recorded.
+    A leg begins in its recorded phase if the table has it, or else in the first phase of the table. Raises
+    GaitTableError if the guards need a signal that was not recorded.
     """
     total, sides, program = recording.n_ticks, recording.sides, compile_guards(table)
     own = {side: _own(recording, table, side) for side in sides}
@@ -90,7 +90,7 @@ def replay(recording: Recording, table: GaitTable) -> Replay:
 
 
 def _own(recording: Recording, table: GaitTable, side: Side) -> Signals:
-    """Recorded signals of a leg: angles as its boards have them, fast estimates of velocities, the load."""
+    """Compute the signals of a leg: angles as its boards measure them, fast velocity estimates, the load."""
     sensors, found = SensorParameters(), Signals()
     gain = first_order_gain(TICK, recording.fast_time_constant)
     for joint in (joint for joint in table.joints if (side, joint) in recording.angles):
@@ -105,7 +105,7 @@ def _own(recording: Recording, table: GaitTable, side: Side) -> Signals:
 
 
 def _known(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
-    """What the guards of a leg can read; 0 of what is counted tick by tick."""
+    """Return the signals that the guards of a leg can read; 0 for those that are counted tick by tick."""
     counted = [signals.TIME] if len(own) == 1 else [signals.TIME, signals.OTHER_TIME, OTHER_PHASE]
     others = {
         signals.OTHER + name: item for other in own if other is not side for name, item in own[other].items()
@@ -115,13 +115,19 @@ def _known(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Sig
 
 
 def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
-    """Signals in the order of the table, shape ``(ticks, n_signals)``; unknown ones as at first, or 0."""
+    """Arrange signals in the order of the table, shape ``(ticks, n_signals)``.
+
+    Unknown signals have their initial value, or 0 if there is none.
+    """
     unknown = {name: np.full(ticks, np.nan_to_num(signals.signal_of(name).first)) for name in table.signals}
     return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
 def _assumed(recording: Recording, table: GaitTable, known: Mapping[Side, Signals]) -> dict[str, float]:
-    """What was told and is in no log, and what it is taken for; refuses a walk that lacks anything else."""
+    """Return the commands that no log contains, with their assumed values.
+
+    Raises GaitTableError if the walk lacks any other signal that a guard reads.
+    """
     assumed = {}
     for item, side in product(table.transitions, known):
         for atom in atoms(item.guard):
@@ -148,12 +154,12 @@ def replay_log(
 ) -> Replay:
     """Replay a walk.
 
-    ``log``: run directory, log file, or a walk from the literature such as ``koopman@1.5``; ``table``:
-    packaged table or file, by default that of a run, or ``treadmill``; ``log_format``: columns, units and
-    signs of the log; ``speed`` of the belt in [m] / [s] that the table is scaled to, by default that of a
-    run, or else the table is taken as it is written; ``mass`` of wearer and device in [kg], for guards on the
-    load of the foot, by default that of a run. Raises TwinGaitError if log, table or options have a mistake,
-    or do not fit each other.
+    ``log``: run directory, log file, or a walk from the literature such as ``koopman@1.5``. ``table``:
+    packaged table or file; the default is the table of the run, or ``treadmill``. ``log_format``: columns,
+    units and signs of the log. ``speed``: speed of the belt in [m] / [s] to which the table is scaled; the
+    default is the speed of the run, and without one the table is not scaled. ``mass``: mass of wearer and
+    device in [kg], for guards on the load of the foot; the default is that of the run. Raises TwinGaitError
+    if log, table or options have a mistake, or do not fit each other.
     """
     for name, value in (("speed", speed), ("mass", mass)):
         if value is not None:
@@ -175,7 +181,7 @@ def replay_log(
 
 
 def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None]:
-    """The recording, and the experiment if it is of a run."""
+    """Read the recording, and its experiment if it belongs to a run."""
     path = Path(log).expanduser()
     if is_normative(log):
         if log_format != LogFormat():
@@ -191,13 +197,13 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
 
 
 def _of_run(recording: Recording, experiment: Experiment, table: GaitTable) -> Recording:
-    """A recording with what is known of a run: where its legs began, and what they were told."""
+    """Add the data of a run to its recording: initial phases of the legs, and commands they received."""
     world, modes, walking = experiment.build_world(), experiment.modes, experiment.scenario.walking
-    # What a run does not log of the device stayed as at first: nothing in it moved the signal.
+    # A signal of the device that a run does not log kept its initial value: nothing in the run changed it.
     device = {item.name: np.full(recording.n_ticks, item.first) for item in signals.DEVICE_SIGNALS}
     device, postures = device | {**recording.device}, dict[int, str]()
     if modes is not None:
-        replace(experiment, table=table)  # refuses a table that does not offer their postures
+        replace(experiment, table=table)  # rejects a table that lacks their postures
         log = pd.read_parquet(Path(recording.source).expanduser() / LOG_FILE, columns=["mode"])
         codes, told = log["mode"].to_numpy(int)[: recording.n_ticks], list(modes.phases.values())
         first = modes.phase_index(experiment.initial_mode or modes.phase_names[0])

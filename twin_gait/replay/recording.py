@@ -1,4 +1,4 @@
-"""Read a recorded walk: from the columns of a log file, or from the literature."""
+"""Readers of recorded walks: from the columns of a log file, or from the literature."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ from twin_gait.runs.log_files import LogTable, number_of, read_table
 from twin_gait.vocabulary import JointName, Side
 
 TIME = "time"
-STRIDES = 8  # of a walk that is one stride, repeated
+STRIDES = 8  # number of strides of a walk that repeats one stride
 _ANGLES = {f"{side}_{joint}_angle": (side, joint) for side, joint in product(Side, JointName)}
 _LOADS = {side: f"{side}_foot_normal_force" for side in Side}
 _PHASES = {side: f"{side}_phase" for side in Side}
@@ -35,8 +35,8 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
     **{name: {} for name in _PHASES.values()},
     **{name: ANGLES if signal.column.endswith("_rad") else {} for name, signal in _OF_DEVICE.items()},
 }
-# Usual names of the column of a quantity, without the unit. The best is first: the controller reads the
-# measured angle.
+# Usual names of the column of a quantity, without the unit. The preferred one is first: the controller reads
+# the measured angle.
 _USUAL: Mapping[str, tuple[str, ...]] = {
     TIME: ("time", "t", "timestamp"),
     **{name: (f"{name[:-5]}measured_angle", name) for name in _ANGLES},
@@ -47,18 +47,18 @@ _USUAL: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class LogFormat:
-    """How to read a log."""
+    """Description of the columns, units and signs of a log."""
 
-    # names and signs of the angles; None takes this package's own, and is refused for files of OpenSim,
-    # whose models differ
+    # names and signs of the angles; None means those of this package, and is rejected for files of OpenSim,
+    # because its models differ
     convention: Convention | None = None
-    # column of a quantity, where it has a name of its own: ``{"left_hip_angle": "hip_l"}``; a minus before
-    # the name turns the sign
+    # column of a quantity that has a name of its own, such as ``{"left_hip_angle": "hip_l"}``; a minus before
+    # the name reverses the sign
     columns: Mapping[str, str] = field(default_factory=dict)
     units: str | None = None  # ``rad`` or ``deg``, for columns whose names do not state it
-    time_unit: str | None = None  # unit of the time, if its column does not state it; seconds without one
+    time_unit: str | None = None  # unit of the time, if its column does not state it; None means seconds
     max_gap: float = LONGEST_GAP  # longest gap that is interpolated in [s]
-    # duration of the stride in [s], if the log is one stride whose time is a share of it; it is repeated
+    # duration of the stride in [s], if the log is one stride with its time as a share; the stride is repeated
     cycle_time: float | None = None
 
     def __post_init__(self) -> None:
@@ -76,13 +76,15 @@ class LogFormat:
 def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording:
     """Read a recorded walk.
 
-    ``path``: a .parquet or .csv file with columns such as ``left_hip_angle_rad``, or any with the names
-    given; or a .mot or .sto file of OpenSim; ``log_format``: how to read it. Returns the walk at the ticks of
-    the controller, in the signs of this package. Raises ParameterFileError if the file has a mistake; the
-    message names file, column and the way out. Of a run whose legs were held, the part before it is read.
+    ``path``: a .parquet or .csv file with columns such as ``left_hip_angle_rad``, or with any columns whose
+    names are given; or a .mot or .sto file of OpenSim. ``log_format``: columns, units and signs of the file.
+    If the file is the log of a run whose legs were held by a trip, the part before the trip is read.
+
+    Returns the walk at the ticks of the controller, in the signs of this package. Raises ParameterFileError
+    if the file has a mistake; the message names file, column and remedy.
     """
     table, log_format = read_table(path), log_format or LogFormat()
-    if "safety_state" in table:  # from a trip on no guard moves the legs
+    if "safety_state" in table:  # after a trip no guard switches the legs
         held = np.flatnonzero(table.numbers("safety_state") == SafetyState.HOLD.code)
         table = replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
     if log_format.convention is None and table.opensim:
@@ -162,7 +164,7 @@ def _time_of(table: LogTable, found: _Columns, log_format: LogFormat) -> tuple[n
 
 
 def _without_repeated_rows(table: LogTable, time: np.ndarray, column: str) -> tuple[LogTable, np.ndarray]:
-    """Leave out each row that equals the row before, with a notice."""
+    """Remove each row that equals the row before, with a notice."""
     same = np.flatnonzero(np.diff(time) == 0.0) + 1
     if not len(same):
         return table, time
@@ -181,7 +183,10 @@ def _without_repeated_rows(table: LogTable, time: np.ndarray, column: str) -> tu
 def _factor(
     table: LogTable, quantity: str, column: str, log_format: LogFormat, convention: Convention
 ) -> float:
-    """Return the factor of a column to SI: by its name, else by ``units``, the file or the convention."""
+    """Return the factor from a column to SI units.
+
+    The unit is stated by the name of the column, else by ``units``, the file or the convention.
+    """
     units = _UNITS[quantity]
     stated = find_unit(split_heading(column, units)[1], units)
     if units is ANGLES:
@@ -208,16 +213,17 @@ KOOPMAN, WINTER = "koopman", "winter"
 
 
 def is_normative(name: str) -> bool:
-    """Return whether a name is that of a walk from the literature."""
+    """Return whether a name refers to a walk from the literature."""
     return name == WINTER or name.startswith(f"{KOOPMAN}@")
 
 
 def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
-    """A walk of curves from the literature; the left leg begins at heel contact, the right one mid-stride.
+    """Create a walk from curves of the literature.
 
-    ``name``: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
-    ``winter`` for the means of Winter (1991) at natural cadence; ``strides``: how many. Raises ParameterError
-    if there is no such walk, or the regression does not reach the speed.
+    The left leg begins at heel contact, the right one half a stride later. ``name``: ``koopman@1.5`` for the
+    regression of Koopman et al. (2014) at a walking speed in km/h, or ``winter`` for the means of Winter
+    (1991) at natural cadence. ``strides``: number of strides. Raises ParameterError if there is no such walk,
+    or the speed is outside the range of the regression.
     """
     curve: Callable[[JointName, np.ndarray], np.ndarray] = reference.normative_angle
     joints: tuple[JointName, ...] = reference.WINTER_JOINTS

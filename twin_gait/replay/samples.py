@@ -1,4 +1,4 @@
-"""A recorded walk, one value a tick, and how samples of any rate become one."""
+"""A recorded walk with one value per tick, and its resampling from samples of any rate."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,15 +13,15 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters import SensorParameters
 from twin_gait.vocabulary import JointName, Side
 
-# A log whose instants are those of the ticks to this precision is taken as it is.
+# A log whose instants equal the ticks to this precision is used without resampling.
 SAME_INSTANT = 1e-6  # [s]
 LONGEST_GAP = 0.1  # [s]; a longer gap hides switches: a phase of swing lasts 0.2 s or more
-LARGEST_ANGLE = 180.0  # [deg]; beyond it degrees were taken for radians
+LARGEST_ANGLE = 180.0  # [deg]; a larger angle means that degrees were read as radians
 # Genu recurvatum is a hyperextension of 5° and more, rarely beyond 15°. Up to 30° it is a warning.
 HYPEREXTENDED, FURTHEST_BACKWARDS = 15.0, 30.0  # [deg]
-LEAST_HIP_RANGE = 5.0  # [deg]; the reference at 0.5 km/h moves the hip by 26°
-_CLOSED = 10.0  # [deg] between the ends of one stride; strides of a walk differ by less
-_MISSING_ROWS, _SHORT_STEP = 1.5, 0.02  # usual steps and [s]; a step that is longer than both is a gap
+LEAST_HIP_RANGE = 5.0  # [deg]; the range of the hip in the reference at 0.5 km/h is 26°
+_CLOSED = 10.0  # [deg] between the ends of one stride; the ends of strides in a walk differ by less
+_MISSING_ROWS, _SHORT_STEP = 1.5, 0.02  # in median steps and in [s]; a step that is longer than both is a gap
 
 
 class Gap(NamedTuple):
@@ -34,22 +34,22 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A walk, one value a tick."""
+    """A walk with one value per tick."""
 
-    source: str  # where it comes from, for messages and titles
+    source: str  # origin of the walk, for messages and titles
     start: float  # time of the first tick in [s]
-    # of each joint of each leg in [rad], flexion and dorsiflexion positive, shape ``(n,)``
+    # angle of each joint of each leg in [rad], flexion and dorsiflexion positive, shape ``(n,)``
     angles: Mapping[tuple[Side, str], np.ndarray]
-    loads: Mapping[Side, np.ndarray]  # normal force of the foot in [N], where it was recorded, shape ``(n,)``
-    phases: Mapping[Side, np.ndarray]  # recorded phase by name, where there is one, shape ``(n,)``
-    # signals of the device by name in SI, where they were recorded, shape ``(n,)``
+    loads: Mapping[Side, np.ndarray]  # normal force of the foot in [N], if it was recorded, shape ``(n,)``
+    phases: Mapping[Side, np.ndarray]  # name of the recorded phase, if there is one, shape ``(n,)``
+    # signals of the device by name in SI units, if they were recorded, shape ``(n,)``
     device: Mapping[str, np.ndarray] = field(default_factory=dict)
-    body_weight: float | None = None  # of wearer and device in [N], for guards on the load of the foot
-    # phase in which a leg begins, where it is not the recorded one of tick 0
+    body_weight: float | None = None  # weight of wearer and device in [N], for guards on foot load
+    # phase in which a leg begins, if it differs from the recorded one of tick 0
     starts: Mapping[Side, str] = field(default_factory=dict)
     # phases into which operating modes sent both legs, by tick
     postures: Mapping[int, str] = field(default_factory=dict)
-    fast_time_constant: float = SensorParameters.fast_time_constant  # of the velocity estimate in [s]
+    fast_time_constant: float = SensorParameters.fast_time_constant  # of the velocity filter in [s]
     gaps: tuple[Gap, ...] = ()  # gaps that were interpolated
     warnings: tuple[str, ...] = ()  # doubtful properties of the log, one line each
 
@@ -70,15 +70,19 @@ class Recording:
 
 
 def at_ticks(samples: Recording, time: np.ndarray, *, max_gap: float = LONGEST_GAP) -> Recording:
-    """Bring samples of any rate to ticks of 1 ms.
+    """Resample samples of any rate to ticks of 1 ms.
 
-    Samples that lie on the ticks are kept bit for bit. Others are interpolated by PCHIP, a cubic that neither
-    overshoots nor leaves corners, so that the velocity estimate sees no steps; a phase holds until the next
-    sample. Gaps are filled in the same way; rows before all signals have begun, or after one has ended, are
-    left out. ``samples``: a walk, one value an instant in place of a tick, NaN where there is none; ``time``
-    of the instants in [s], finite, shape ``(n,)``; ``max_gap``: longest gap in [s]. Raises ParameterFileError
-    if there are too few samples, times that do not ascend, samples that are more than ``LONGEST_GAP`` apart,
-    a longer gap, a length beyond an hour, or if an angle cannot be one in that unit and sign.
+    Samples that coincide with the ticks are kept bit for bit. Others are interpolated by PCHIP, a cubic
+    without overshoot or corners, so that the velocity estimate has no steps; a phase holds until the next
+    sample. Gaps are filled in the same way. Rows before all signals have begun, or after one has ended, are
+    left out.
+
+    ``samples``: a walk with one value per instant instead of per tick, NaN for missing values. ``time``:
+    instants in [s], finite, shape ``(n,)``. ``max_gap``: longest gap in [s].
+
+    Raises ParameterFileError if there are too few samples, times that do not ascend, samples that are more
+    than ``LONGEST_GAP`` apart, a longer gap, a duration above one hour, or an angle that is implausible in
+    its unit and sign.
     """
     for problem in _mistakes_in_time(time, max_gap):
         raise ParameterFileError(samples.source, "time", problem)
@@ -113,7 +117,7 @@ def repeat_stride(
     """Repeat a walk of one stride; its last sample is the first one of the next stride.
 
     ``time``: any measure that grows evenly from the first to the last sample, such as per cent, shape
-    ``(n,)``; ``cycle_time``: duration of the stride in [s]. Returns the walk, and the time of its samples in
+    ``(n,)``. ``cycle_time``: duration of the stride in [s]. Returns the walk, and the time of its samples in
     [s].
     """
     if len(time) < 3 or np.diff(time).min() <= 0.0:
@@ -160,14 +164,14 @@ def _mistakes_in_time(time: np.ndarray, max_gap: float) -> Iterator[str]:
 
 
 def _numbers(samples: Recording) -> dict[str, np.ndarray]:
-    """Return the signals of a walk that are numbers, by the names that messages use."""
+    """Return the numeric signals of a walk, by the names that messages use."""
     angles = {f"{side} {joint}": values for (side, joint), values in samples.angles.items()}
     loads = {f"{side} foot_normal_force": values for side, values in samples.loads.items()}
     return {**angles, **loads, **samples.device}
 
 
 def _mapped(samples: Recording, change: Mapping[str, np.ndarray], phases: slice | np.ndarray) -> Recording:
-    """Return a walk with other numbers, by the names of :func:`_numbers`, and some rows of its phases."""
+    """Return a walk with changed numbers, by the names of :func:`_numbers`, and a selection of its phases."""
     return replace(
         samples,
         angles={(side, joint): change[f"{side} {joint}"] for side, joint in samples.angles},
@@ -178,7 +182,7 @@ def _mapped(samples: Recording, change: Mapping[str, np.ndarray], phases: slice 
 
 
 def _trimmed(samples: Recording, time: np.ndarray) -> tuple[Recording, np.ndarray]:
-    """Leave out the rows before all signals have begun and after one has ended."""
+    """Remove the rows before all signals have begun and after one has ended."""
     columns = _numbers(samples)
     known = {name: np.flatnonzero(np.isfinite(values)) for name, values in columns.items()}
     for name, rows in known.items():
@@ -211,7 +215,7 @@ def _without_gaps(samples: Recording, time: np.ndarray, max_gap: float) -> Recor
         filled[name] = values
         if len(known) == len(values):
             continue
-        last = np.flatnonzero(np.diff(known) > 1)  # sample before each gap, among the known ones
+        last = np.flatnonzero(np.diff(known) > 1)  # sample before each gap, as an index of the known samples
         starts, ends = time[known[last]].tolist(), time[known[last + 1]].tolist()
         found = [Gap(name, start, end - start) for start, end in zip(starts, ends, strict=True)]
         longest = max(found, key=lambda gap: gap.length)

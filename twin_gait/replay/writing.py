@@ -28,32 +28,34 @@ from twin_gait.vocabulary import JointName
 PHASES_FILE = "phases.csv"
 REPLAY = FolderKind("a replay", PHASES_FILE)
 SHOWN_TICKS = 6000
-# A sprinter's stride lasts 0.4 s; the slowest steps of a wearer of an exoskeleton last some seconds each.
+# The stride of a sprinter lasts 0.4 s; the slowest steps of an exoskeleton's wearer last some seconds each.
 STRIDE_TIMES = (0.4, 10.0)  # [s]
-OPEN_SHARE = 0.5  # of the hip's range in a stride: its ends are less apart in a stride of walking
+# Distance of the hip between the ends of a stride over its range in the stride; walking has a smaller one.
+OPEN_SHARE = 0.5
 WIDTH, JOINT_HEIGHT, ROW_HEIGHT = 12.0, 2.2, 0.33  # [inches]
 
 
-Stride = tuple[int, int, tuple[int, ...]]  # first tick, that of the next stride, and its phases in order
+Stride = tuple[int, int, tuple[int, ...]]  # first tick, first tick of the next stride, phases in order
 
 
 def stride_phases(phases: np.ndarray) -> list[Stride]:
-    """Strides of a leg, from an entry into the first phase of the table to the next.
+    """Find the strides of a leg, each from an entry into the first phase of the table to the next entry.
 
     ``phases``: index of the phase at each tick, shape ``(n,)``.
     """
     spells, entries = phase_spells(phases), phase_entries(phases, 0)
     return [
         (int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
-        for start, end in pairwise(entries[entries > 0])  # a stay that the record begins with is no entry
+        for start, end in pairwise(entries[entries > 0])  # tick 0 is no entry
     ]
 
 
 def phase_onsets(phases: np.ndarray) -> dict[int, np.ndarray]:
-    """Return the instants at which phases begin in the strides of a leg, in per cent of the stride.
+    """Compute the instants at which phases begin in the strides of a leg, in per cent of the stride.
 
     ``phases``: index of the phase at each tick, shape ``(n,)``. Returns, for each phase that occurs in a
-    stride, one value for each stride that has it; of a phase that occurs twice in a stride the first entry.
+    stride, one value for each stride that has it; if a phase occurs twice in a stride, its first entry
+    counts.
     """
     strides, onsets = stride_phases(phases), dict[int, np.ndarray]()
     starts, ends = np.array([item[:2] for item in strides], dtype=int).reshape(-1, 2).T
@@ -66,7 +68,7 @@ def phase_onsets(phases: np.ndarray) -> dict[int, np.ndarray]:
 
 
 def doubtful_strides(hip: np.ndarray, strides: Sequence[Stride]) -> list[str]:
-    """Return doubts about strides that are none: in duration, or by the motion of the hip; one line each.
+    """Find strides of implausible duration or motion of the hip; return one line for each reason.
 
     ``hip``: angle of the hip in [rad], shape ``(n,)``.
     """
@@ -88,7 +90,7 @@ def doubtful_strides(hip: np.ndarray, strides: Sequence[Stride]) -> list[str]:
 
 
 def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
-    """Orders of phases that a stride may have."""
+    """Return the orders of phases that a stride may have."""
     if not table.cycles:
         return {tuple(range(len(table.phases)))}
     cycles = [tuple(map(table.phase_index, cycle)) for cycle in table.cycles]
@@ -96,18 +98,18 @@ def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
 
 
 def summarise_replay(result: Replay) -> dict[str, Any]:
-    """Results of a replay as plain numbers.
+    """Summarise the results of a replay as plain numbers.
 
-    Returned by leg: strides and how many pass through a whole cycle of the table, the onset of each phase in
-    the stride, switches by cause, and the share of the ticks whose phase is the recorded one, where there is
-    one. For the log: the gaps that were interpolated, and warnings.
+    For each leg: the number of strides, and how many pass through a whole cycle of the table; the onset of
+    each phase in the stride; switches by cause; and the share of the ticks whose phase equals the recorded
+    one, if phases were recorded. For the log: the gaps that were interpolated, and warnings.
     """
     names, recorded = np.array(result.table.phase_names), result.recording.phases
     cycles, sides, warnings = meant_cycles(result.table), {}, list(result.recording.warnings)
     for side in result.recording.sides:
         phases, own = result.phases[side], (item for item in result.switches if item.side is side)
         strides = stride_phases(phases)
-        # Into postures first, then in the order of the table.
+        # Switches into postures come first, then all others in the order of the table.
         counts = Counter((item.transition, item.source, item.target, item.cause) for item in own)
         if (side, JointName.HIP) in result.recording.angles:
             doubts = doubtful_strides(result.recording.angles[side, JointName.HIP], strides)
@@ -144,10 +146,10 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
 
 
 def write_replay(result: Replay, target: Path, *, force: bool = False, pictures: bool = True) -> None:
-    """Write phases, switches, summary and figure into a folder that appears when all is written.
+    """Write phases, switches, summary and figure into a folder that appears when it is complete.
 
-    ``force``: whether the folder of an earlier replay may be replaced; ``pictures``: whether to draw the
-    figure. Raises RunDirectoryError if it exists, or cannot be written.
+    ``force``: whether the folder of an earlier replay may be replaced. ``pictures``: whether to draw the
+    figure. Raises RunDirectoryError if the folder exists, or cannot be written.
     """
     names, recording = np.array(result.table.phase_names), result.recording
     phases = {f"{side}_phase": names[phases] for side, phases in result.phases.items()}
@@ -171,7 +173,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
 
 
 def joints_of(result: Replay) -> list[str]:
-    """Joints of the table that were recorded."""
+    """Return the joints of the table that were recorded."""
     angles, sides = result.recording.angles, result.recording.sides
     return [joint for joint in result.table.joints if all((side, joint) in angles for side in sides)]
 

@@ -1,6 +1,6 @@
-"""Many runs: batches, sweeps, tuning, comparison, faults, and the job runner under all of them.
+"""Studies of many runs: batches, sweeps, tuning, comparison, faults, and the job runner that they share.
 
-What is offered here is imported when it is first asked for.
+Public names are imported when they are first used.
 """
 
 import lazy_loader

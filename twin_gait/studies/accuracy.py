@@ -1,4 +1,4 @@
-"""How far a run is from the same run at a tenth of its integration step."""
+"""Integration error of a run: its difference to the same run at a tenth of its step."""
 
 from dataclasses import replace
 from typing import Any, Unpack
@@ -14,11 +14,14 @@ REFINEMENT = 10
 
 
 def step_error(run: Run, **watch: Unpack[Watch]) -> dict[str, Any]:
-    """Steps of both runs, largest difference of any driven joint's angle, and from when on phases differ.
+    """Compare a run with the same run at a tenth of its integration step.
 
-    A gait switches phase by whole ticks, so a tiny difference now and then moves a switch by one tick,
-    and from there the two walks differ by what a leg moves in that time. The difference before it is the
-    integrator's own, and the one that is told.
+    A gait switches phase at whole ticks, so a tiny difference occasionally shifts a switch by one tick, and
+    after that the two walks differ by the motion of a leg in this time. The reported error is the difference
+    before the first such shift, which is due to the integrator alone.
+
+    Returns the steps of both runs, the largest difference of any driven joint's angle, and the time from
+    which the phases differ, or None.
     """
     integration = run.experiment.stepping
     fine = Integration(method=integration.method, step=integration.step / REFINEMENT)

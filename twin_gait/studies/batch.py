@@ -1,8 +1,8 @@
 """Many episodes of one experiment, each with a few values of its own, as one table.
 
-Memory does not grow with the length of a batch but for the rows of its table (6 to 11 kB each, measured over
-2500 episodes on the bench and 350 on the treadmill). A log lives until its row is made, and holds only the
-columns that the row is made of.
+Memory grows with the length of a batch by the rows of its table only (6–11 kB each, measured over 2500
+episodes on the bench and 350 on the treadmill). A log exists until its row is computed, and contains only the
+columns that the row needs.
 """
 
 import json
@@ -47,20 +47,21 @@ def run_episodes(
     named: Callable[[int], str] = "episode {}".format,
     **watch: Unpack[Watch],
 ) -> list[Result]:
-    """Simulate the experiment of each item and measure the run; a log lives no longer than that.
+    """Simulate the experiment of each item and measure the run; its log is then discarded.
 
     Results, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`. An episode that cannot
-    be run is a ParameterError.
+    be simulated is a ParameterError.
 
     Args:
-        experiment_of: Makes the experiment; like ``measure`` and the items it goes to the workers.
-        measure: What is kept of a run.
-        items: What the experiments are made of.
-        columns: What ``measure`` reads of a log, as
-            :func:`~twin_gait.simulation.simulator.simulate_together` takes it; everything by default.
-        block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
-        keep: Takes the results as they come, see :func:`twin_gait.studies.jobs.run_blocks`.
-        named: What an error calls an episode, by its number.
+        experiment_of: Function that creates the experiment of an item; it is sent to the workers, as are
+            ``measure`` and the items.
+        measure: Function that returns the result of a run.
+        items: Arguments of ``experiment_of``.
+        columns: Columns of a log that ``measure`` reads, as in
+            :func:`~twin_gait.simulation.simulator.simulate_together`; all by default.
+        block: Number of episodes in a block, for which the caller has compiled; by default chosen for speed.
+        keep: Receives the results of each block, see :func:`twin_gait.studies.jobs.run_blocks`.
+        named: Function that returns the name of an episode in errors, from its number.
     """
     if block is None:
         block = _block_ahead(experiment_of, items, watch.get("on_compile"))
@@ -84,15 +85,15 @@ def _measured(
 def _block_ahead(
     experiment_of: Callable[[Item], Experiment], items: Sequence[Item], on_compile: Callable[[], None] | None
 ) -> int:
-    """Compile before the workers need it, and tell how many episodes to hand over at a time."""
+    """Compile before the workers need the code, and return the number of episodes in a block."""
     if items:
-        with suppress(TwinGaitError):  # a mistake is told when its turn comes
+        with suppress(TwinGaitError):  # a mistake is reported when its episode is run
             return compile_ahead(experiment_of(items[0]), len(items), on_compile)
     return 1
 
 
 def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
-    """How the legs of an experiment walk, and who wears them; without both it is a ParameterError."""
+    """Return the walking scenario of an experiment and its wearer; raise ParameterError if one is missing."""
     walking, patient = experiment.scenario.walking, experiment.patient
     if walking is None or patient is None:
         raise ParameterError(
@@ -102,15 +103,15 @@ def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
     return walking, patient
 
 
-# Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
+# New values by key of an experiment document, joined by dots, such as ``patient.mass_kg``.
 Override = Mapping[str, Any]
 Flat = dict[str, float | str | bool | None]
-WHOLE = ("patient", "table")  # keys whose values may be names of what is exchanged as a whole
-# What names stand for, by key and name_of: mappings of an experiment document; paths under FILES.
+WHOLE = ("patient", "table")  # keys whose values may be names of entities that are replaced as a whole
+# Meaning of names, by key and name_of: mappings of an experiment document; paths under FILES.
 FILES = "files"
 Named = Mapping[str, Mapping[str, Any]]
 
-# Ends of the names of the columns of a log that :func:`flat_summary` reads, beside time and phases.
+# Endings of the log columns that :func:`flat_summary` reads, in addition to time and phases.
 READ_IN_BRIEF = (
     "_angle_rad", "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
     "_foot_normal_force_N", "_foot_clearance_m", "battery_power_W", "kinetic_energy_J", "potential_energy_J",
@@ -123,7 +124,7 @@ _TYPES = dict(_RUN)
 for _side in Side:
     _TYPES |= {f"{_side}_{name}": kind for name, kind in _SIDE.items()}
     _TYPES |= {f"{_side}_{joint}_{name}": kind for joint in JointName for name, kind in _JOINT.items()}
-# Every column that a summary can have, in order; a table has those of the legs that its episodes have.
+# All columns that a summary can have, in order; a table contains those of the legs of its episodes.
 SUMMARY_COLUMNS = tuple(_TYPES)
 
 
@@ -136,15 +137,14 @@ def simulate_batch(
 ) -> pd.DataFrame:
     """Simulate one experiment once for each set of changes.
 
-    Returns a table with a row for each episode in their order, of the first ones only if it was stopped: the
-    columns of :func:`table_of`.
-
     All changes are checked before anything runs. The result does not depend on the number of workers or on
     the order in which they finish. With several workers a script must guard its own code, see
-    :func:`twin_gait.studies.run_jobs`, which also says what ``watch`` is.
+    :func:`twin_gait.studies.run_jobs`, which also describes ``watch``.
 
-    Raises WorkersLost if a worker process dies. Raises ParameterFileError if a change is wrong, naming
-    episode and key. Raises ParameterError if an episode cannot be run, or the workers make no sense.
+    Returns a table with a row for each episode in their order, of the first ones only if the work was
+    stopped; its columns are those of :func:`table_of`. Raises WorkersLost if a worker process dies. Raises
+    ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an episode
+    cannot be simulated, or the number of workers is invalid.
     """
     base = with_document(experiment)
     for index, override in enumerate(overrides):
@@ -157,19 +157,19 @@ def simulate_batch(
 
 
 def name_of(value: Any) -> str:
-    """A value as a text; one that is none, such as a person with changes, as JSON."""
+    """Return a value as text; a value that is no text, such as a person with changes, as JSON."""
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
 def with_document(experiment: Experiment) -> LoadedExperiment:
-    """An experiment with its document, which takes longer to write than to change."""
+    """Return an experiment with its document, which takes longer to write than to change."""
     return LoadedExperiment(experiment, experiment_document(experiment))
 
 
 class NamedFile(NamedTuple):
-    """A file that an override names."""
+    """File that an override names."""
 
-    section: str  # of the experiment document
+    section: str  # section of the experiment document
     given: str  # path or name
 
 
@@ -184,7 +184,11 @@ def named_file(key: str, value: Any) -> NamedFile | None:
 def changed(
     base: LoadedExperiment, override: Override, source: str = "override", known: Named = MappingProxyType({})
 ) -> Experiment:
-    """As :func:`overridden`, for many changes of one experiment; ``known``: what names stand for."""
+    """Return the experiment with some values changed, for many changes of one experiment.
+
+    The arguments are those of :func:`overridden`, in addition ``source``, the name of the override in errors,
+    and ``known``, the meaning of names.
+    """
     document = base.document
     converting(source, "", lambda: refuse_two_units(override))
     for key, value in sorted(override.items(), key=lambda item: item[0] not in WHOLE):
@@ -192,7 +196,7 @@ def changed(
         if key in WHOLE:
             named = known.get(key, {}).get(name_of(plain)) or named_document(key, plain, Path(source))
             if named is not None:
-                document, plain = {**document, key: None}, named  # nothing of the former is left underneath
+                document, plain = {**document, key: None}, named  # nothing of the former value remains
         if (file := named_file(key, plain)) is not None:
             path = known.get(FILES, {}).get(file.given, file.given)
             plain = path if isinstance(plain, str) else {**plain, FILE_KEYS[file.section]: path}
@@ -201,23 +205,23 @@ def changed(
 
 
 def overridden(experiment: Experiment, override: Override) -> Experiment:
-    """The experiment with some values changed, as ``--set`` changes them.
+    """Return the experiment with some values changed, as ``--set`` changes them.
 
     ``override``: values by keys of its document, joined by dots, list positions in brackets; a quantity may
-    be given in any unit that its file may. A mapping is laid over what is there. ``patient`` and ``table``
-    may be exchanged by name or path; other keys are laid over the new ones.
+    be given in any unit that its file accepts. A mapping is merged into the existing one. ``patient`` and
+    ``table`` may be replaced by name or path; other keys are then applied to the new ones.
     """
     return changed(with_document(experiment), override)
 
 
 def flat_summary(run: Run) -> Flat:
-    """Sum a run up in one row: numbers of the run, of every leg, and of every joint of it.
+    """Summarise a run in one row: numbers of the run, of each leg, and of each joint.
 
-    The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, with
-    side and joint in front: ``left_stride_time_mean_s``, ``left_knee_saturated_share``, ``left_load_peak``.
-    Parts of the error are called as ``left_hip_error_total_deg``, those of ``power`` as ``power_belt_W``, and
-    the trip has ``trip_cause``, ``trip_place`` and ``trip_time_s``. None where one is not defined. Nothing in
-    it depends on the machine's speed. Of a log it needs ``READ_IN_BRIEF``.
+    The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, prefixed by side
+    and joint: ``left_stride_time_mean_s``, ``left_knee_saturated_share``, ``left_load_peak``. Parts of the
+    error are named like ``left_hip_error_total_deg``, those of ``power`` like ``power_belt_W``, and the trip
+    has ``trip_cause``, ``trip_place`` and ``trip_time_s``. A value is None if it is not defined. No value
+    depends on the speed of the machine. The log must contain the columns ``READ_IN_BRIEF``.
     """
     trip, walk = run.trip, run.walk_measures()
     power = run.walk_power(legs=walk) or {}
@@ -246,7 +250,7 @@ def flat_summary(run: Run) -> Flat:
 
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
-    """A document with one value changed; what is wrong with the key is told with its name."""
+    """Return a document with one value changed; an error in the key names it."""
     name, separator, _ = str(key).partition("=")
     path = converting(source, str(key), lambda: parse_path(name, f"{key}="))
     if separator:
@@ -256,10 +260,11 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
 
 
 def settings_of(overrides: Sequence[Override]) -> pd.DataFrame:
-    """What each episode changes, in columns whose types do not depend on how many of them have been run.
+    """Return the changes of each episode as a table.
 
-    A column is called as its key is, with ``set.`` in front where the summary has such a column, as of
-    ``duration_s``. What has no type of its own is written as JSON; a key that only others change is empty.
+    The types of its columns do not depend on the number of finished episodes. A column has the name of its
+    key, prefixed by ``set.`` if the summary has a column of this name, such as ``duration_s``. Values without
+    a type of their own are written as JSON; a key that an episode does not change is empty.
     """
     keys = dict.fromkeys(key for override in overrides for key in override)
     settings = pd.DataFrame(overrides, columns=list(keys), index=range(len(overrides)), dtype=object)
@@ -270,16 +275,16 @@ def settings_of(overrides: Sequence[Override]) -> pd.DataFrame:
 
 
 def table_of(overrides: Sequence[Override], rows: pd.DataFrame) -> pd.DataFrame:
-    """``episode``, its settings and its summary, for the episodes of a table of summaries, by its index."""
+    """Return ``episode``, settings and summary of the episodes in a table of summaries, by its index."""
     settings = settings_of(overrides).loc[rows.index]
     results = rows[[name for name in SUMMARY_COLUMNS if name in rows]]
     return pd.concat([settings, results], axis=1).rename_axis("episode").reset_index()
 
 
 def summary_table(rows: Sequence[Flat]) -> pd.DataFrame:
-    """Flat summaries as a table whose order and types of columns do not depend on the values.
+    """Convert flat summaries to a table whose order and types of columns do not depend on the values.
 
-    A column that an episode does not have, such as one of a missing leg, is empty there.
+    A column that an episode lacks, such as one of a missing leg, is empty in its row.
     """
     found = {name for row in rows for name in row}
     types = {name: kind for name, kind in _TYPES.items() if name in found}

@@ -1,4 +1,4 @@
-"""The testing campaign of the thesis (section 2.2.3) on the simulated joint bench, and the one it lacked."""
+"""Test campaigns on the simulated joint bench: that of the thesis (section 2.2.3), and a motor-driven one."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -25,27 +25,29 @@ TRANSPARENCY_GAINS = (1.0, 1.10, 1.15)  # K, thesis 2.2.3
 FREQUENCY = 3.0  # f in [Hz], thesis 2.2.3
 AMPLITUDE_RANGE = (140.0, 195.0)  # A in counts from the heaviest to the lightest weight, thesis 2.2.3
 AMPLITUDE_STEP = 5.0  # [counts]; "by 5 or 10", thesis appendix B
-REST_AT_STOP = 0.3  # [s] that a log goes on after the stop was hit
-LONGEST_DROP = 20.0  # [s]; a joint that sticks is switched off then
-# The path of the motor-driven tests starts level at 90°, so that logs of both protocols are read alike, goes
-# up by at most 92° and comes back; its period is the shortest that leaves 2.5 rad/s within the joint's range.
+REST_AT_STOP = 0.3  # [s]; duration of the log after the joint reached the stop
+LONGEST_DROP = 20.0  # [s]; the test of a joint that sticks ends after this time
+# The path of the motor-driven tests starts horizontally at 90°, so that logs of both protocols are read in
+# the same way, rises by at most 92° and returns; its period is the shortest that keeps 2.5 rad/s within the
+# range of the joint.
 TWO_WAY_SPEEDS = (0.15, 2.5)  # peaks of the first and the last test in [rad] / [s]
 TWO_WAY_PERIOD = 2.0  # [s]
 TWO_WAY_STIFFNESS = 600.0  # [N m] / [rad]; an assumption, 13 rad/s on the bare armature
 TWO_WAY_DAMPING_RATIO = 0.7  # on the bare armature
 SETTINGS_FILE = "campaign.json"
 CAMPAIGN = FolderKind("a campaign", SETTINGS_FILE)
-# Standard deviations between tests though nothing was changed, all assumptions: of the friction, relative,
-# and of the offset of the current measurement in [A].
+# Standard deviations between tests with the same settings (assumptions): of the friction, as a fraction, and
+# of the offset of the current measurement in [A].
 SPREAD = {"friction": 0.02, "current_offset": 0.005}
 _DIGITS = "%.9g"
 
 
 class Protocol(StrEnum):
-    """How the joint is moved."""
+    """Way in which the joint is moved."""
 
-    DROP = "drop"  # the thesis's: the weight falls from 90° to the stop under duty-based transparency
-    TWO_WAY = "two-way"  # the motor leads the joint there and back, to ±2.5 rad/s
+    # protocol of the thesis: the weight falls from 90° to the stop under duty-based transparency
+    DROP = "drop"
+    TWO_WAY = "two-way"  # the motor moves the joint back and forth, at up to ±2.5 rad/s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +56,10 @@ class Campaign(quantities.Parameters):
 
     Attributes:
         joint: Knee or hip.
-        protocol: How the joint is moved.
-        seed: Of everything that chance decides.
-        bench: The bench without weight and controller; None for that of the joint.
-        cycles: Number of times there and back in a motor-driven test.
+        protocol: Way in which the joint is moved.
+        seed: Seed of everything that is random.
+        bench: Bench without weight and controller; None for the bench of the joint.
+        cycles: Number of back-and-forth cycles in a motor-driven test.
     """
 
     joint: JointName
@@ -71,7 +73,10 @@ class Campaign(quantities.Parameters):
         quantities.require(self.joint in BENCH_FRICTION, "joint", "knee or hip", str(self.joint))
 
     def plain_bench(self) -> BenchJoint:
-        """The bench to start from, with a friction ripple of 0.3 N m (assumed: some teeth have more)."""
+        """Return the bench to start from, with a friction ripple of 0.3 N·m.
+
+        The ripple is an assumption: some teeth of the gear have more friction.
+        """
         if self.bench is not None:
             return self.bench
         friction = worlds.BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3)
@@ -82,17 +87,20 @@ class Campaign(quantities.Parameters):
 class PlannedTest:
     """One test of a campaign."""
 
-    name: str  # of its file
-    mass: float  # on the link in [kg]
-    number: int  # 1 to 9
-    settings: Mapping[str, float]  # what was set, as it goes into the header
-    test: BenchJoint  # the test
-    variation: BenchVariation  # what chance adds
-    noise_seed: int  # of its noise
+    name: str  # name of the file
+    mass: float  # mass on the link in [kg]
+    number: int  # number of the test with this weight, 1 to 9
+    settings: Mapping[str, float]  # settings for the header of the log
+    test: BenchJoint  # bench of the test
+    variation: BenchVariation  # random deviations
+    noise_seed: int  # seed of the sensor noise
 
 
 def planned_tests(campaign: Campaign) -> list[PlannedTest]:
-    """The tests of a campaign, weight by weight, five of nine tests; each has its own seed."""
+    """Return the tests of a campaign, weight by weight, nine for each of five weights.
+
+    Each test has its own seed.
+    """
     plans, bench = [], campaign.plain_bench()
     seeds = np.random.SeedSequence(campaign.seed).spawn(len(WEIGHTS) * TESTS_PER_WEIGHT)
     for place, seed in enumerate(seeds):
@@ -116,14 +124,18 @@ def planned_tests(campaign: Campaign) -> list[PlannedTest]:
 
 
 def drop_amplitude(mass: float, step: int) -> float:
-    """A of the protocol for a weight: 140 to 150 counts for 3 kg, 185 to 195 for 1 kg, in between a line."""
+    """Compute the amplitude A of the protocol for a weight, in counts.
+
+    It is 140 to 150 counts for 3 kg and 185 to 195 counts for 1 kg, linear in between. ``mass``: in [kg].
+    ``step``: 0, 1 or 2, in units of ``AMPLITUDE_STEP``.
+    """
     lowest, highest = AMPLITUDE_RANGE
     lightness = (WEIGHTS[0] - mass) / (WEIGHTS[0] - WEIGHTS[-1])
     return lowest + lightness * (highest - lowest - 2.0 * AMPLITUDE_STEP) + step * AMPLITUDE_STEP
 
 
 def _drop(joint: JointName, mass: float, number: int) -> tuple[dict[str, float], dict[str, Any]]:
-    """Settings of a test, and what they change of the bench."""
+    """Return the settings of a drop test, and the changes of the bench."""
     gain, amplitude = TRANSPARENCY_GAINS[(number - 1) // 3], drop_amplitude(mass, (number - 1) % 3)
     control = DutyControl(
         amplitude=amplitude,
@@ -136,7 +148,10 @@ def _drop(joint: JointName, mass: float, number: int) -> tuple[dict[str, float],
 
 
 def _two_way(campaign: Campaign, number: int) -> tuple[dict[str, float], dict[str, Any]]:
-    """As :func:`_drop`; all weights are led alike."""
+    """Return the settings of a motor-driven test, and the changes of the bench.
+
+    They do not depend on the weight.
+    """
     lowest, highest = TWO_WAY_SPEEDS
     speed = lowest + (number - 1) / (TESTS_PER_WEIGHT - 1) * (highest - lowest)
     amplitude, frequency = -speed * TWO_WAY_PERIOD / math.pi, 1.0 / TWO_WAY_PERIOD
@@ -155,7 +170,7 @@ def _two_way(campaign: Campaign, number: int) -> tuple[dict[str, float], dict[st
 def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) -> dict[str, Any]:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
-    Returns the content of ``campaign.json``: ``status``, and ``tests`` with a line on each. Raises
+    Returns the content of ``campaign.json``: ``status``, and ``tests`` with an entry for each. Raises
     RunDirectoryError if the folder exists or cannot be written.
     """
     plans = planned_tests(campaign)
@@ -175,7 +190,7 @@ def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) ->
 def _perform(
     campaign: Campaign, folder: Path, on_compile: Callable[[], None] | None, plan: PlannedTest
 ) -> dict[str, Any]:
-    """Simulate a test and write its log; its line of ``campaign.json``."""
+    """Simulate a test and write its log; return its entry for ``campaign.json``."""
     run = simulate_bench(plan.test, seed=plan.noise_seed, variation=plan.variation, on_compile=on_compile)
     header = {
         "joint": str(campaign.joint), "protocol": str(campaign.protocol), "mass_kg": f"{plan.mass:g}",
@@ -196,9 +211,9 @@ def _perform(
 
 
 def log_text(run: BenchRun, header: Mapping[str, object]) -> str:
-    """A log as text: comments, column names with units, one row per millisecond.
+    """Return a log as text: comments, column names with units, one row per millisecond.
 
-    The header's lines ``# name: value`` stand under the one that says that the data are synthetic.
+    The lines ``# name: value`` of the header follow the line that states that the data are synthetic.
     """
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]

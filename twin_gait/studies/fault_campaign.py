@@ -1,4 +1,4 @@
-"""Fault campaigns: many seeded faults on one experiment, one row and one outcome each."""
+"""Fault campaigns: many seeded faults on one experiment, with one row and one outcome for each."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,12 +20,12 @@ from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind
 
-FIRST_TIME = 1.0  # [s]: the gait is under way
-# As the table of outcomes lists them: best first.
+FIRST_TIME = 1.0  # [s]; the gait has started by then
+# Outcomes in the order of the table, best first.
 OUTCOMES = (Outcome.WALKED, Outcome.HELD, Outcome.STALLED, Outcome.HUNG, Outcome.FELL, Outcome.DIVERGED)
 REST = 2.0  # [s] after the last fault, to see the outcome
 
-# Smallest and largest magnitude that is drawn, in SI units; from hardly noticeable to gross.
+# Smallest and largest magnitude that is drawn, in SI units, from hardly noticeable to gross.
 MAGNITUDES = {
     FaultKind.ENCODER_JUMP: (0.5 * DEGREE, 30.0 * DEGREE),
     FaultKind.ENCODER_OFFSET: (0.5 * DEGREE, 20.0 * DEGREE),
@@ -36,23 +36,24 @@ MAGNITUDES = {
 }
 
 
-# Columns that hold what a sensor reads: they may be empty under a fault, all others never.
+# Endings of columns with measured values, which may be empty under a fault; all others must not be.
 _MEASURED = ("_measured_angle_rad", "_velocity_fast_rad_per_s", "_velocity_slow_rad_per_s", "_phase")
 _ROUNDING = 1e-9
 
 
 def violations(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of a table of :func:`fault_row` in which something that must hold did not."""
+    """Return the rows of a table of :func:`fault_row` in which a required property is violated."""
     kept = table["within_limits"] & (table["null_values"] == 0) & table["hold_kept"]
     return table[~(kept & (table["outcome"] != Outcome.DIVERGED))]
 
 
 def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
-    """Draw faults over kind, joint, time and magnitude, where the run is long enough for a fault and its end.
+    """Draw faults over kind, joint, time and magnitude.
 
-    Kinds take turns, so that each is drawn equally often; side, joint and time are uniform, magnitudes
+    Kinds alternate, so that each is drawn equally often; side, joint and time are uniform, magnitudes are
     log-uniform between the bounds of ``MAGNITUDES`` with either sign. A fault depends on the seed and its
-    position only: a longer campaign begins with the faults of a shorter one.
+    position only: a longer campaign begins with the faults of a shorter one. Raises ParameterError if the run
+    is too short for a fault and its consequences, or ``count`` or ``seed`` is too small.
     """
     require(count >= 1, "count", "1 or more faults", count)
     require(seed >= 0, "seed", "0 or more", seed)
@@ -80,12 +81,12 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
 
 
 def fault_row(run: Run) -> dict[str, Any]:
-    """Sum up a run with one fault.
+    """Summarise a run with one fault.
 
-    The fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time of the
-    trip (empty without one) and the time from fault to trip, if it is one that came before; largest motor
-    torque and current and whether both are inside their limits in every tick; empty values among commands and
-    plant; whether the hold, once there, lasts to the end.
+    Returns the fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time
+    of the trip (empty without one), and the time from fault to trip, unless the trip came first; largest
+    motor torque and current, and whether both are inside their limits in every tick; the number of empty
+    values among commands and plant; and whether the hold, once entered, lasts to the end.
     """
     (fault,) = run.experiment.faults
     trip, limits = run.trip, run.experiment.control.limits
@@ -124,11 +125,11 @@ def simulate_faults(
     workers: int | Workers = 1,
     **watch: Unpack[Watch],
 ) -> pd.DataFrame:
-    """Simulate an experiment once for each fault, in place of faults of its own; a row for each.
+    """Simulate an experiment once for each fault, which replaces faults of its own; return a row for each.
 
-    ``row``: what is told of each run. Other arguments and errors are those of
-    :func:`twin_gait.studies.run_episodes`; a run that cannot be made is a ParameterError. Returns the rows of
-    the first faults only if it was stopped.
+    ``row``: function that summarises a run. Other arguments and errors are those of
+    :func:`twin_gait.studies.run_episodes`; a run that cannot be simulated is a ParameterError. If the work
+    was stopped, only the rows of the first faults are returned.
     """
     experiment_of = partial(_with_fault, experiment)
     rows = run_episodes(
@@ -142,11 +143,11 @@ def _with_fault(experiment: Experiment, fault: Fault) -> Experiment:
 
 
 def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Outcomes and times of detection by kind of fault, and for all: texts and counts.
+    """Count outcomes and times of detection by kind of fault, and for all kinds: texts and counts.
 
-    Detection is the time from the fault to the trip: a frozen encoder on a joint that stands still is no
-    danger yet, and is noticed when the joint moves. A run in which no walk was asked for and that nothing
-    ended is *completed*.
+    Detection is the time from the fault to the trip: a frozen encoder on a joint at rest is not yet
+    dangerous, and is detected when the joint moves. A run without a request to walk that nothing ended is
+    *completed*.
     """
     every = pd.concat([table, table.assign(kind="all")])
     outcomes = list(dict.fromkeys([*map(str, OUTCOMES), *sorted(table["outcome"])]))

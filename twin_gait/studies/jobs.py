@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 import twin_gait
-from twin_gait.exceptions import JobFailed as JobFailed  # which a caller of this catches
+from twin_gait.exceptions import JobFailed as JobFailed  # for callers, which catch it
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.studies.workers import Item, Result, Workers, WorkersLost
 
-# Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
-# script that makes the meshes, in urdf; a checkout keeps it outside of the package.
+# Modules whose changes do not affect results; all others are part of the version of a worker. An installed
+# copy has a script in urdf that makes the meshes; a checkout keeps this script outside of the package.
 SHOWN_ONLY = frozenset({"_version.py", "cli", "live", "viewer", "checking", "testing", "export", "urdf"})
 
-# A cluster's worker may have several threads, and silencing the URDF parser redirects the process's
-# standard error, which two of them would do to each other.
-# A job may run jobs of its own in its process.
+# Lock of a worker process. A worker of a cluster may have several threads, and silencing the URDF parser
+# redirects the standard error of the process, so that two threads would interfere. The lock is reentrant,
+# because a job may run jobs of its own in its process.
 _ONE_AT_A_TIME = threading.RLock()
 
 Progress = Callable[[int, int], None]
@@ -32,12 +32,13 @@ BlockFunction = Callable[[Sequence[Item]], Iterable[tuple[int, Result]]]
 
 
 class Watch(TypedDict, total=False):
-    """Who looks on while many items are worked on.
+    """Callbacks that follow the work on many items.
 
     Attributes:
-        progress: Called with items done and in all.
-        should_stop: Asked before each item; True lets those that run finish and ends the work.
-        on_compile: Called if an engine has to be compiled first; of episodes only.
+        progress: Called with the number of finished items and the total.
+        should_stop: Called before each item; if it returns True, running items are finished and the work
+            ends.
+        on_compile: Called if an engine has to be compiled first; only for episodes.
     """
 
     progress: Progress | None
@@ -54,23 +55,24 @@ def run_jobs(
 ) -> list[Result]:
     """Call a function with each of many items, on several processes or a cluster.
 
-    The results do not depend on the workers. With several, the function must belong to a module that they can
-    import (``functools.partial`` of one will do), items and results must be picklable, and a script must
-    guard its own code by ``if __name__ == "__main__":``, because every worker imports it. What a lost worker
-    of a cluster had under way is done again by others. Ctrl-C ends the workers and raises
-    ``KeyboardInterrupt``; to keep what is done use ``should_stop``.
+    The results do not depend on the workers. With several workers, the function must belong to a module that
+    they can import (``functools.partial`` of such a function is accepted), items and results must be
+    picklable, and a script must guard its own code by ``if __name__ == "__main__":``, because every worker
+    imports it. Items of a lost cluster worker are repeated by others. Ctrl-C ends the workers and raises
+    ``KeyboardInterrupt``; to keep finished results, use ``should_stop``.
 
     Args:
         function: The function.
         items: Its arguments.
-        workers: Processes, or :class:`Workers` that stay from one call to the next, maybe those of a cluster.
+        workers: Number of processes, or :class:`Workers` that last for several calls, such as those of a
+            cluster.
         **watch: ``progress`` and ``should_stop``, see :class:`Watch`.
 
     Returns:
-        Results in the order of the items; of the first items only if it was stopped.
+        Results in the order of the items; of the first items only if the work was stopped.
 
     Raises:
-        JobFailed: If a call raised an error of this package, telling which.
+        JobFailed: If a call raised an error of this package; it names the item.
         ParameterError: If the workers are below 1.
         WorkersLost: If a process dies, or the cluster is lost.
     """
@@ -88,13 +90,14 @@ def run_blocks(
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> list[Result]:
-    """:func:`run_jobs` with a function of up to ``block`` items at once.
+    """Call a function with blocks of up to ``block`` items, otherwise like :func:`run_jobs`.
 
-    It gives position among them and result of each, in any order, and raises :class:`JobFailed` with the
-    position of an item that failed. ``keep`` takes the results of a block as they come, by index of the item,
-    also those before a failure; then none are returned.
+    The function yields the position in the block and the result of each item, in any order, and raises
+    :class:`JobFailed` with the position of an item that failed. ``keep`` receives the results of a block as
+    soon as they are complete, by index of the item, including those before a failure; with ``keep``, no
+    results are returned.
     """
-    del on_compile  # a matter of the function; named here, so that a slip in the name of another is an error
+    del on_compile  # used by the function only; declared here so that a misspelt keyword is an error
     total, done = len(items), 0
     results: dict[int, Result] = {}
     with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
@@ -112,7 +115,7 @@ def run_blocks(
 
 
 def _one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
-    """A function of one item as :func:`run_blocks` takes it."""
+    """Call a function of one item for each item of a block, as :func:`run_blocks` requires."""
     for place, item in enumerate(items):
         try:
             yield place, function(item)
@@ -121,7 +124,7 @@ def _one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> It
 
 
 def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[dict[int, Any]]:
-    """Items by their index, taken when there is room for them: a sequence may make them one by one."""
+    """Yield chunks of items by their index, on demand: a sequence may create its items one by one."""
     for first in range(0, len(items), size):
         if should_stop is not None and should_stop():
             return
@@ -131,9 +134,9 @@ def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterat
 def _do(
     function: BlockFunction[Any, Result], sources: str, chunk: dict[int, Any]
 ) -> tuple[dict[int, Result], tuple[int, str] | None]:
-    """Do the items of a chunk, up to the first that fails, in whatever process.
+    """Process the items of a chunk, up to the first that fails, in any process.
 
-    Gives the results by index of the item, and index and message of the one that failed.
+    Returns the results by index of the item, and index and message of the item that failed, or None.
     """
     if sources != sources_hash():
         raise WorkersLost("a worker has another version of twin_gait; install the same everywhere")
@@ -150,10 +153,10 @@ def _do(
 
 @lru_cache(maxsize=1)
 def sources_hash() -> str:
-    """SHA-256 over the sources that a result depends on, as they were when first asked for.
+    """Compute the SHA-256 of the sources that affect results, as they were at the first call.
 
-    Results of one table must come from one version of the laws, and a version number does not change while
-    somebody edits them. What only shows results does not count.
+    All results of one table must come from one version of the laws, and a version number does not change
+    while a developer edits them. Modules that only display results are excluded.
     """
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()

@@ -1,7 +1,8 @@
-"""Jobs on processes of this machine or on a Dask cluster: results as they come.
+"""Jobs on processes of this machine or on a Dask cluster, with results as they are completed.
 
-A Dask scheduler and its workers run whatever anybody sends them who can reach their ports: keep them on the
-loopback or on a private network. From this package they get experiments, and give back numbers and texts.
+A Dask scheduler and its workers execute any code from anybody who can reach their ports: keep them on the
+loopback interface or on a private network. This package sends them experiments and receives numbers and
+texts.
 """
 
 from __future__ import annotations
@@ -30,35 +31,35 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 CONNECTION_TIMEOUT = 10.0  # [s]
 WORKER_TIMEOUT = 60.0  # [s]
-AHEAD = 2  # items under way for each that runs, so that no worker waits for this process
+AHEAD = 2  # submitted items for each running one, so that no worker waits for this process
 
 
 class WorkersLost(TwinGaitError):
-    """A worker process died, or the cluster is gone."""
+    """Error: a worker process died, or the cluster is lost."""
 
 
 class Workers:
     """Processes of this machine, or the workers of a Dask cluster, for several calls of :func:`run_jobs`.
 
-    A context manager; processes start with the first job and end with the context. Workers do not outlive a
-    parent that is killed. One process is the calling one.
+    A context manager; processes start with the first job and end with the context. Workers end with a parent
+    that is killed. One process means the calling process.
 
-    Spawned, not forked: forked children would share the BLAS and OpenMP threads of this process. And not
-    threads, although the compiled loop releases the interpreter's lock: a quarter of an episode (laying the
-    problem out, summing the run up) holds it, and silencing the URDF parser redirects standard error, which
-    two threads do to each other. Starting up takes 2 s, once.
+    Processes are spawned, not forked, because forked children would share the BLAS and OpenMP threads of this
+    process. Threads are not used, although the compiled loop releases the interpreter's lock: a quarter of an
+    episode (building the simulation setup, summarising the run) holds it, and silencing the URDF parser
+    redirects standard error, so that two threads would interfere. Starting the processes takes 2 s, once.
 
-    ``workers``: processes of this machine. ``cluster``: address of a Dask scheduler such as
+    ``workers``: number of processes of this machine. ``cluster``: address of a Dask scheduler such as
     ``tcp://127.0.0.1:8786``, in place of processes. Raises ParameterError if the workers are below 1, or on
-    entry if there is no scheduler at the address. Raises MissingOptionalDependency: on entry, if
-    dask.distributed is not installed. Raises WorkersLost: on entry, if the cluster has no workers.
+    entry if there is no scheduler at the address. Raises MissingOptionalDependency on entry, if
+    dask.distributed is not installed. Raises WorkersLost on entry, if the cluster has no workers.
     """
 
     def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
-        """Choose who works; nothing is started."""
+        """Store the kind of workers; nothing is started."""
         require(workers >= 1, "workers", "1 or more", workers)
         self._workers, self._cluster = workers, cluster
-        self._client: Any = None  # of the cluster, once it is connected
+        self._client: Any = None  # client of the cluster, after the connection
         self._pool: Executor | None = None
 
     def __enter__(self) -> Workers:
@@ -71,17 +72,17 @@ class Workers:
         if self._client is None:
             self._end_processes()
             return
-        with contextlib.suppress(Exception):  # the scheduler may be gone
+        with contextlib.suppress(Exception):  # the scheduler may have ended
             self._client.close(timeout=CONNECTION_TIMEOUT)
 
     def slots(self) -> int:
-        """How many jobs run at a time; workers of a cluster may come and go."""
+        """Return the number of jobs that run at a time; on a cluster it may change."""
         return self._workers if self._client is None else max(1, sum(self._client.nthreads().values()))
 
     def as_they_come(
         self, function: Callable[[Item], Result], items: Iterable[Item]
     ) -> Generator[Result, None, None]:
-        """Results in the order in which they come; items are taken one by one when there is room."""
+        """Yield results in the order of completion; items are taken one by one when a slot is free."""
         if self._client is None and self._workers == 1:
             yield from map(function, items)
             return
@@ -96,7 +97,7 @@ class Workers:
         except BrokenProcessPool:
             self._end_processes()
             raise WorkersLost(_DIED) from None
-        except Exception as error:  # whatever it is that a cluster fails with; what a worker loses it repeats
+        except Exception as error:  # any failure of the cluster; it repeats the items of lost workers itself
             if self._client is None or isinstance(error, TwinGaitError):
                 raise
             reason = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
@@ -105,12 +106,12 @@ class Workers:
             ) from error
         finally:
             for future in under_way:
-                future.cancel()  # nobody waits for it if the caller has left
+                future.cancel()  # no longer needed if the caller has ended early
 
     def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
         self._pool = self._pool or _new_pool(self._workers)
-        # A process inherits what is blocked while it is started: Ctrl-C reaches every process of a terminal,
-        # and one that is still importing would answer with a traceback.
+        # A new process inherits the mask of blocked signals. Ctrl-C reaches every process of a terminal,
+        # and a process that is still importing would print a traceback.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             return self._pool.submit(function, item)
@@ -124,39 +125,39 @@ class Workers:
 
 
 def _new_pool(workers: int) -> ProcessPoolExecutor:
-    if getattr(current_process(), "_inheriting", False):  # as multiprocessing itself asks before its trace
-        os._exit(1)  # a worker that runs the script of its parent: the parent says so, once
+    if getattr(current_process(), "_inheriting", False):  # as multiprocessing checks it
+        os._exit(1)  # a worker that runs the script of its parent; the parent reports it, once
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
 
 
 def _finished(under_way: set[Future[Result]]) -> Iterator[Result]:
-    """Results that are there, as soon as there is one."""
+    """Yield the completed results, as soon as there is one."""
     for future in wait(under_way, return_when=FIRST_COMPLETED).done:
         under_way.remove(future)
         yield future.result()
 
 
 def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, which alone knows what to do about it, and do not outlive it."""
+    """Ignore Ctrl-C in a worker, because the parent handles it, and end the worker with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 
 def _leave_with_parent() -> None:
-    """A parent that is killed cannot tell its workers, which would wait for ever."""
+    """Wait for the end of the parent, then exit; a killed parent cannot end its workers itself."""
     parent = parent_process()
-    assert parent is not None  # only workers come here
+    assert parent is not None  # only workers call this
     wait_for_sentinels([parent.sentinel])
     os._exit(1)
 
 
 def _connected(address: str) -> Any:
-    """Connect to the workers of a scheduler; returns Dask's client."""
+    """Connect to the workers of a scheduler; return Dask's client."""
     try:
         import distributed
     except ImportError as error:
         raise MissingOptionalDependency("dask.distributed", "cluster", "--scheduler") from error
-    # What goes wrong is told in one line; the library's own loggers would add a screen full.
+    # An error is reported in one line; the loggers of the library would add many more.
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:

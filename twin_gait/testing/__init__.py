@@ -1,4 +1,4 @@
-"""A test kit for anyone's gait table.
+"""Test kit for gait tables.
 
     >>> from twin_gait.testing import transition_tests
     >>> from twin_gait.configuration.gait_table_file import load_gait_table
@@ -6,8 +6,8 @@
     >>> for test in tests:
     ...     test.run()
 
-The pytest plugin (:mod:`twin_gait.testing.plugin`) lives here too and is loaded by every pytest, so
-names are imported when they are first used.
+This package also contains the pytest plugin (:mod:`twin_gait.testing.plugin`), which every pytest loads;
+names are therefore imported when they are first used.
 """
 
 import lazy_loader

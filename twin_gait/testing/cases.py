@@ -1,7 +1,7 @@
-"""The tests of a gait table: every transition at every threshold, in time, and in priority; an approved text.
+"""Tests of a gait table: every transition at every threshold, in time, and in priority; an approved text.
 
-The tests follow the table, so they cannot notice that the table itself was edited; the text, kept in git and
-approved by a person, can.
+The tests are derived from the table, so they cannot detect that the table itself was changed. The approved
+text can: it is kept in git and approved by a person.
 """
 
 import difflib
@@ -24,7 +24,7 @@ from twin_gait.testing.scenarios import scenarios
 
 
 class Machine(Protocol):
-    """What the kit asks of a machine: :class:`~twin_gait.gait.GaitStateMachine` is one.
+    """Interface that the kit needs of a machine; :class:`~twin_gait.gait.GaitStateMachine` implements it.
 
     Attributes:
         phase: Present phase.
@@ -35,16 +35,16 @@ class Machine(Protocol):
     def step(self, tick: int, signals: Mapping[str, float], member: str | None = None) -> PhaseSwitch | None:
         """Advance by one tick; raise MeasurementError if a measurement is missing or not finite.
 
-        ``signals``: by name in the unit of that, but for the time in the phase; none of a leg that is not
-        there. ``member``: phase of the other leg, or of modes the request, or None.
+        ``signals``: values by name in the unit of the name, without the time in the phase; no signals of
+        another leg if there is none. ``member``: phase of the other leg, or for modes the request, or None.
         """
 
 
-MachineFactory = Callable[[str], Machine]  # from the phase that the leg has entered at tick 0
+MachineFactory = Callable[[str], Machine]  # argument: phase that the leg enters at tick 0
 
 
 def machine_of(table: StateTable) -> MachineFactory:
-    """The package's own machine for a table; the guards are compiled once."""
+    """Return a factory of the package's own machine for a table; the guards are compiled once."""
     program = compile_guards(table)
     return lambda phase: GaitStateMachine(table, initial_phase=phase, program=program)
 
@@ -53,21 +53,24 @@ def machine_of(table: StateTable) -> MachineFactory:
 class TransitionTest:
     """One test of a machine against one entry of a gait table."""
 
-    # transition and what is shown, for example ``late_stance→swing_flexion (trailing_limb)::holds just below
-    # hip.angle_deg < -2.8``
+    # transition and tested property, for example
+    # ``late_stance→swing_flexion (trailing_limb)::holds just below hip.angle_deg < -2.8``
     name: str
-    table: StateTable  # what is expected is worked out from it alone
+    table: StateTable  # the expectation is derived from the table alone
     machine: MachineFactory  # builds the machine under test
-    scenario: Scenario  # measurements, and what the leg has to do
+    scenario: Scenario  # measurements, and expected transitions of the leg
 
     @property
     def undecided(self) -> str | None:
-        """Why there is nothing to drive, or None for a test that runs."""
+        """Reason why there is nothing to test, or None for a test that runs."""
         why = "implied by other conditions, shadowed by another exit, or too many choices to try"
         return None if self.scenario.steps else f"no measurements make this decide: {why}"
 
     def run(self) -> None:
-        """Drive the machine, unless :attr:`undecided`; AssertionError if it does not as the table says."""
+        """Run the scenario on the machine, unless :attr:`undecided`.
+
+        Raises AssertionError if the machine deviates from the table.
+        """
         if self.scenario.refuses:
             _refuse(self.table, self.scenario, self.machine)
         else:
@@ -75,14 +78,14 @@ class TransitionTest:
 
 
 def transition_tests(table: StateTable, machine: MachineFactory | None = None) -> list[TransitionTest]:
-    """Write the tests of a gait table.
+    """Create the tests of a gait table.
 
-    For every transition: fires just past each threshold and holds just below and on it, each condition
-    of ``all`` and ``any`` by itself, debounce, minimum duration, time-out, priority, the clock
-    of the next phase, bad measurements refused. What is expected is worked out from the table alone.
+    Tested for every transition: it fires just past each threshold, and holds just below and on it; each
+    condition of ``all`` and ``any`` by itself; debounce; minimum duration; time-out; priority; the clock of
+    the next phase; the rejection of invalid measurements. The expectations are derived from the table alone.
 
     ``table``: of gait or of modes. ``machine``: builds the machine under test in a phase that it has entered
-    at tick 0; the package's own machine for this table if None. Returns the tests in the order of the table.
+    at tick 0; if None, the package's own machine for this table. Returns the tests in the order of the table.
     """
     factory = machine_of(table) if machine is None else machine
     return [
@@ -93,13 +96,13 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
 
 
 def _told(table: StateTable, vector: Vector) -> dict[str, float]:
-    """What a machine is told: 0 of what a vector does not name, nothing of a leg that is not there."""
+    """Return the inputs of a machine: 0 for signals missing in a vector, none of an absent other leg."""
     untold = (TIME, OTHER) if vector.other_phase is None else TIME
     return {name: vector.signals.get(name, 0.0) for name in table.signals if not name.startswith(untold)}
 
 
 def _play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
-    """Drive a machine through a scenario; AssertionError at the first tick that is not as expected."""
+    """Run a scenario on a machine; raise AssertionError at the first tick that is not as expected."""
     machine, phase = factory(scenario.phase), scenario.phase
     told: dict[int, dict[str, float]] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
@@ -117,13 +120,13 @@ def _play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> Non
 
 
 def _require(holds: bool, text: str) -> None:
-    """Raise an AssertionError unless something holds, also under ``python -O``, which removes assertions."""
+    """Raise AssertionError unless a condition is true, also under ``python -O``, which removes assertions."""
     if not holds:
         raise AssertionError(text)
 
 
 def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
-    """A machine about to take an exit is given one bad measurement instead; AssertionError if it accepts.
+    """Pass one invalid measurement to a machine that is about to take an exit; AssertionError if it accepts.
 
     Each signal in turn is NaN or infinite, or is missing if it has to be measured.
     """
@@ -149,13 +152,19 @@ def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> N
 
 
 def approval_text(table: StateTable) -> str:
-    """What a table says: transitions by priority and truth tables in Markdown, then the rest of its file."""
+    """Return the text of a table that a person approves.
+
+    It contains the transitions by priority and truth tables in Markdown, then the rest of the table file.
+    """
     rest = {key: value for key, value in table_document(table).items() if key != "transitions"}
     return f"{transition_table(table)}\n{truth_table(table)}\n```yaml\n{dump_yaml(rest)}```\n"
 
 
 def check_approved(path: Path, present: str) -> str | None:
-    """None if the approved text is the present one, else what is wrong, such as a unified diff."""
+    """Compare the approved text with the present one; return None if equal, else the difference.
+
+    The difference is a unified diff, or a sentence if there is no approved text.
+    """
     if not path.exists():
         return f"{path}: there is no approved text yet"
     approved = path.read_text(encoding="utf-8").splitlines()

@@ -1,7 +1,8 @@
-"""The machine of a gait table with its guards in C, as the firmware has them.
+"""The state machine of a gait table with its guards in C, as in the firmware.
 
-Guards, thresholds and the choice of a transition are printed as for the device, built with double numbers by
-the C compiler of this machine, and called where :class:`~twin_gait.gait.GaitStateMachine` calls Python.
+Guards, thresholds and the choice of a transition are printed as for the device, but with double precision.
+They are built by the C compiler of this machine, and called in place of the Python function of
+:class:`~twin_gait.gait.GaitStateMachine`.
 """
 
 import ctypes
@@ -20,9 +21,9 @@ from twin_gait.vocabulary import Side
 
 
 def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
-    """Machines of tables of gait or of modes in C, built together.
+    """Build the machines of tables of gait or of modes in C, in one library.
 
-    Raises GaitTableError: a table has more phases or conditions than the device's whole numbers have bits.
+    Raises GaitTableError: a table has more phases or conditions than the device's integers have bits.
     Raises FirmwareError: there is no C compiler.
     """
     programs = [compile_guards(table, DEVICE_BITS) for table in tables]

@@ -16,31 +16,32 @@ from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition
 from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, outcomes
 
-LONGEST_RUN = 20_000  # ticks; a longer time-out is not driven through tick by tick
+LONGEST_RUN = 20_000  # ticks; a longer time-out is not run tick by tick
 
 
 class Scenario(NamedTuple):
-    """Measurements tick by tick, and what the leg has to do."""
+    """Measurements tick by tick, and the expected transitions of the leg."""
 
-    what: str  # what it shows, in words
-    phase: str  # phase that the leg has entered at tick 0
-    steps: Steps  # the measurements; none if no measurements can show it
-    expected: tuple[int | None, ...]  # for every step the index of the transition that is taken, or None
-    refuses: bool = False  # whether the last measurements are spoilt, and have to be refused
+    what: str  # tested property in words
+    phase: str  # phase that the leg enters at tick 0
+    steps: Steps  # the measurements; empty if no measurements can test the property
+    expected: tuple[int | None, ...]  # index of the transition taken at each step, or None
+    refuses: bool = False  # whether the last measurements are made invalid and have to be rejected
 
 
 class Decisive(NamedTuple):
-    """A condition of a guard, and what makes it alone decide."""
+    """A condition of a guard, and the requirements under which it alone decides."""
 
     atom: Comparison | PhaseMembership  # the condition
-    requirements: tuple[Requirement, ...] = ()  # all other parts of the guard, as they have to be
-    group: AllOf | AnyOf | None = None  # the innermost list that holds it with others, or None
+    requirements: tuple[Requirement, ...] = ()  # required state of all other parts of the guard
+    group: AllOf | AnyOf | None = None  # innermost list that contains it together with others, or None
 
 
 def decisive(guard: Guard) -> Iterator[Decisive]:
-    """Every condition of a guard with the requirements under which it alone decides.
+    """Yield every condition of a guard with the requirements under which it alone decides.
 
-    Beside it, the others of an ``all`` are open and the others of an ``any`` closed, on every level.
+    The other conditions of an ``all`` are open and the other conditions of an ``any`` are closed, on every
+    level.
     """
     if isinstance(guard, (Comparison, PhaseMembership)):
         yield Decisive(guard)
@@ -54,21 +55,21 @@ def decisive(guard: Guard) -> Iterator[Decisive]:
 
 
 def reads_own_time(atom: Comparison) -> bool:
-    """Whether a comparison reads the time in the leg's own phase."""
+    """Return whether a comparison reads the time in the leg's own phase."""
     return TIME in (atom.signal, atom.minus)
 
 
 def reads_only_own_time(atom: Comparison | PhaseMembership) -> TypeGuard[Comparison]:
-    """Whether a condition reads nothing else."""
+    """Return whether a condition reads only the time in the leg's own phase."""
     return isinstance(atom, Comparison) and {atom.signal, atom.minus} <= {TIME, None}
 
 
 def find(
     phases: Phases, requirements: Sequence[Requirement], ticks: range, pinned: Sequence[Bound] = ()
 ) -> Vector | None:
-    """Measurements that fulfil requirements at some ticks, far from all thresholds; None if none do.
+    """Find measurements that fulfil requirements at some ticks, far from all thresholds; None if none do.
 
-    ``phases``: allowed ones of the other leg, ``(None,)`` without another.
+    ``phases``: allowed phases of the other leg, ``(None,)`` without another leg.
     """
     ends = sorted({ticks[0], ticks[-1]})
 
@@ -87,16 +88,16 @@ def find(
 
 
 Accept = Callable[["Exit", Steps], bool]
-Stretch = tuple[Sequence[Requirement], int]  # what has to hold, for how many ticks
+Stretch = tuple[Sequence[Requirement], int]  # requirements, and number of ticks for which they have to hold
 
 
 @dataclass(frozen=True)
 class Exit:
-    """A transition, by its index in a gait table, with what its phase says about it."""
+    """A transition, by its index in a gait table, with the properties of its phase that concern it."""
 
     table: StateTable
     index: int
-    spared: int = -1  # Index of a rival that is never closed, -1 for none.
+    spared: int = -1  # index of a rival that is not closed, -1 for none
 
     @property
     def item(self) -> Transition:
@@ -105,51 +106,52 @@ class Exit:
 
     @property
     def debounce(self) -> int:
-        """Its debounce in ticks."""
+        """Debounce of the transition in ticks."""
         return self.item.debounce_ticks
 
     @property
     def opens(self) -> Requirement:
-        """That its guard is open."""
+        """Requirement that the guard is open."""
         return Requirement(self.item.guard)
 
     @property
     def closes(self) -> Requirement:
-        """That its guard is closed."""
+        """Requirement that the guard is closed."""
         return Requirement(self.item.guard, False)
 
     @property
     def gate(self) -> int:
-        """First tick in the phase in which it may be taken, its debounce apart."""
+        """First tick in the phase in which the exit may be taken, without its debounce."""
         return max(1, self.table.phases[self.item.source].minimum_ticks, self.item.time_out_ticks or 0)
 
     @cached_property
     def siblings(self) -> list[Exit]:
-        """Exits of the same phase, itself among them."""
+        """Exits of the same phase, including this one."""
         return exits_of(self.table, self.item.source)
 
     @cached_property
     def latest(self) -> float:
-        """Ticks after which the phase is left whatever is measured; infinite without a time-out."""
+        """Number of ticks after which a time-out ends the phase; infinite without a time-out."""
         waits = [item for item in self.siblings if item.item.is_time_out]
         return min((max(item.item.time_out_ticks or 0, item.debounce) for item in waits), default=math.inf)
 
     @cached_property
     def rivals(self) -> tuple[Exit, ...]:
-        """Other exits of the same phase with a guard, without the one that is spared."""
+        """Other exits of the same phase with a guard, without the spared one."""
         others = (item for item in self.siblings if item.index not in (self.index, self.spared))
         return tuple(item for item in others if not item.item.is_time_out)
 
     @property
     def timed(self) -> list[tuple[Comparison, tuple[Requirement, ...]]]:
-        """Conditions of its guard on the time in the phase alone, and what makes each decide."""
+        """Conditions of the guard on the time in the phase alone, each with the requirements to decide."""
         found = decisive(self.item.guard)
         return [(atom, beside) for atom, beside, _ in found if reads_only_own_time(atom)]
 
     def starts(self, ticks: int, *, gate: int | None = None) -> list[int]:
-        """First ticks of stretches worth trying, of a length and from a gate on, before the phase is left.
+        """Return the first ticks of stretches to try, before the phase is left.
 
-        They begin or end about a threshold on the time in the phase.
+        ``ticks``: length of a stretch. ``gate``: earliest first tick. The stretches begin or end near a
+        threshold on the time in the phase.
         """
         earliest = self.gate if gate is None else gate
         turns = {round(atom.threshold / TICK) for item in (self, *self.rivals) for atom, _ in item.timed}
@@ -160,9 +162,10 @@ class Exit:
     def look(
         self, requirements: Sequence[Requirement], ticks: range, pinned: Sequence[Bound] = ()
     ) -> Iterator[Vector]:
-        """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg.
+        """Yield measurements that fulfil requirements, with fewer and fewer rivals closed.
 
-        First all rivals are closed, then only those that are listed before and could be due.
+        First all rivals are closed, then only those that have priority and could be due. Measurements without
+        another leg come last.
         """
         able = [item for item in self.rivals if item.debounce <= len(ticks) and item.gate < ticks.stop]
         earlier = [item for item in able if item.index < self.index]
@@ -172,27 +175,27 @@ class Exit:
                 yield found
 
     def outcomes(self, steps: Steps) -> list[int | None]:
-        """Transition that a leg takes at each step, or None; it has entered the phase at tick 0."""
+        """Return the transition that a leg takes at each step, or None; it enters the phase at tick 0."""
         return outcomes(self.table, self.item.source, steps)
 
     def fires(self, steps: Steps) -> bool:
-        """Whether a leg takes the exit in the last of some steps and none before."""
+        """Return whether a leg takes the exit in the last of some steps and none before."""
         return self.outcomes(steps) == [None] * (len(steps) - 1) + [self.index]
 
     def stays(self, steps: Steps) -> bool:
-        """Whether a leg takes no exit."""
+        """Return whether a leg takes no exit."""
         return self.outcomes(steps) == [None] * len(steps)
 
     def yields(self, steps: Steps) -> bool:
-        """Whether a leg does not take the exit, but perhaps a rival that is open too."""
+        """Return whether a leg does not take this exit; it may take a rival that is open, too."""
         return self.index not in self.outcomes(steps)
 
     def search(
         self, start: int, stretches: Sequence[Stretch], accept: Accept, pinned: Sequence[Bound] = ()
     ) -> Steps:
-        """Steps from a tick on, stretch by stretch, that pass a criterion; none if there are none.
+        """Search for steps that pass a criterion, stretch by stretch; empty if there are none.
 
-        ``pinned``: bounds that hold throughout.
+        ``start``: first tick. ``pinned``: bounds that hold throughout.
         """
 
         def ways(first: int, left: Sequence[Stretch]) -> Iterator[Steps]:
@@ -213,7 +216,10 @@ class Exit:
     def comfortable(
         self, requirements: Sequence[Requirement], *accepts: Accept, pinned: Sequence[Bound] = ()
     ) -> Steps:
-        """Steps, one debounce long, that fulfil requirements with room and pass one of some criteria."""
+        """Search for steps, one debounce long, that fulfil requirements with a margin.
+
+        The steps pass one of the criteria ``accepts``; empty if there are none.
+        """
         return first_of(
             self.search(start, [(requirements, self.debounce)], accept, pinned)
             for accept in accepts
@@ -221,22 +227,22 @@ class Exit:
         )
 
     def scenario(self, what: str, steps: Steps) -> Scenario:
-        """Scenario with what the rules of the table demand."""
+        """Create a scenario whose expectation follows from the rules of the table."""
         return Scenario(what, self.item.source, steps, tuple(self.outcomes(steps)))
 
 
 def exits_of(table: StateTable, phase: str) -> list[Exit]:
-    """Exits of a phase, in their order of priority."""
+    """Return the exits of a phase in their order of priority."""
     return [Exit(table, index) for index in exits(table, phase)]
 
 
 def constant(vector: Vector, ticks: range) -> Steps:
-    """The same measurements from tick to tick."""
+    """Repeat the same measurements for each tick."""
     return tuple(Step(tick, vector) for tick in ticks)
 
 
 def turning_tick(atom: Comparison) -> int:
-    """First tick at which a comparison of the own time alone has its later truth."""
+    """Return the first tick at which a comparison of the own time alone has its later truth value."""
     near = round(atom.threshold / TICK)
     start = max(0, near - 2)
     before = holds(atom, Vector({}, None), start)
@@ -245,5 +251,5 @@ def turning_tick(atom: Comparison) -> int:
 
 
 def first_of(tries: Iterable[Steps]) -> Steps:
-    """Steps of the first search that has found some; none if all were in vain."""
+    """Return the first non-empty steps of some searches; empty if all failed."""
     return next(filter(None, tries), ())

@@ -1,7 +1,7 @@
 """The test kit as a pytest plugin: ``pytest --gait-table FILE [--machine c] [--approved FILE [--approve]]``.
 
-Every pytest that finds this package loads the plugin, so nothing of the package is imported before one
-of the options is given, and without them no hook does anything.
+Every pytest that finds this package loads the plugin. Therefore nothing of the package is imported before one
+of the options is given, and no hook does anything without them.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ if TYPE_CHECKING:
     from twin_gait.testing.cases import MachineFactory
 
 
-# By file: its table, what is tested (None is the package's own machine), and the file of the approved text.
+# Requested tests by file: its table, the factory of the machine under test (None for the package's own one),
+# and the file of the approved text.
 _REQUESTS = pytest.StashKey["dict[Path, tuple[StateTable, MachineFactory | None, Path | None]]"]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options."""
+    """Add the options of the kit."""
     add = parser.getgroup("twin_gait", "gait tables").addoption
     text = "test every transition of a gait table"
     add("--gait-table", action="append", default=[], metavar="FILE", help=text)
-    text = "what is tested: the package's state machine, or its guards in C as the firmware has them"
+    text = "machine under test: the package's state machine, or one with its guards in C as in the firmware"
     add("--machine", choices=("python", "c"), default="python", help=text)
     text = "compare the gait table with its approved text (Markdown); one for each --gait-table, in order"
     add("--approved", action="append", default=[], metavar="FILE", help=text)
@@ -35,7 +36,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Read the tables and have their files collected."""
+    """Read the tables and add their files to the collection."""
     tables, approved = config.getoption("gait_table"), config.getoption("approved")
     approve, in_c = config.getoption("approve"), config.getoption("machine") == "c"
     if not (tables or approved or approve or in_c):
@@ -54,7 +55,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
-    """A table, and its machine in C if that is asked for."""
+    """Load a table, and build its machine in C if ``in_c`` is True."""
     from twin_gait.configuration.gait_table_file import load_state_table
     from twin_gait.exceptions import TwinGaitError
     from twin_gait.gait.program import compile_guards
@@ -69,7 +70,7 @@ def _load(name: str, in_c: bool) -> tuple[StateTable, MachineFactory | None]:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GaitTableTests | None:
-    """Take the files that were named as gait tables."""
+    """Collect the files that the options name as gait tables."""
     if file_path.resolve() not in parent.config.stash.get(_REQUESTS, {}):
         return None
     collected: GaitTableTests = GaitTableTests.from_parent(parent, path=file_path)
@@ -80,7 +81,7 @@ class GaitTableTests(pytest.File):
     """The tests of one gait table."""
 
     def collect(self) -> Iterator[pytest.Item]:
-        """The tests of its transitions, then the approval."""
+        """Yield the tests of the transitions, then the comparison with the approved text."""
         from twin_gait.testing.cases import transition_tests
 
         table, machine, approved = self.config.stash[_REQUESTS][self.path.resolve()]
@@ -94,7 +95,7 @@ class GaitTableTests(pytest.File):
             yield KitItem.from_parent(self, name="approved text", check=check)
 
     def _approve(self, table: StateTable, path: Path) -> None:
-        """Compare the text of the table with the one that was approved, or write it."""
+        """Compare the text of the table with the approved one, or write it."""
         from twin_gait.exceptions import TwinGaitError
         from twin_gait.files import write_atomically
         from twin_gait.testing.cases import approval_text, check_approved
@@ -113,23 +114,23 @@ class GaitTableTests(pytest.File):
 
 
 class KitItem(pytest.Item):
-    """A test whose failure is told by its message, without a traceback through the kit."""
+    """A test whose failure is reported by its message, without a traceback through the kit."""
 
     def __init__(self, *, check: Callable[[], None], **rest: Any) -> None:
-        """Keep what it does."""
+        """Store the function that performs the test."""
         super().__init__(**rest)
         self.check = check
 
     def runtest(self) -> None:
-        """Do it."""
+        """Perform the test."""
         self.check()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Write the failure."""
+        """Return the message of a failure."""
         if isinstance(excinfo.value, AssertionError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Say where the test comes from."""
+        """Return the file and the name of the test."""
         return self.path, 0, self.name.replace("::", ": ")

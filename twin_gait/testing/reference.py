@@ -1,7 +1,7 @@
-"""Reference implementation of a gait table: what a leg has to do on a sequence of measurements.
+"""Reference implementation of a gait table: expected transitions of a leg for a sequence of measurements.
 
-Plain recursion over the guards and plain counting of ticks. Nothing here calls the evaluator in
-:mod:`twin_gait.core.guards`: the kit compares the two.
+It is a plain recursion over the guards and a plain count of ticks. It does not call the evaluator in
+:mod:`twin_gait.core.guards`, because the kit compares the two.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,8 +15,8 @@ from twin_gait.gait.table import TICK, StateTable
 class Vector(NamedTuple):
     """Measurements of both legs, without the own time in the phase."""
 
-    signals: Mapping[str, float]  # value per name in the units of the table; names that do not matter are 0
-    # phase of the other leg, or None without another leg; of modes the request, or None
+    signals: Mapping[str, float]  # value by name in the units of the table; irrelevant names are 0
+    # phase of the other leg, or None without another leg; for modes the request, or None
     other_phase: str | None
 
 
@@ -31,9 +31,9 @@ Steps = tuple[Step, ...]
 
 
 def holds(guard: Guard, vector: Vector, ticks: int) -> bool:
-    """Whether a guard is open some ticks after the entry of the phase.
+    """Return whether a guard is open some ticks after the entry of the phase.
 
-    Whatever reads another leg that is not there is closed.
+    A condition that reads another leg is closed if there is no other leg.
     """
     if isinstance(guard, AllOf):
         return all(holds(inner, vector, ticks) for inner in guard.guards)
@@ -54,12 +54,12 @@ def holds(guard: Guard, vector: Vector, ticks: int) -> bool:
 
 
 def exits(table: StateTable, phase: str) -> list[int]:
-    """Indices of the transitions that leave a phase, in their order of priority."""
+    """Return the indices of the transitions that leave a phase, in their order of priority."""
     return [index for index, item in enumerate(table.transitions) if item.source == phase]
 
 
 def outcomes(table: StateTable, phase: str, steps: Sequence[Step]) -> list[int | None]:
-    """Transition that a leg takes at each step, or None; it has entered the phase at tick 0."""
+    """Return the transition that a leg takes at each step, or None; the leg entered the phase at tick 0."""
     entry, open_ticks, taken = 0, dict[int, int](), list[int | None]()
     for tick, vector in steps:
         due = None

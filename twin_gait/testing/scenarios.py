@@ -1,4 +1,4 @@
-"""What the kit shows of an exit: its thresholds, its lists, debounce and times, priority, other phases."""
+"""Scenarios that the kit tests for an exit: thresholds, lists, debounce, times, priority, other phases."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -29,7 +29,7 @@ MARGIN = 1e-9  # distance from a threshold, relative to it or to 1, in the unit 
 
 
 def scenarios(leave: Exit) -> Iterator[Scenario]:
-    """All scenarios of an exit; those without steps are of what no measurements can show."""
+    """Yield all scenarios of an exit; a scenario has no steps if no measurements can test its property."""
     found = list(_of_its_phase(leave))
     yield from found
     taking = [item for item in found if item.expected and item.expected[-1] == leave.index]
@@ -52,7 +52,7 @@ def _of_its_phase(leave: Exit) -> Iterator[Scenario]:
 
 
 def _once_taken(leave: Exit, taking: Scenario) -> Iterator[Scenario]:
-    """Scenarios that start from measurements with which the exit is taken."""
+    """Yield scenarios that start from measurements with which the exit is taken."""
     last = taking.steps[-leave.debounce - 1 :]
     yield from _clock(leave, last)
     yield from _elsewhere(leave)
@@ -69,7 +69,7 @@ def _once_taken(leave: Exit, taking: Scenario) -> Iterator[Scenario]:
 
 
 def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
-    """Scenarios about one condition of a guard, and about the list that it stands in."""
+    """Yield scenarios for one condition of a guard, and for the list that contains it."""
     atom = entry.atom
     if isinstance(atom, PhaseMembership):
         yield from _memberships(leave, entry, atom)
@@ -87,7 +87,7 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario]:
 
 
 def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps:
-    """The same measurements with that one signal moved, or others if a rival opens there."""
+    """Return the same measurements with that one signal moved, or others if a rival opens there."""
     if past and not reads_own_time(atom):
         signals = past[0].vector.signals
         moved = {**signals, atom.signal: signals.get(atom.signal, 0.0) - 2.0 * _above(atom, MARGIN)}
@@ -98,12 +98,12 @@ def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps) -> Steps
 
 
 def _above(atom: Comparison, margin: float) -> float:
-    """Distance above the threshold, negative below, for a margin into the open side."""
+    """Return the distance above the threshold, negative below, for a margin into the open side."""
     return (margin if atom.operator == ">" else -margin) * max(1.0, abs(atom.threshold))
 
 
 def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, *accepts: Accept) -> Steps:
-    """Steps, one debounce long, with a condition by a margin inside (or outside, if negative)."""
+    """Return steps, one debounce long, with a condition inside by a margin (outside if it is negative)."""
     in_time = reads_only_own_time(atom)
     starts = _turns(leave, atom, margin > 0.0) if in_time else leave.starts(leave.debounce)
     stretch = (entry.requirements, leave.debounce)
@@ -115,7 +115,7 @@ def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, *accept
 
 
 def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
-    """Start of the debounce that just fits, or just does not fit, a threshold in time."""
+    """Return the start of the debounce that just fits, or just does not fit, a threshold in time."""
     turn = turning_tick(atom)
     start = turn if atom.operator == ">" else turn - leave.debounce
     outward = -1 if atom.operator == ">" else 1
@@ -125,7 +125,7 @@ def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
 
 
 def _pinned(atom: Comparison, margin: float, first: int, last: int) -> list[Bound]:
-    """Bounds that put a difference to its edge, at the tick nearest to it; none of a time alone."""
+    """Return bounds that fix a difference at its edge, at the nearest tick; none for a time alone."""
     if reads_only_own_time(atom):
         return []
     late = (atom.operator == ">") is (margin > 0.0)
@@ -135,7 +135,7 @@ def _pinned(atom: Comparison, margin: float, first: int, last: int) -> list[Boun
 
 
 def _on(leave: Exit, entry: Decisive, atom: Comparison) -> Steps:
-    """Steps exactly on a threshold; of a difference one signal is zero, so that no digit is lost."""
+    """Return steps exactly on a threshold; one signal of a difference is zero, so that no digit is lost."""
 
     def on(leave: Exit, steps: Steps) -> bool:
         signals = steps[0].vector.signals
@@ -160,7 +160,7 @@ def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterato
 
 
 def _far(leave: Exit, what: str, entry: Decisive, more: Requirement, opens: bool) -> Scenario:
-    """The exit is taken, or not, with a condition as it is required, far from thresholds."""
+    """Return a scenario in which the exit is taken, or not, with a condition far from its thresholds."""
     accepts = (Exit.fires,) if opens else (Exit.stays, Exit.yields)
     return leave.scenario(what, leave.comfortable([*entry.requirements, more], *accepts))
 
@@ -169,7 +169,10 @@ def _far(leave: Exit, what: str, entry: Decisive, more: Requirement, opens: bool
 
 
 def _debounce(leave: Exit) -> Iterator[Scenario]:
-    """The guard has to be open on consecutive ticks; one closed tick starts the count anew."""
+    """Yield scenarios of the debounce: the guard has to be open on consecutive ticks.
+
+    One closed tick restarts the count.
+    """
     ticks = leave.debounce
     if ticks == 1:
         return
@@ -181,7 +184,7 @@ def _debounce(leave: Exit) -> Iterator[Scenario]:
 
 
 def _waiting(leave: Exit) -> Iterator[Scenario]:
-    """A guard that is open long before waits for the minimum duration or the time, and fires in its tick."""
+    """Yield scenarios in which an early open guard waits for the minimum duration or the time, then fires."""
     minimum, time = leave.table.phases[leave.item.source].minimum_ticks, leave.item.time_out_ticks
     if minimum > 1 and leave.gate == minimum:
         what = f"minimum duration: open before, fires after {minimum} ticks"
@@ -191,7 +194,7 @@ def _waiting(leave: Exit) -> Iterator[Scenario]:
 
 
 def _waits(leave: Exit, until: int) -> Steps:
-    """Steps with an open guard whose debounce is over before a tick, up to that tick."""
+    """Return steps with an open guard whose debounce is over before a tick, up to that tick."""
     start = max(1, until - leave.debounce - 1)
     if start + leave.debounce - 1 >= until or until >= leave.latest:
         return ()
@@ -199,7 +202,10 @@ def _waits(leave: Exit, until: int) -> Steps:
 
 
 def _quiet(leave: Exit) -> Steps:
-    """Steps with all guards closed until a pure time-out fires; the last ``LONGEST_RUN`` ticks of them."""
+    """Return steps with all guards closed until a pure time-out fires.
+
+    These are at most the last ``LONGEST_RUN`` ticks before it.
+    """
     due = max(leave.item.time_out_ticks or 0, leave.debounce)
     starts = (max(1, due - LONGEST_RUN), max(1, due - leave.debounce))
     return first_of(leave.search(first, [([], due - first + 1)], Exit.fires) for first in starts)
@@ -209,13 +215,16 @@ def _quiet(leave: Exit) -> Steps:
 
 
 def _priority(first: Exit, second: Exit) -> Iterator[Scenario]:
-    """Both exits due at once, and no sooner: the one listed first is taken; nothing if they never are."""
+    """Yield a scenario in which both exits become due in the same tick: the one listed first is taken.
+
+    Yields nothing if they never become due together.
+    """
     items = list(first.table.transitions)
     items[first.index], items[second.index] = items[second.index], items[first.index]
     swapped = Exit(replace(first.table, transitions=tuple(items)), first.index)
 
     def wins(leave: Exit, steps: Steps) -> bool:
-        """In each other's place the other one is taken."""
+        """Return whether the first exit is taken, and the second one if their order is swapped."""
         return leave.fires(steps) and swapped.fires(steps)
 
     sparing = replace(first, spared=second.index)
@@ -226,7 +235,7 @@ def _priority(first: Exit, second: Exit) -> Iterator[Scenario]:
 
 
 def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretch]]]:
-    """Ticks from which on, and stretches in which, both exits may come to be due at once."""
+    """Yield start ticks and stretches in which both exits may become due in the same tick."""
     slow, fast = (first, second) if first.debounce >= second.debounce else (second, first)
     both, due = [first.opens, second.opens], max(first.gate, second.gate)
     waits = [item for item in (first, second) if item.item.is_time_out]
@@ -238,7 +247,7 @@ def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretc
         closed = [item.closes for item in guarded]
         yield due - ticks - lead + 1, [(closed, lead), (both, ticks)]
         return
-    # Both guards are open before, and at least one waits for the tick in which both are due.
+    # Both guards are open earlier, and at least one waits for the tick in which both are due.
     start = max(1, due - slow.debounce - 1)
     yield start, [(both, due - start + 1)]
     # The guard with the longer debounce opens earlier, so that both debounces end together.
@@ -247,7 +256,10 @@ def _schedules(first: Exit, second: Exit) -> Iterator[tuple[int, Sequence[Stretc
 
 
 def _clock(leave: Exit, before: Steps) -> Iterator[Scenario]:
-    """Times and debounces in the phase that follows count from its entry, which some steps lead to."""
+    """Yield scenarios in which times and debounces of the next phase count from its entry.
+
+    ``before``: steps that lead to the entry.
+    """
     target = leave.item.target
     for follower in exits_of(leave.table, target):
         for later in filter(None, _from_entry(follower)):
@@ -260,7 +272,7 @@ def _clock(leave: Exit, before: Steps) -> Iterator[Scenario]:
 
 
 def _from_entry(leave: Exit) -> Iterator[Steps]:
-    """Steps that keep an exit open from the entry on until it is taken; its last wait if it is a time-out."""
+    """Yield steps that keep an exit open from the entry until it is taken; for a time-out, its last wait."""
     if leave.item.is_time_out:
         yield _quiet(leave)[-leave.debounce - 1 :]
         return
@@ -274,7 +286,10 @@ def _from_entry(leave: Exit) -> Iterator[Steps]:
 
 
 def _elsewhere(leave: Exit) -> Iterator[Scenario]:
-    """In another phase the exit does not exist; nothing if there is always something that leaves it."""
+    """Yield scenarios in which the exit does not exist in another phase.
+
+    Phases that another exit always leaves are skipped.
+    """
     for phase in leave.table.phase_names:
         if phase != leave.item.source and (steps := _idle(leave, phase)):
             what = f"holds in {phase}, which it does not leave"
@@ -282,7 +297,7 @@ def _elsewhere(leave: Exit) -> Iterator[Scenario]:
 
 
 def _idle(leave: Exit, phase: str) -> Steps:
-    """Steps in another phase with which an exit would be taken in its own, and nothing is there."""
+    """Return steps in another phase with which an exit would be taken in its own, and no exit is open."""
     table = leave.table
     closed = [item.closes for item in exits_of(table, phase) if item.item.guard != AllOf(guards=())]
     gate = max(leave.gate, table.phases[phase].minimum_ticks)

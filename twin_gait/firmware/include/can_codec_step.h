@@ -1,4 +1,4 @@
-/* The codec as a unit of the test: a step packs numbers into a frame, and unpacks another frame.
+/* The codec as a unit for the test: a step packs numbers into a frame, and unpacks another frame.
    Not a medical device. */
 #ifndef TWIN_GAIT_CAN_CODEC_STEP_H
 #define TWIN_GAIT_CAN_CODEC_STEP_H
@@ -13,7 +13,7 @@ typedef struct {
 
 typedef struct {
     CanFrame frame;
-    bool known; /* Whether the frame of the inputs is one of the message. */
+    bool known; /* Whether the frame of the inputs belongs to the message. */
     real values[{{ width }}];
 } CanCodecOutputs;
 

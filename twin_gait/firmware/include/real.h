@@ -1,15 +1,15 @@
-/* The number type of the firmware, and the few operations that C does otherwise than Python.
+/* The number type of the firmware, and the few operations in which C differs from Python.
    Numbers are float, or double with -DREAL_DOUBLE. Not a medical device. */
 #ifndef TWIN_GAIT_REAL_H
 #define TWIN_GAIT_REAL_H
 
 #include <float.h>
-#include <math.h> /* INFINITY and NAN alone: nothing of the library is called */
+#include <math.h> /* INFINITY and NAN only: no function of the library is called */
 #include <stdbool.h>
 #include <stdint.h>
 
 #if defined(__FAST_MATH__) || (FLT_EVAL_METHOD != 0)
-#error "every operation has to be rounded once, as IEEE 754 says"
+#error "every operation has to be rounded once, as IEEE 754 requires"
 #endif
 
 #ifdef REAL_DOUBLE
@@ -19,7 +19,7 @@ typedef uint64_t real_bits;
 #define REAL(x) x
 #define REAL_OR(wide, single) (wide)
 #define REAL_LARGEST DBL_MAX
-#define REAL_WHOLE 4503599627370496.0 /* 2^52: from here on every number is a whole one */
+#define REAL_WHOLE 4503599627370496.0 /* 2^52: all larger numbers are integers */
 #define REAL_MANTISSA 52
 #define REAL_BIAS 1023
 #else
@@ -39,7 +39,7 @@ typedef union {
     real_bits bits;
 } RealBits;
 
-/* Magnitude; of -0 it is 0. */
+/* Return the magnitude; it is 0 for -0. */
 static inline real real_abs(real x)
 {
     return x <= REAL(0.0) ? REAL(0.0) - x : x;
@@ -50,7 +50,7 @@ static inline bool real_isfinite(real x)
     return real_abs(x) <= REAL_LARGEST;
 }
 
-/* Largest whole number that is not above; what is not finite passes. */
+/* Return the largest integer that is not greater; numbers that are not finite are returned unchanged. */
 static inline real real_floor(real x)
 {
     if (!(real_abs(x) < REAL_WHOLE)) {
@@ -60,7 +60,7 @@ static inline real real_floor(real x)
     return whole > x ? whole - REAL(1.0) : whole;
 }
 
-/* The same of 32 bits, the nearest there is; 0 of what is no number. */
+/* Return the floor in 32 bits, limited to their range; 0 for NaN. */
 static inline int32_t int_floor(real x)
 {
     if (!(x >= REAL(-2147483648.0))) {
@@ -69,7 +69,7 @@ static inline int32_t int_floor(real x)
     return x < REAL(2147483648.0) ? (int32_t)real_floor(x) : INT32_MAX;
 }
 
-/* The first of two, unless the second is larger (smaller). */
+/* Return the first of two numbers, unless the second is larger (smaller). */
 static inline real real_max(real a, real b)
 {
     return b > a ? b : a;
@@ -95,21 +95,21 @@ static inline int32_t int_min(int32_t a, int32_t b)
     return b < a ? b : a;
 }
 
-/* Quotient, rounded downwards; the divisor is not 0. */
+/* Return the quotient, rounded downwards; the divisor must not be 0. */
 static inline int32_t int_divide(int32_t a, int32_t b)
 {
     const int32_t quotient = a / b;
     return a % b != 0 && (a < 0) != (b < 0) ? quotient - 1 : quotient;
 }
 
-/* What then remains, with the sign of the divisor. */
+/* Return the remainder of this division, with the sign of the divisor. */
 static inline int32_t int_modulo(int32_t a, int32_t b)
 {
     const int32_t rest = a % b;
     return rest != 0 && (rest < 0) != (b < 0) ? rest + b : rest;
 }
 
-/* Two to the power of a whole number that was added to 1.5 times two to the power of REAL_MANTISSA. */
+/* Return two to the power of an integer that was added to 1.5 times two to the power of REAL_MANTISSA. */
 static inline real power_of_two(real shifted)
 {
     RealBits value = {shifted};
@@ -117,7 +117,7 @@ static inline real power_of_two(real shifted)
     return value.number;
 }
 
-/* Lowest bits of that whole number. */
+/* Return the lowest bits of this integer. */
 static inline int32_t whole_number(real shifted)
 {
     const RealBits value = {shifted};

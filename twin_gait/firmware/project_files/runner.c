@@ -1,6 +1,6 @@
-/* Run all units on the inputs of a walk and on generated inputs, and compare with the simulation. With double
-   numbers all is the same, bit for bit; with float every phase of the walk is entered within a tick, and the
-   currents differ by 1e-4 A RMS at most. The generated inputs are compared with double numbers only. */
+/* Run all units on the inputs of a walk and on generated inputs, and compare them with the simulation. With double
+   numbers all outputs are equal bit for bit; with float every phase of the walk is entered within one tick, and the
+   currents differ by at most 1e-4 A RMS. The generated inputs are compared with double numbers only. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -63,7 +63,7 @@ static bool read_row(FILE *file, Row *row)
 
 static bool is_same(real a, real b) { return a == b || (a != a && b != b); }
 
-/* Phases of the middle one of three ticks, of which the neighbours may be late or early by one. */
+/* Return whether the phases of a tick are expected in the same tick, the tick before or the tick after. */
 static bool is_near(const Decision *given, const Decision expected[3])
 {
     bool near = true;
@@ -77,7 +77,7 @@ static bool is_near(const Decision *given, const Decision expected[3])
     return near;
 }
 
-/* The units apart: a board receives the demand of its tick, the gait controller the measurements. */
+/* The separate units: a board receives the demand of its tick, the gait controller the measurements. */
 typedef struct {
     JointBoard boards[JOINTS];
     GaitController controller;
@@ -100,8 +100,8 @@ static bool is_same_demand(const Demand *a, const Demand *b)
         && is_same(a->inertia, b->inertia) && is_same(a->target, b->target) && a->held == b->held;
 }
 
-/* Run a tick of the units apart; whether commands and decision are those of the file, and the demands those of the
-   exoskeleton. */
+/* Run a tick of the separate units; return whether commands and decision are those of the file, and the demands those
+   of the exoskeleton. */
 static bool step_apart(Apart *apart, const Row *row, const ExoskeletonOutputs *given)
 {
     bool same = true;
@@ -113,7 +113,7 @@ static bool step_apart(Apart *apart, const Row *row, const ExoskeletonOutputs *g
         joint_board_step(&apart->boards[joint], &inputs, &apart->measured[joint]);
         const Command *command = &apart->measured[joint].command;
         const Command *wanted = &row->outputs.commands[joint];
-        /* A board without a bus that has tripped is held by the gait controller, one apart holds itself. */
+        /* In the exoskeleton the gait controller holds a board that has tripped; a separate board holds itself. */
         const bool tripped = apart->measured[joint].measurement.cause != 0;
         same = same && (tripped || (is_same(command->torque, wanted->torque)
             && is_same(command->target_current, wanted->target_current)));
@@ -159,7 +159,7 @@ static uint64_t excite_{{ unit.name }}({{ unit.record }} *unit, const double *nu
 {% endfor %}
 enum { MOST_NUMBERS = {{ most_numbers }} };
 
-/* Run the generated inputs of a file; the number of lines whose outputs differ. */
+/* Run the generated inputs of a file; return the number of lines whose outputs differ, -1 for a wrong file. */
 static long excite(FILE *file)
 {
 {% for unit in excited %}

@@ -3,8 +3,8 @@
     .thumb
     .equ TIMER_VALUE, 0x40000004
 
-/* uint32_t clocked(Step *step, Unit *, const Inputs *, Outputs *): two readings of a timer that counts down. Between
-   them lie a call, the step and its return; the call is in the calibration as well, and cancels. */
+/* uint32_t clocked(Step *step, Unit *, const Inputs *, Outputs *): difference of two readings of a timer that counts
+   down. Between them are a call, the step and its return; the call is part of the calibration, too, and cancels. */
     .text
     .global clocked
     .thumb_func

@@ -1,4 +1,4 @@
-/* The machine below the main loop is QEMU's mps2-an386: a Cortex-M4F, semihosting and a timer. */
+/* Machine of the main loop: QEMU's mps2-an386 with a Cortex-M4F, semihosting and a timer. */
 #include <string.h>
 
 #include "loop.h"
@@ -33,7 +33,7 @@ static void fault(void) { leave(FAULT); }
 
 static uint32_t bytes_between(const void *first, const void *end) { return (uint32_t)end - (uint32_t)first; }
 
-/* The first code that runs: no floating point before the unit for it is on. */
+/* The first code that runs; it uses no floating-point numbers before their unit is enabled. */
 __attribute__((noreturn)) void reset(void) {
     COPROCESSORS |= 0xFu << 20;
     __asm volatile("dsb\n isb");
@@ -42,7 +42,7 @@ __attribute__((noreturn)) void reset(void) {
     leave((uint32_t)main());
 }
 
-/* Stack, reset, and the faults from NMI to usage fault; no interrupt is ever enabled. */
+/* Stack, reset, and the faults from NMI to usage fault; no interrupt is enabled. */
 __attribute__((section(".vectors"), used)) static const void *const vectors[] = {
     stack_end, (void *)reset, (void *)fault, (void *)fault, (void *)fault, (void *)fault, (void *)fault,
 };
@@ -65,7 +65,7 @@ void open_channel(uint32_t calibration[CALIBRATION]) {
     output = open("/dev/stdout", 11, OPEN_WRITE_BINARY);
 }
 
-/* Repeat a call until nothing is left to move; it answers how much that is, and all of it at the end of a stream. */
+/* Repeat a call until no bytes are left to move; it returns the number left, and all of them at the end of a stream. */
 static bool move(uint32_t operation, uint32_t file, uint32_t address, uint32_t size) {
     while (size > 0) {
         const int32_t left = semihosting(operation, (const uint32_t[]){file, address, size});
@@ -89,7 +89,7 @@ void transmit(const void *bytes, uint32_t size) {
 enum { MARK = 0x5AFE57AC };
 
 void mark_stack(void) {
-    const uint32_t words = bytes_between(stack_start, __builtin_frame_address(0)) / 4; /* all below is free */
+    const uint32_t words = bytes_between(stack_start, __builtin_frame_address(0)) / 4; /* all words below are free */
     for (uint32_t i = 0; i < words; i++) {
         stack_start[i] = MARK;
     }

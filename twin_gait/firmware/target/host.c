@@ -1,4 +1,4 @@
-/* The machine below the main loop is a host: standard input and output, no clock of instructions. */
+/* Machine of the main loop: a host with standard input and output, without a clock of instructions. */
 #include <stdio.h>
 #include <stdlib.h>
 

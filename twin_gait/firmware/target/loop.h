@@ -1,6 +1,6 @@
-/* The unit that runs, and what the main loop asks of the machine below it: a Cortex-M4F or a host.
-   UNIT, UNIT_RECORD, UNIT_INIT and UNIT_HEADER come from the command line: exoskeleton, Exoskeleton,
-   exoskeleton_init, "exoskeleton.h". */
+/* The unit that runs, and the functions that the main loop needs from its machine: a Cortex-M4F or a host.
+   UNIT, UNIT_RECORD, UNIT_INIT and UNIT_HEADER are defined on the command line, for example as exoskeleton,
+   Exoskeleton, exoskeleton_init, "exoskeleton.h". */
 #ifndef LOOP_H
 #define LOOP_H
 
@@ -25,10 +25,10 @@ void open_channel(uint32_t calibration[CALIBRATION]);
 bool receive(void *bytes, uint32_t size); /* false at the end of the stream */
 void transmit(const void *bytes, uint32_t size);
 
-/* Run a step; the clock counts that it took. A host has no such clock: 0. */
+/* Run a step and return its clock counts; 0 on a host, which has no such clock. */
 uint32_t clocked(Step *step, Unit *unit, const Inputs *inputs, Outputs *outputs);
 
-/* The deepest stack since it was marked, in bytes. A host does not know: 0. */
+/* Mark the stack, and return the deepest stack since then in bytes; 0 on a host, which does not measure it. */
 void mark_stack(void);
 uint32_t stack_bytes(void);
 

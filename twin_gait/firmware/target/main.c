@@ -1,4 +1,5 @@
-/* Receive the inputs of a tick, step, transmit its outputs and cost; before all, sizes and the clock's calibration. */
+/* Main loop: transmit sizes and the clock's calibration, then for each tick receive inputs, step, transmit outputs and
+   cost. */
 #include "loop.h"
 
 int main(void) {

@@ -1,1 +1,1 @@
-"""Controllers beside each other: the same wearer, the same belt, another law between angle and torque."""
+"""Comparison of controllers: the same wearer and belt, with different laws from angle to torque."""

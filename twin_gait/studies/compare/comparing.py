@@ -1,4 +1,4 @@
-"""Run every controller on every day of a wearer, and put the measures side by side."""
+"""Simulation of every controller on every day of a wearer, and the table of its measures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,34 +20,35 @@ from twin_gait.studies.jobs import Watch
 from twin_gait.worlds.world import BELT_SPEED
 from twin_gait.yaml12 import load_yaml
 
-# By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
-# luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.
-SPREADS = (0.03, 0.2, 0.03, 0.1)  # of mass, friction, speed and effort
+# Largest relative deviations of a day from the nominal one, in either direction, uniformly distributed
+# (assumptions): clothes and luggage, warm or cold gears, a belt speed that differs from its display,
+# a good or a bad day.
+SPREADS = (0.03, 0.2, 0.03, 0.1)  # for mass, friction, speed and effort
 CONFIDENCE = 0.95
-# TwinCare gives each joint a share of the table's impedance; four fifths is an assumption. An experiment that
-# sets shares of its own keeps them.
+# TwinCare uses a share of the table's impedance for each joint; four fifths is an assumption. An experiment
+# with shares of its own keeps them.
 TWINCARE_SHARE = 0.8
 
 
 @dataclass(frozen=True)
 class Controller:
-    """One way to drive the legs."""
+    """A controller of the legs in the comparison."""
 
-    name: str  # on the command line and in tables
-    title: str  # in a report
-    explanation: str  # what it does, in plain words
-    law: str  # mode of control between angle and torque
-    colour: str  # of its curves
+    name: str  # name on the command line and in tables
+    title: str  # title in a report
+    explanation: str  # explanation in plain words
+    law: str  # control mode, the law from angle to torque
+    colour: str  # colour of its curves
     adaptive: bool = False  # whether the assistance adapts from stride to stride
     partial: bool = False  # whether a fixed share of the table acts
 
     def suits(self, experiment: Experiment) -> bool:
-        """Whether it can drive the joints of an experiment."""
+        """Return whether the controller can drive the joints of an experiment."""
         control = replace(experiment.control, mode=ControlMode(self.law))
         return not control.controller().refusal(experiment.joints)
 
     def change(self, experiment: Experiment) -> Experiment:
-        """The same experiment with this controller."""
+        """Return the same experiment with this controller."""
         assistance = AssistanceParameters()
         if self.adaptive or self.partial:
             assistance = replace(experiment.control.assistance, adaptive=self.adaptive)
@@ -63,7 +64,10 @@ CONTROLLERS = {name: Controller(name=name, **row) for name, row in _ROWS.items()
 
 
 def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
-    """Look controllers up, such as ``table`` and ``position``; none, or one twice, is a ParameterError."""
+    """Return controllers by name, such as ``table`` and ``position``.
+
+    Raises ParameterError if there are no names, a name is unknown, or a name occurs twice.
+    """
     once = len(set(names)) == len(names) > 0
     expected = f"some of {', '.join(CONTROLLERS)}, each once"
     require(once and CONTROLLERS.keys() >= set(names), "controllers", expected, ", ".join(names) or "none")
@@ -71,33 +75,33 @@ def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
 
 
 class Interval(NamedTuple):
-    """A mean over all days, the nominal one among them."""
+    """Mean and confidence interval over all days, including the nominal one."""
 
-    mean: float  # NaN where no run has the number
-    half_width: float  # of its 95 % confidence interval; NaN for fewer than two runs
+    mean: float  # mean; NaN if no run has the number
+    half_width: float  # half-width of its 95 % confidence interval; NaN for fewer than two runs
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Controllers beside each other."""
+    """Results of a comparison of controllers."""
 
-    experiment: Experiment  # what they have in common
-    controllers: tuple[Controller, ...]  # in order
-    seeds: int  # days that each was run on; the first is the nominal one
+    experiment: Experiment  # common experiment of all controllers
+    controllers: tuple[Controller, ...]  # controllers in the order of the report
+    seeds: int  # number of days on which each was run; the first is the nominal one
     table: pd.DataFrame  # one row per run: ``controller``, ``seed`` and the numbers of run_measures
-    runs: dict[str, Run]  # of the nominal day, by the name of the controller
+    runs: dict[str, Run]  # runs of the nominal day, by the name of the controller
 
     def interval(self, controller: str, number: str) -> Interval:
-        """Mean of a measure over the runs of a controller that have it."""
+        """Return mean and interval of a measure over the runs of a controller that have it."""
         runs = self.table[self.table["controller"] == controller]
         return interval_of(runs.get(number, pd.Series(dtype=float)))
 
     def walked(self, controller: str) -> int:
-        """Runs of a controller without a fall or a trip."""
+        """Count the runs of a controller without a fall or a trip."""
         return int(self.table.loc[self.table["controller"] == controller, "walked"].sum())
 
     def numbers(self, controller: str) -> Measures:
-        """``NAME`` and ``NAME_half_width`` of every measure."""
+        """Return ``NAME`` and ``NAME_half_width`` of every measure."""
         names = self.table.columns.drop(["controller", "seed", "status", "trip"])
         means = {str(name): self.interval(controller, name) for name in names}
         widths = {f"{name}_half_width": found.half_width for name, found in means.items()}
@@ -105,7 +109,7 @@ class Comparison:
 
 
 def interval_of(values: pd.Series) -> Interval:
-    """Mean with the confidence interval of Student's t distribution; NaN does not count."""
+    """Compute the mean with the confidence interval of Student's t distribution; NaN is ignored."""
     deviation: Any = values.sem()
     quantile = student.ppf(0.5 + 0.5 * CONFIDENCE, values.count() - 1)
     return Interval(float(values.mean()), float(quantile * deviation))
@@ -114,9 +118,10 @@ def interval_of(values: pd.Series) -> Interval:
 def compare(
     experiment: Experiment, controllers: Sequence[Controller], *, seeds: int = 1, **watch: Unpack[Watch]
 ) -> Comparison | None:
-    """Run every controller on every day; all controllers meet the same days.
+    """Run every controller on every day; the days are the same for all controllers.
 
-    Returns the comparison, or None if it was stopped; what cannot be compared is a ParameterError.
+    ``seeds``: number of days. Returns the comparison, or None if it was stopped. Raises ParameterError if the
+    experiment or the arguments do not allow a comparison.
     """
     walking_wearer(experiment)
     require(seeds >= 1, "seeds", "1 or more", seeds)
@@ -137,14 +142,14 @@ def _on_day(experiment: Experiment, asked: tuple[Controller, int]) -> Experiment
 
 
 def _measured(nominal_seed: int, run: Run) -> tuple[dict[str, object], Run | None]:
-    """A row of the table, and the run itself if it is of the nominal day."""
+    """Return a row of the table, and the run itself if it belongs to the nominal day."""
     trip = "" if run.trip is None else f"{run.trip.text} at {run.trip.time:.2f} s"
     row = {"status": str(run.status), "trip": trip, **run_measures(run)}
     return row, run if run.experiment.seed == nominal_seed else None
 
 
 def varied(experiment: Experiment, seed: int) -> Experiment:
-    """The experiment on another day."""
+    """Return the experiment on another day; day 0 is the nominal one."""
     if seed == 0:
         return experiment
     scenario, plant, (walking, patient) = experiment.scenario, experiment.plant, walking_wearer(experiment)

@@ -16,15 +16,16 @@ from twin_gait.runs.leg_summary import MeasuredLeg, continuous_current
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Outcome, Side
 
-LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
+LEAST_STRIDES = 2  # a leg with fewer strides after the first two has not walked
 
 Measures = dict[str, float]
 
 
 def run_measures(run: Run) -> Measures:
-    """All numbers of a run, by names with their units; NaN where one is not defined.
+    """Compute all measures of a run, by names with their units; NaN if one is not defined.
 
-    ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
+    ``walked`` is 1 for a run with this verdict; any other run has no measures of the gait except
+    ``walked_s``.
     """
     end = len(run.columns) if run.trip is None else run.trip.tick
     walked = run.verdict.outcome is Outcome.WALKED
@@ -50,13 +51,13 @@ def run_measures(run: Run) -> Measures:
 
 
 def _means(rows: pd.DataFrame) -> Measures:
-    """Means of columns; NaN where a row has none."""
+    """Compute the means of columns; NaN if a row has no value."""
     return {str(name): float(value) for name, value in rows.mean(skipna=False).items()}
 
 
 def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
     own, others = leg.record, other.record
-    assert own.loaded is not None and others.loaded is not None  # there is ground
+    assert own.loaded is not None and others.loaded is not None  # a run on the ground has loads
     known, times = leg.by_contact(), strides.stride_times(leg.strides, TICK)
     speed = ground_speed(leg.log, leg.strides, TICK)
     return {
@@ -69,23 +70,23 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
 
 
 def _shape(leg: MeasuredLeg, joint: JointName) -> Measures:
-    """Range of motion, deviation from healthy gait, smoothness."""
+    """Compute range of motion, deviation from healthy gait, and smoothness."""
     cycles = np.degrees(strides.normalise_strides(leg.record.angles[joint], leg.strides))
     reference = reference_cycle(leg.run.experiment, joint)
     koopman = math.nan if reference is None else gait_variable_score(cycles, np.degrees(reference))
     return {
         "range_of_motion_deg": leg.motion(joint)["range_of_motion_deg"],
         "gvs_koopman_deg": koopman,
-        # The logarithm is after Balasubramanian et al. (2015); nearer to 0 is smoother.
+        # The logarithm follows Balasubramanian et al. (2015); a value closer to 0 is smoother.
         "smoothness": -math.log(leg.jerk(joint)["jerk_dimensionless"]),
     }
 
 
 def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
-    """Torques, work and current of a joint over the strides that count."""
+    """Compute torques, work and current of a joint over the counted strides."""
     run, side = leg.run, leg.record.side
     actuator = run.experiment.plant.actuators[joint]
-    # What acts on the wearer works on their own motion, which with braces is not that of the device.
+    # A torque on the wearer works on the wearer's motion, which with braces differs from the device's motion.
     device, velocity, own, flowing = (
         strides.over_strides(values, leg.strides)
         for values in (
@@ -110,7 +111,10 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
 
 
 def _device_torque(log: LogColumns, name: str, rotor_inertia: float) -> np.ndarray:
-    """What the device does on the wearer: the torque of the brace, or without one that behind the gear."""
+    """Return the torque of the device on the wearer.
+
+    With braces, it is the torque of the brace; otherwise the torque of the motor behind the gear.
+    """
     if f"{name}_brace_torque_Nm" in log:
         return np.asarray(log[f"{name}_brace_torque_Nm"])
     columns = ("motor_torque_Nm", "friction_torque_Nm", "velocity_rad_per_s")
@@ -119,11 +123,11 @@ def _device_torque(log: LogColumns, name: str, rotor_inertia: float) -> np.ndarr
 
 
 def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> float:
-    """Share of the stiffness of its phases that a driven joint was given: in full 1, without springs 0.
+    """Compute the applied fraction of the stiffness of the phases of a joint: 1 in full, 0 without springs.
 
-    Mean over the ends of the stays in a phase, where no blend is under way; NaN if there is none. Where it
-    adapts, the first strides say how it began and not where it settles: stays before tick ``since`` do not
-    count.
+    The mean is taken over the ends of the stays in a phase at which no blend is active; NaN if there is none.
+    If the assistance adapts, the first strides show its initial and not its final level: stays before tick
+    ``since`` are not counted.
     """
     control = run.experiment.control
     if control.mode in ("transparent", "gravity"):
@@ -143,7 +147,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
 
 
 def _together(run: Run, by_leg: pd.DataFrame, by_joint: pd.DataFrame) -> Measures:
-    """Measures of both legs together; of most, their mean."""
+    """Compute the measures of both legs together; most are the mean of the legs."""
     log, power = run.columns, float(np.asarray(run.columns["battery_power_W"]).mean())
     ranges = by_joint["range_of_motion_deg"].unstack()
     work = by_joint[["wearer_work_J", "device_work_J"]].sum(skipna=False)

@@ -1,4 +1,4 @@
-"""The folder of a comparison: one page, its figure, and the numbers as CSV and JSON."""
+"""Folder of a comparison: one page, its figure, and the numbers as CSV and JSON."""
 
 import math
 from functools import cache, partial
@@ -21,21 +21,21 @@ from twin_gait.yaml12 import load_yaml
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
 RUNS_FILE, SUMMARY_FILE = "runs.csv", "compare.json"
-PICTURE = "compare"  # name of the PNG file without its ending
+PICTURE = "compare"  # name of the PNG file without its suffix
 
 
 class Shown(NamedTuple):
-    """A measure as a report shows it."""
+    """Presentation of a measure in a report."""
 
-    label: str  # what it is, with its unit
-    digits: int  # after the point
-    meaning: str  # in plain words
-    factor: float = 1.0  # from the number to what is shown
+    label: str  # name with its unit
+    digits: int  # digits after the decimal point
+    meaning: str  # explanation in plain words
+    factor: float = 1.0  # factor from the number to the displayed value
 
 
 @cache
 def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Shown]]:
-    """Measures that a report on these joints shows, by group and name."""
+    """Return the measures that a report on these joints shows, by group and name."""
     others = set(JointName) - set(joints)
     text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
     groups = load_yaml(text)
@@ -46,7 +46,7 @@ def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Shown]]
 
 
 def text_of(found: Interval, shown: Shown) -> str:
-    """A number as the table shows it: ``12.3 ± 0.4``; a dash where there is none."""
+    """Format a number as the table shows it: ``12.3 ± 0.4``; a dash if there is none."""
     if math.isnan(found.mean):
         return "–"
     if math.isinf(found.mean):
@@ -58,7 +58,7 @@ def text_of(found: Interval, shown: Shown) -> str:
 
 
 def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
-    """Write the folder of a comparison; it appears when all is written."""
+    """Write the folder of a comparison; it appears when it is complete."""
     with staged_directory(target, COMPARISON, force=force) as staging:
         pictures = write_pictures({PICTURE: partial(figure_of, comparison)}, staging)
         write_atomically(staging / PAGE_FILE, page_of(comparison, who, pictures.written.get(PICTURE)))
@@ -68,7 +68,7 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
 
 
 def subtitle_of(comparison: Comparison) -> str:
-    """The wearer, the walk, and how long and on how many days, in one line."""
+    """Return the wearer, the walk, its duration and the number of days, in one line."""
     experiment = comparison.experiment
     described = ", ".join(wearer_in_words(experiment))
     return f"{described}, {experiment.duration:g} s, days: {comparison.seeds}"
@@ -78,7 +78,7 @@ Rows = list[tuple[Shown, list[str]]]
 
 
 def rows_of(comparison: Comparison) -> dict[str, Rows]:
-    """Measures by group, each with its number for every controller."""
+    """Return the measures by group, each with its number for every controller."""
     names = [item.name for item in comparison.controllers]
     walked = Shown(f"walked [of {comparison.seeds}]", 0, "runs to the end without a fall or a stop")
     groups: dict[str, Rows] = {"runs": [(walked, [str(comparison.walked(name)) for name in names])]}
@@ -91,13 +91,13 @@ def rows_of(comparison: Comparison) -> dict[str, Rows]:
 
 
 def lines_of_comparison(comparison: Comparison) -> list[str]:
-    """The table of measures for a terminal, controllers by the names of the command line."""
+    """Return the table of measures for a terminal, with the controllers' names on the command line."""
     rows = [(shown.label, *cells) for group in rows_of(comparison).values() for shown, cells in group]
     return list(lines_of([("", *(item.name for item in comparison.controllers)), *rows]))
 
 
 def page_of(comparison: Comparison, who: str, picture: bytes | None) -> str:
-    """The report as HTML."""
+    """Return the report as HTML."""
     content = {
         "title": "Controllers compared",
         "subtitle": subtitle_of(comparison),
@@ -109,7 +109,7 @@ def page_of(comparison: Comparison, who: str, picture: bytes | None) -> str:
 
 
 def figure_of(comparison: Comparison) -> Figure:
-    """Mean strides of those that walked on the nominal day."""
+    """Draw the mean strides of all controllers that walked on the nominal day."""
     runs = {item.title: comparison.runs[item.name] for item in comparison.controllers}
     walked = {name: run for name, run in runs.items() if run.verdict.outcome is Outcome.WALKED}
     colours = {item.title: item.colour for item in comparison.controllers}
@@ -117,7 +117,7 @@ def figure_of(comparison: Comparison) -> Figure:
 
 
 def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
-    """Return means and intervals as numbers, and the table of the report as its texts."""
+    """Return means and intervals as numbers, and the table of the report as texts."""
     names = [item.name for item in comparison.controllers]
     rows = [row for group in rows_of(comparison).values() for row in group]
     return {

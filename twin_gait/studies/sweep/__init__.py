@@ -1,1 +1,1 @@
-"""Sweeps: an experiment over any of its parameters, resumable."""
+"""Resumable sweeps over any parameters of an experiment."""

@@ -51,7 +51,7 @@ class Range(Strict):
 
     start: Number = Field(alias="from")
     stop: Number = Field(alias="to")
-    count: Count | None = Field(default=None, ge=2, le=MOST_EPISODES)  # values that a grid takes of it
+    count: Count | None = Field(default=None, ge=2, le=MOST_EPISODES)  # number of values in a grid
     scale: Literal["linear", "log"] = "linear"
 
     @model_validator(mode="after")
@@ -63,13 +63,13 @@ class Range(Strict):
         return self
 
     def at(self, shares: np.ndarray) -> np.ndarray:
-        """Values at shares of the way."""
+        """Return the values at given fractions of the range."""
         if self.scale == "log":
             return np.asarray(self.start * (self.stop / self.start) ** shares)
         return np.asarray(self.start + shares * (self.stop - self.start))
 
 
-# Keys that a method needs; one without use is a misunderstanding.
+# Keys that a method needs; a key without use is rejected.
 _NEEDED = {"grid": {"parameters"}, "latin_hypercube": {"parameters", "samples"}, "list": {"episodes"}}
 
 
@@ -91,23 +91,26 @@ class SweepFile(Strict):
     provenance: dict[str, Any] | None = None
 
 
-Episode = tuple[int, Override]  # its number, and what it changes
+Episode = tuple[int, Override]  # number of the episode, and its changes
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """A sweep with everything resolved."""
+    """A sweep with all names resolved."""
 
-    source: str  # file that it was read from, for messages
-    experiment: Experiment  # what all episodes have in common
-    overrides: Sequence[Override]  # what each changes
-    # The specification with the whole experiment in it and the hashes and versions of what made it; reading
-    # it gives the same sweep.
+    source: str  # file from which it was read, for messages
+    experiment: Experiment  # common experiment of all episodes
+    overrides: Sequence[Override]  # changes of each episode
+    # specification with the whole experiment, and with hashes and versions of the software; reading it
+    # gives the same sweep
     document: Mapping[str, Any]
-    files: Sequence[StoredFile]  # that experiment and overrides name; the document names their copies
+    files: Sequence[StoredFile]  # files that experiment and overrides name; the document names their copies
 
     def maker(self) -> Callable[[Episode], Experiment]:
-        """What makes the experiment of an episode, in any process; errors name episode and key."""
+        """Return a function that creates the experiment of an episode, in any process.
+
+        Errors of the function name episode and key.
+        """
         originals = {file.name: str(file.path) for file in self.files}
         files = {given: originals.get(name, name) for given, name in self.document["files"].items()}
         known = {**self.document["named"], FILES: files}
@@ -115,10 +118,10 @@ class Sweep:
 
 
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
-    """Read a sweep specification; settings such as ``duration_s=5`` are laid over those of the file.
+    """Read a sweep specification; settings such as ``duration_s=5`` override those of the file.
 
-    Raises ParameterFileError if the file has a mistake. Raises ParameterError if an assignment or the
-    experiment that it names does.
+    Raises ParameterFileError if the file has a mistake. Raises ParameterError if an assignment or the named
+    experiment has a mistake.
     """
     path = Path(path).expanduser()
     return sweep_from_mapping(validation.read_yaml(path), str(path), path.parent, path.stem, settings)
@@ -127,8 +130,8 @@ def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
 def sweep_from_mapping(
     data: Mapping[str, Any], source: str, folder: Path, name: str = "sweep", settings: Sequence[str] = ()
 ) -> Sweep:
-    """Turn a mapping into a sweep; errors as of :func:`load_sweep`."""
-    try:  # YAML also knows dates and sets, which no parameter is
+    """Convert a mapping to a sweep; errors are those of :func:`load_sweep`."""
+    try:  # YAML also has dates and sets, which are no parameters
         plain = json.loads(json.dumps(data))
     except (TypeError, ValueError, RecursionError) as error:
         wanted = f"expected numbers, texts, lists and mappings ({error})"
@@ -162,8 +165,8 @@ def _override_files(
 ) -> dict[str, StoredFile]:
     """Find the files that overrides name, in ``folder`` first; return them by the names as they are given.
 
-    ``known``: their copies in ``folder``, if it is that of a sweep. Each copy has a subfolder of its own,
-    numbered from ``count`` on, because files and their meshes may have the same names.
+    ``known``: their copies in ``folder``, if it is the folder of a sweep. Each copy has a subfolder of its
+    own, numbered from ``count``, because files and their meshes may have the same names.
     """
     found: dict[str, StoredFile] = {}
     copies: dict[Path, StoredFile] = {}
@@ -183,7 +186,7 @@ def _override_files(
 
 
 def _named(known: Named, overrides: Sequence[Override], path: Path) -> Named:
-    """What the wearers and gait tables stand for that the values name; once read they are kept."""
+    """Return the documents of the wearers and gait tables that the values name; once read they are kept."""
     named = {key: dict(known.get(key, {})) for key in WHOLE}
     for key, value in (item for override in overrides for item in override.items()):
         if key in WHOLE and name_of(value) not in named[key]:
@@ -206,9 +209,9 @@ def _experiment(
 
 
 def _experiment_document(loaded: LoadedExperiment, files: Sequence[StoredFile]) -> dict[str, Any]:
-    """Return the experiment with the hashes of URDF and table and the names of its files as they are stored.
+    """Return the experiment with hashes of URDF and table and with the names of its stored files.
 
-    An integrator that was left to the engine stays so: an episode may change the engine.
+    An integrator that depends on the engine is left out, because an episode may change the engine.
     """
     names = {file.section: file.name for file in files}
     document = resolved_document(loaded.experiment, loaded.document, {}, names)
@@ -218,9 +221,9 @@ def _experiment_document(loaded: LoadedExperiment, files: Sequence[StoredFile]) 
 
 
 def overrides_of(entry: SweepFile, source: str) -> list[Override]:
-    """What each episode changes.
+    """Return the changes of each episode.
 
-    Of a grid the first key changes slowest. A Latin hypercube cuts each range into as many slices as there
+    In a grid the first key changes slowest. A Latin hypercube divides each range into as many slices as there
     are samples, and uses each once.
     """
     for key in ("episodes", "samples", "parameters"):
@@ -241,7 +244,7 @@ def overrides_of(entry: SweepFile, source: str) -> list[Override]:
 
 
 def _levels(key: str, value: Any, method: str, source: str) -> Any:
-    """The values of a parameter; of a Latin hypercube maybe a range."""
+    """Return the values of a parameter; for a Latin hypercube they may be a range."""
     place = f"parameters.{key}"
     if isinstance(value, list) and value:
         return value
@@ -271,7 +274,7 @@ def _drawn(levels: Collection[Any], samples: int, seed: int) -> Iterator[tuple[A
 
 
 def _experiment_of(base: LoadedExperiment, seed: int, named: Named, episode: Episode) -> Experiment:
-    """What an episode is to run, with draws of its own."""
+    """Return the experiment of an episode, with a seed of its own."""
     number, override = episode
     draws = np.random.SeedSequence(seed, spawn_key=(number,))
     own = {"seed": int(draws.generate_state(1, np.uint64)[0])}
@@ -279,9 +282,9 @@ def _experiment_of(base: LoadedExperiment, seed: int, named: Named, episode: Epi
 
 
 def check_episode(made: Callable[[Episode], Experiment], episode: Episode) -> None:
-    """Check the overrides of an episode; ``made`` is :meth:`Sweep.maker`."""
+    """Check the overrides of an episode; ``made`` is the function from :meth:`Sweep.maker`."""
     experiment, (number, override) = made(episode), episode
-    # A text may name a joint or phase that is not there; numbers are checked by their ranges.
+    # A text may name a joint or phase that does not exist; numbers are checked by their ranges.
     plain = all(isinstance(value, int | float) for value in override.values())
     if number == 0 or not plain:
         converting(f"episode {number}", "", partial(build_problem, experiment))

@@ -1,8 +1,8 @@
-"""Sweeps: an experiment over any of its parameters, resumable, on this machine or a cluster.
+"""Resumable sweeps over any parameters of an experiment, on this machine or a cluster.
 
-Finished episodes are kept at once, so that a kill loses none of them. Each block becomes a small parquet
-file in ``parts``, written atomically. At the end of every call parts are merged into ``table.parquet``.
-A kill between the two leaves rows in both, of which one counts: they are equal.
+Finished episodes are stored at once, so that no kill of the process loses them. Each block becomes a small
+parquet file in ``parts``, written atomically. At the end of every call the parts are merged into
+``table.parquet``. A kill between these two steps leaves equal rows in both, and one of them is used.
 """
 
 import contextlib
@@ -39,19 +39,19 @@ SPEC_FILE, TABLE_FILE, SUMMARY_FILE = "spec.yaml", "table.parquet", "summary.jso
 REPORT_FILE = "report.html"
 PARTS_FOLDER = "parts"
 SWEEP = FolderKind("a sweep", SPEC_FILE)
-# Checking an episode takes a few milliseconds, starting workers a few seconds: more are checked by them.
+# Checking an episode takes a few milliseconds, starting workers a few seconds: workers check more episodes.
 CHECKED_HERE = 2000
 
 
 def _kept(directory: Path) -> pd.DataFrame:
-    """Rows of all episodes that are done, by their numbers: of the table, and of parts beside it."""
+    """Return the rows of all finished episodes by their numbers, from the table and from the parts."""
     files = [*directory.glob(TABLE_FILE), *sorted((directory / PARTS_FOLDER).glob("[!.]*"))]
     rows = pd.concat([pd.DataFrame({"episode": []}, dtype=int), *map(read_table, files)])
     return rows.drop_duplicates("episode").set_index("episode").sort_index()
 
 
 def _keep(directory: Path, rows: Mapping[int, batch.Flat]) -> None:
-    """Keep the summaries of some episodes in a part of their own."""
+    """Write the summaries of some episodes to a part of their own."""
     if rows:
         episodes, parts = sorted(rows), directory / PARTS_FOLDER
         table = batch.summary_table([rows[index] for index in episodes])
@@ -61,7 +61,7 @@ def _keep(directory: Path, rows: Mapping[int, batch.Flat]) -> None:
 
 
 def _merge(directory: Path, sweep: Sweep) -> None:
-    """Bring everything that is kept into the table; what its settings are called and are, the sweep says."""
+    """Merge all stored rows into the table; the names and values of its settings come from the sweep."""
     write_parquet(
         directory / TABLE_FILE,
         batch.table_of(sweep.overrides, _kept(directory)),
@@ -73,7 +73,7 @@ def _merge(directory: Path, sweep: Sweep) -> None:
 
 @contextlib.contextmanager
 def _opened(directory: Path, sweep: Sweep) -> Iterator[None]:
-    """Open the folder of a sweep, or make it; no other process can open it meanwhile.
+    """Open or create the folder of a sweep; no other process can open it meanwhile.
 
     Raises RunDirectoryError if the folder is in use or cannot be written.
     """
@@ -91,7 +91,7 @@ def _opened(directory: Path, sweep: Sweep) -> Iterator[None]:
 
 
 def check_directory(directory: Path, sweep: Sweep) -> None:
-    """Refuse a folder that is not this sweep's."""
+    """Check that a folder belongs to this sweep or can be created; raise RunDirectoryError otherwise."""
     check_target(directory, SWEEP, force=True)
     spec = directory / SPEC_FILE
     if spec.is_file() and read_text(spec) != dump_yaml(dict(sweep.document)):
@@ -107,10 +107,10 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Read the table of a sweep, or a part of it."""
+    """Read the table of a sweep, or a part of it; raise RunDirectoryError if it cannot be read."""
     try:
         require_parquet(path)
-        return pd.read_parquet(path)  # with the types of columns that pandas keeps
+        return pd.read_parquet(path)  # pandas restores the types of the columns
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())
         raise RunDirectoryError(
@@ -120,10 +120,10 @@ def read_table(path: Path) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class SweepResult:
-    """What a sweep gives back."""
+    """Result of a sweep."""
 
     table: pd.DataFrame  # one row per finished episode, sorted by episode
-    # content of ``summary.json``, whose ``status`` is INTERRUPTED if it was stopped; the same call goes on
+    # content of ``summary.json``; ``status`` is INTERRUPTED if it was stopped; the same call resumes it
     summary: dict[str, Any]
 
 
@@ -135,15 +135,15 @@ def run_sweep(
     pictures: bool = True,
     **watch: Unpack[Watch],
 ) -> SweepResult:
-    """Run a sweep, or go on with it where it was stopped or killed.
+    """Run a sweep, or resume it after it was stopped or killed.
 
-    All episodes are checked before anything runs. Their results are kept in the folder block by block;
+    All episodes are checked before anything runs. Their results are stored in the folder block by block;
     neither the table nor the rows depend on the workers, the blocks or the number of resumptions. The engine
-    is compiled in the calling process, so that no worker has to.
+    is compiled in the calling process, so that no worker has to compile it.
 
-    Raises ParameterError if an episode is wrong or cannot be run, naming it; what was done is kept.
-    Raises RunDirectoryError if the folder holds something else or cannot be written. Raises WorkersLost if
-    a worker dies; what was done is kept.
+    Raises ParameterError if an episode is wrong or cannot be simulated, naming it; finished episodes are
+    kept. Raises RunDirectoryError if the folder has other content or cannot be written. Raises WorkersLost if
+    a worker dies; finished episodes are kept.
     """
     workers = workers or Workers()
     began = time.perf_counter()
@@ -165,7 +165,7 @@ def run_sweep(
             "episodes": len(sweep.overrides),
             "finished": len(table),
             "outcomes": {str(name): int(count) for name, count in sorted(_outcomes(table).items())},
-            # measures that were asked for and that no completed episode has
+            # requested measures that no completed episode has
             "not_drawn": [name for name, found in measured.items() if not found],
             "last_call": {
                 "resumed_with": len(done),
@@ -183,7 +183,7 @@ def run_sweep(
 
 
 def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None) -> None:
-    """Check the overrides of every episode without running any; a wrong one is named with its key."""
+    """Check the overrides of every episode without running any; an error names the episode and its key."""
     check, episodes = partial(check_episode, sweep.maker()), list(enumerate(sweep.overrides))
     hands = workers if len(episodes) > CHECKED_HERE else 1
     try:
@@ -197,7 +197,7 @@ def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None)
 def _run(
     sweep: Sweep, directory: Path, done: Collection[int], workers: Workers, **watch: Unpack[Watch]
 ) -> None:
-    """Run what is not done yet."""
+    """Run the episodes that are not finished yet."""
     pending = [episode for episode in enumerate(sweep.overrides) if episode[0] not in done]
     tell = watch.get("progress") or (lambda number, total: None)
     tell(len(done), len(sweep.overrides))
@@ -214,7 +214,7 @@ def _run(
 
 
 def _outcomes(table: pd.DataFrame) -> pd.Series:
-    """How many episodes had which outcome; of one that was not asked to walk its status counts."""
+    """Count the episodes by outcome; for an episode without a request to walk, by its status."""
     if "outcome" not in table:
         return pd.Series(dtype=int)
     return table["outcome"].fillna(table["status"]).value_counts()

@@ -1,1 +1,1 @@
-"""Tune a gait table to a wearer: screening, search, robust set, report."""
+"""Tuning of a gait table to a wearer: screening, search, robust set, report."""

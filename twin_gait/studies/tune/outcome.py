@@ -1,4 +1,4 @@
-"""What comes of a tuning: the table that is chosen, and its folder with numbers, report and figures."""
+"""Result of a tuning: the chosen table, and its folder with numbers, report and figures."""
 
 import math
 from dataclasses import asdict, replace
@@ -30,12 +30,15 @@ TABLE_FILE, OUTCOME_FILE, REPORT_FILE = "table.yaml", "tune.json", "report.html"
 OUTCOME_VERSION = 1
 TUNING = FolderKind("a tuning", OUTCOME_FILE)
 _REFERENCE = "Koopman et al. (2014) at {:.3g} km/h, from foot contact to foot contact"
-# A part that changes by less than this share of its goal counts as unchanged.
+# A part that changes by less than this fraction of its goal counts as unchanged.
 SAME = 0.05
 
 
 def choose(tuning: Tuning) -> tuple[Finalist, dict[str, int]]:
-    """The best finalist whose table passes every error rule of the check, and what that finds in it."""
+    """Return the best finalist whose table has no error in the check, and the counts of its findings.
+
+    Raises ParameterError if no table passes the check.
+    """
     for finalist in tuning.ranked:
         findings = check(build_case(table_of(finalist.table), tuning.experiment))
         if not any(item.severity is Severity.ERROR for item in findings):
@@ -47,28 +50,29 @@ def choose(tuning: Tuning) -> tuple[Finalist, dict[str, int]]:
 
 
 def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **settings: Any) -> GaitTable:
-    """The gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
+    """Return the gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
 
     Args:
-        experiment: A wearer who walks on the ground, and the table that is to be bettered.
+        experiment: A wearer who walks on the ground, and the table to be improved.
         workers: Processes or a cluster that execute the walks; the calling process if None.
-        **settings: Those of :class:`twin_gait.studies.tune.tune.Settings`: ``minutes`` for everything
-            (3), or ``generations`` of the search, with which the result does not depend on the machine's
-            speed; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
+        **settings: Settings as of :class:`twin_gait.studies.tune.tune.Settings`: ``minutes`` for everything
+            (3), or ``generations`` of the search, with which the result does not depend on the speed of the
+            machine; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
 
     Raises:
         ParameterError: If there is nothing to tune, or no table passes the check.
     """
     tuning = tune(experiment, Settings(**settings), workers=workers)
-    assert tuning is not None  # nobody stops it
+    assert tuning is not None  # there is no should_stop
     return table_of(choose(tuning)[0].table)
 
 
 def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = False) -> dict[str, Any]:
-    """Choose the table and write everything, for a wearer in words.
+    """Choose the table and write all files.
 
-    Returns content of ``tune.json``. Raises ParameterError if no table passes the check. Raises
-    RunDirectoryError if the folder exists, unless it is a tuning and ``force`` is set, or cannot be written.
+    ``wearer``: description of the wearer in words. Returns the content of ``tune.json``. Raises
+    ParameterError if no table passes the check. Raises RunDirectoryError if the folder exists, unless it is a
+    tuning and ``force`` is set, or if it cannot be written.
     """
     finalist, found = choose(tuning)
     start = tuning.experiment.table.name
@@ -96,7 +100,7 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
 
 
 def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
-    """Content of ``tune.json`` but for what the check finds."""
+    """Return the content of ``tune.json`` without the findings of the check."""
     experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
     speed, generations = walking_wearer(experiment)[0].speed, tuning.generations
     names = list(tuning.search_cases)
@@ -138,7 +142,7 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
 
 
 def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
-    """Named parts side by side, each with its verdict."""
+    """Return the named parts before and after, each with its verdict."""
     first, second = (part_costs(walk.values, walk.joints) for walk in (before, after))
     found = []
     for part in before.parts:
@@ -150,7 +154,10 @@ def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
 
 
 def verdict(before: float | None, after: float | None, goal: float) -> str:
-    """Whether a part is ``better``, ``traded`` (worse), the ``same`` or ``not defined``; less is better."""
+    """Return whether a part is ``better``, ``traded`` (worse), the ``same`` or ``not defined``.
+
+    A smaller value is better.
+    """
     if before is None or after is None:
         return "not defined"
     if math.isclose(before, after, rel_tol=0.0, abs_tol=SAME * goal):
@@ -159,7 +166,7 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
 
 
 def _walk(walk: Rating, number: int) -> dict[str, Any]:
-    """A walk of the robust set, whose first is the nominal one."""
+    """Return a walk of the robust set as a mapping; number 0 is the nominal one."""
     cost = walk.cost if number else nominal_cost(walk)
     return {"cost": cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
 

@@ -1,13 +1,13 @@
-r"""What a walk is rated by: named parts, each with a goal and a weight, all from the numbers of the summary.
+r"""Objective of the tuning: named parts, each with a goal and a weight, computed from the summary of a walk.
 
-Every part is the smaller the better, and the larger of the two legs counts. A walk costs
+A smaller value of a part is better, and the larger value of both legs counts. The cost of a walk is
 
 .. math::
 
     J = \min\Bigl(J_{worst}, \sum_i w_i (x_i / g_i)^2\Bigr)
 
 with value x, goal g and weight w of each part. A fall after a share s of the time costs
-:math:`J_{worst} + (J_{fall} - J_{worst})(1 - s)`, more than any walk, and the less the later it comes.
+:math:`J_{worst} + (J_{fall} - J_{worst})(1 - s)`, which is more than any walk, and less for a later fall.
 """
 
 import math
@@ -30,10 +30,11 @@ from twin_gait.yaml12 import load_yaml
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
-# Without the excess the search trades one goal for the other; the tool is held to those of the errors.
-HELD_TO, EXCESS = 20.0, 6.0  # weights
-AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
-NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
+# Weights of the excess over a goal, without which the search trades one goal for another; the goals of the
+# errors have the larger weight.
+HELD_TO, EXCESS = 20.0, 6.0
+AIM = 0.9  # fraction of a goal beyond which the excess counts, slightly better than the goal
+NEEDED_CLEARANCE = 15.0  # [mm]; a lower clearance of the toe is a part of the objective
 
 
 @dataclass(frozen=True)
@@ -41,14 +42,14 @@ class Part:
     """One part of the objective."""
 
     name: str  # key in files
-    title: str  # for people
-    unit: str  # for people
-    goal: float  # value that costs just the weight
-    weight: float  # w, see the module
-    excess: float = EXCESS  # weight e of what it lacks to its goal, see nominal_cost
+    title: str  # title for display
+    unit: str  # unit for display
+    goal: float  # value whose cost equals the weight
+    weight: float  # w in the equation of the module
+    excess: float = EXCESS  # weight e of the excess over the goal, see nominal_cost
 
 
-SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
+SAMPLES_APART = 5  # [%] of a stride; distance between the sampled deviations
 _ROWS = load_yaml(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
 ERRORS = {
     JointName(joint): Part(f"{joint}_error_deg", excess=HELD_TO, **row)
@@ -59,9 +60,9 @@ _OTHERS, _FREE = ([Part(name, **row) for name, row in _ROWS[kind].items()] for k
 
 
 def parts_of(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[Part, ...]:
-    """What a walk is rated by: first the errors of the joints that its table drives, in its order.
+    """Return the parts of the objective: first the errors of the joints that the table drives, in its order.
 
-    An ankle that it does not drive counts a little.
+    An ankle that the table does not drive has a small weight.
     """
     errors = (ERRORS[JointName(joint)] for joint in joints)
     carried = () if JointName.ANKLE in joints else (_CARRIED_ANKLE,)
@@ -69,24 +70,24 @@ def parts_of(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[Part, 
 
 
 def part_values(run: Run) -> dict[str, float | None]:
-    """Value of each part of a walk, none below zero; None where it has too few strides."""
+    """Compute the value of each part of a walk, none below zero; None if there are too few strides."""
     legs, walks = [MeasuredLeg(run, record) for record in run.leg_records()], run.walk_measures()
     contacts = [leg.by_contact() for leg in legs]
     found = [
         _leg_values(leg, contact, walks[leg.record.side]) for leg, contact in zip(legs, contacts, strict=True)
     ]
-    # Of the legs the larger value counts; what is not defined in one is not in both.
+    # The larger value of the legs counts; a value that is undefined in one leg is undefined.
     values = {name: float(np.max([0.0, *(leg[name] for leg in found)])) for name in found[0]}
-    assert run.walkway is not None  # a walk to be tuned carries weight
+    assert run.walkway is not None  # a tuned walk is on the ground
     dragged = sum(walk["fore_aft_force_N"] for walk in walks.values()) / run.walkway.carried_weight
     values |= {"fore_aft_pct": 100.0 * abs(dragged), "asymmetry_pct": _asymmetry(legs, contacts)}
     return {name: finite_or_none(value) for name, value in (values | _free_trunk_values(run)).items()}
 
 
 def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str, float]) -> dict[str, float]:
-    """Parts of one leg: its errors, the ground's forces, the knee under them, contacts and motors.
+    """Compute the parts of one leg: errors, ground reaction forces, loaded knee, contacts and motors.
 
-    ``contact`` is what :meth:`MeasuredLeg.by_contact` tells of it. NaN where a number is not defined.
+    ``contact`` is the result of :meth:`MeasuredLeg.by_contact`. A value is NaN if it is not defined.
     """
     joints, strides = list(leg.record.angles), contact["strides"] or math.nan
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
@@ -106,7 +107,7 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
         "slow_loading_pct": 100.0 * (1.0 - walk["least_load"]),
         "propulsion_lack_pct": 100.0 * (1.0 - walk["propulsion_peak"] / healthy["propulsion_peak"]),
         "stride_variation_pct": 100.0 * contact["stride_time_variation"],
-        # Contacts of a foot that has just landed; further contacts in swing are scuffs.
+        # Repeated contacts of a foot just after landing; further contacts in swing are scuffs.
         "second_contacts_per_stride": (contact["further_contacts"] - contact["scuffs"]) / strides,
         "scuffs_per_stride": contact["scuffs"] / strides,
         "saturated_pct": 100.0 * float(np.max(limits)),
@@ -117,7 +118,7 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
 
 
 def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]]) -> float:
-    """Largest symmetry index in [%], without its sign, of the share of swing and the ranges of the joints."""
+    """Compute the largest absolute symmetry index in [%] of the swing share and the ranges of the joints."""
     left, right = (
         [contact["swing_share"], *(leg.motion(joint)["range_of_motion_deg"] for joint in leg.record.angles)]
         for leg, contact in zip(legs, contacts, strict=True)
@@ -126,7 +127,7 @@ def _asymmetry(legs: Sequence[MeasuredLeg], contacts: Sequence[Mapping[str, Any]
 
 
 def _free_trunk_values(run: Run) -> dict[str, float]:
-    """Way and crutches; nothing where the pelvis is guided."""
+    """Compute the parts of distance and crutches; none if the pelvis is guided."""
     walking = run.experiment.scenario.walking
     if walking is None or run.experiment.scenario.pelvis is not PelvisGuide.FREE:
         return {}
@@ -141,26 +142,26 @@ def _free_trunk_values(run: Run) -> dict[str, float]:
 
 
 class Rating(NamedTuple):
-    """What a walk is worth: plain values only, which any process can send."""
+    """Rating of a walk: plain values only, which can be sent between processes."""
 
-    cost: float  # see the module
-    values: dict[str, float | None]  # of the parts
-    fell: bool  # whether it ended in a fall, a trip of the safety monitor or diverged
-    lasted: float  # share of the time
-    # of the mean strides from the reference, over goals; their squares add up to about those of the errors,
-    # halved by the legs. Empty if a leg made no stride
+    cost: float  # J of the module
+    values: dict[str, float | None]  # values of the parts
+    fell: bool  # whether it ended by a fall or a trip of the safety monitor, or diverged
+    lasted: float  # fraction of the time
+    # deviations of the mean strides from the reference, over goals; their squares add up to approximately
+    # the squared errors, averaged over both legs. Empty if a leg made no stride
     deviations: tuple[float, ...] = ()
-    torque: float = math.nan  # root mean square over all motors in [N m], whose square heats their windings
-    joints: tuple[str, ...] = (JointName.HIP, JointName.KNEE)  # that its table drives
+    torque: float = math.nan  # root mean square over all motors in [N m]; its square heats the windings
+    joints: tuple[str, ...] = (JointName.HIP, JointName.KNEE)  # joints that the table drives
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """What it is rated by."""
+        """Parts of the objective for this walk."""
         return parts_of(self.joints, free_trunk=_FREE[0].name in self.values)
 
 
 def rate_walk(run: Run) -> Rating:
-    """Rate a walk as tuning does: its cost, the parts that it is the sum of, and more."""
+    """Rate a walk for the tuning: cost, values of the parts, and further properties."""
     values, joints = part_values(run), tuple(run.table.joints)
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
@@ -174,10 +175,10 @@ def rate_walk(run: Run) -> Rating:
 def walk_cost(
     values: Mapping[str, float | None], lasted: float, fell: bool, joints: tuple[str, ...]
 ) -> float:
-    """Cost of a walk with these values that lasted for a share of the time.
+    """Compute the cost of a walk with these values that lasted for a fraction of the time.
 
-    A walk whose errors are not defined because it hardly made a stride costs ``WORST``, any other part that
-    is not defined its weight.
+    A walk whose errors are undefined because it has too few strides costs ``WORST``; any other undefined part
+    costs its weight.
     """
     if fell:
         return WORST + (FALL - WORST) * (1.0 - lasted)
@@ -187,7 +188,7 @@ def walk_cost(
 
 
 def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
-    """Cost of each part; its weight where it is not defined."""
+    """Compute the cost of each part; its weight if it is not defined."""
     costs = {}
     for part in parts_of(joints, free_trunk=_FREE[0].name in values):
         value = values[part.name]
@@ -197,14 +198,14 @@ def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> d
 
 
 def nominal_cost(walk: Rating) -> float:
-    r"""Cost of the walk that a table is tuned for, in which a goal that is missed costs more.
+    r"""Compute the cost of the nominal walk, in which exceeding a goal costs more.
 
     .. math::
 
         J + \sum_i e_i \max(0, x_i / g_i - 0.9)^2
 
-    Above half of ``WORST`` it bends so that it stays below that: a fall costs more than any walk, and of two
-    bad walks the worse costs more.
+    Above half of ``WORST`` the cost is compressed so that it stays below ``WORST``: a fall costs more than
+    any walk, and of two bad walks the worse one costs more.
     """
     if walk.fell or not walk.deviations:
         return walk.cost
@@ -214,9 +215,9 @@ def nominal_cost(walk: Rating) -> float:
 
 
 def residuals(walk: Rating) -> np.ndarray:
-    """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; none of one that fell.
+    """Compute numbers whose squares add up to about the :func:`nominal_cost` of a walk; none after a fall.
 
-    The errors are told sample by sample, and so more than by a number for each joint.
+    The errors enter sample by sample, which contains more information than one number for each joint.
     """
     if walk.fell or not walk.deviations:
         return np.zeros(0)
@@ -226,7 +227,7 @@ def residuals(walk: Rating) -> np.ndarray:
 
 
 def _lacks(walk: Rating) -> list[float]:
-    """Roots of what each part costs beyond ``AIM`` of its goal; 0 of one that is not defined."""
+    """Compute the roots of the cost of each part beyond ``AIM`` of its goal; 0 for undefined parts."""
     ratios = ((walk.values[part.name] or 0.0) / part.goal for part in walk.parts)
     return [
         math.sqrt(part.excess) * max(0.0, ratio - AIM) for part, ratio in zip(walk.parts, ratios, strict=True)
@@ -234,7 +235,10 @@ def _lacks(walk: Rating) -> list[float]:
 
 
 def _deviations(run: Run) -> tuple[float, ...]:
-    """Mean strides less the reference over goal, every 5 %, with squares that add up to 1 at the goals."""
+    """Compute the mean strides minus the reference, over the goal, at every 5 % of the stride.
+
+    The squares add up to 1 at the goals. Empty if a leg has no stride or there is no reference.
+    """
     legs = run.leg_records()
     found: list[float] = []
     for leg in legs:

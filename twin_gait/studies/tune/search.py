@@ -1,17 +1,18 @@
 r"""The search: damped least squares over all numbers of the table at once.
 
-A walk is :math:`r(x)`, numbers whose squares add up to what it costs, among them the deviations of the mean
+A walk is :math:`r(x)`, numbers whose squares add up to its cost, including the deviations of the mean
 strides (:func:`twin_gait.studies.tune.parts.residuals`). In each generation every number of the table is
-moved by itself, which gives the slopes J, and so are all together by the steps
+moved by itself, which gives the slopes J, and all numbers are moved together by the steps
 
 .. math::
 
     s_\mu = \arg\min_s |r + J s|^2 + \mu^2 |s|^2
 
 for several dampings μ, each in full and in part (K. Levenberg, Quarterly of Applied Mathematics 2 (1944)
-164-168; D. W. Marquardt, SIAM Journal on Applied Mathematics 11 (1963) 431-441). The search goes on from the
-best of all these points. What a walk does is rugged: slopes come from moves of several percent of a number's
-range, up and down in turn, and those of earlier generations fade out by halves. No chance is in it.
+164-168; D. W. Marquardt, SIAM Journal on Applied Mathematics 11 (1963) 431-441). The search continues from
+the best of all these points. The objective is rugged: slopes are therefore computed from moves of several
+percent of a number's range, up and down in alternation, and slopes of earlier generations decay by halves.
+The search is deterministic.
 """
 
 from collections.abc import Sequence
@@ -21,47 +22,50 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
-REACH = 0.05  # of the unit cube, by which a number is moved for a slope; about 1° of an equilibrium
+REACH = 0.05  # move of a number for a slope, in the unit cube; about 1° for an equilibrium angle
 LEAST_REACH = 0.01
-DAMPING = 1.0  # μ, in units of the cost's root over the unit cube
-DAMPINGS = (0.05, 8.0)  # between which it stays
-FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # dampings that are tried, over the one that did best
+DAMPING = 1.0  # μ, in units of the root of the cost over the unit cube
+DAMPINGS = (0.05, 8.0)  # bounds of μ
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # dampings that are tested, over the best one so far
 PARTS_OF_STEPS = (1.0, 0.5)
-MEMORY = 0.5  # share of the earlier slopes
-# Beyond so many times the cost a move has led to another kind of gait, whose slope tells nothing of this one.
+MEMORY = 0.5  # weight of the earlier slopes
+# If a move multiplies the cost by more than this, it leads to another kind of gait, whose slope is ignored.
 OTHER_GAIT = 4.0
 _ROOM = 1e-9
-PATIENCE = 8  # generations without a gain, after which the search has come to its end
+PATIENCE = 8  # generations without a gain after which the search ends
 
 
 class Generation(NamedTuple):
     """One generation."""
 
-    point: list[float]  # where the search stands after it, coordinates from 0 to 1
-    cost: float  # there
-    tried: list[list[float | None]]  # standing of each candidate that walked, see standing
+    point: list[float]  # point of the search after it, coordinates from 0 to 1
+    cost: float  # cost at this point
+    tried: list[list[float | None]]  # result of standing for each candidate that walked
 
 
 @dataclass
 class Descent:
-    """Where a search stands."""
+    """State of a search."""
 
     point: list[float]  # coordinates from 0 to 1
-    cost: float  # there
-    residuals: np.ndarray  # there; empty if it does not walk
+    cost: float  # cost at the point
+    residuals: np.ndarray  # residuals at the point; empty if the table does not walk
     slopes: np.ndarray | None = None  # J by number of the table; None before the first generation
-    reach: float = REACH  # by which numbers are moved for the slopes
-    damping: float = DAMPING  # that did best
-    generation: int = 0  # generations that are over
-    gained: int = 0  # the last of them that gained something
+    reach: float = REACH  # move of a number for the slopes
+    damping: float = DAMPING  # best damping so far
+    generation: int = 0  # number of finished generations
+    gained: int = 0  # last generation with a gain
 
     @property
     def has_ended(self) -> bool:
-        """Whether there is nothing more to gain."""
+        """Whether the search has ended without further gain."""
         return self.generation - self.gained >= PATIENCE
 
     def neighbours(self) -> list[list[float]]:
-        """The point with one number moved, up and down in turn; the other way where the range ends."""
+        """Return the points with one number moved, up or down in alternation.
+
+        A number at the end of its range is moved in the other direction.
+        """
         reach = self.reach if self.generation % 2 == 0 else -self.reach
         found = []
         for place, own in enumerate(self.point):
@@ -70,7 +74,7 @@ class Descent:
         return found
 
     def learn(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray]) -> None:
-        """Take in the slopes towards the neighbours; those to another kind of gait count as 0."""
+        """Update the slopes from the neighbours; slopes to another kind of gait count as 0."""
         own = self.residuals
         slopes = np.zeros((len(neighbours), len(own)))
         for place, (neighbour, there) in enumerate(zip(neighbours, residuals, strict=True)):
@@ -79,24 +83,27 @@ class Descent:
         self.slopes = slopes if self.slopes is None else MEMORY * self.slopes + (1.0 - MEMORY) * slopes
 
     def steps(self) -> list[tuple[float, list[float]]]:
-        """Dampings, and the points where their steps lead, in full and in part; none before it walks."""
+        """Return dampings, and the points to which their steps lead, in full and in part.
+
+        Returns none before the table walks.
+        """
         if not len(self.residuals) or self.slopes is None:
             return []
         point, found = np.array(self.point), []
         wanted = np.append(-self.residuals, np.zeros(len(point)))
         for damping in (factor * self.damping for factor in FACTORS):
             damped = np.vstack((self.slopes.T, damping * np.eye(len(point))))
-            # The solver wants room between the bounds, also for a number that is at both ends of its range.
+            # The solver needs a distance between the bounds, also for a number whose range is a single value.
             step = lsq_linear(damped, wanted, (-point - _ROOM, 1.0 - point + _ROOM)).x
             for part in PARTS_OF_STEPS:
                 found.append((damping, np.clip(point + part * step, 0.0, 1.0).tolist()))
         return found
 
     def go_to(self, point: list[float], cost: float, residuals: np.ndarray, damping: float | None) -> None:
-        """Go on from another point, for the gain of a step with some damping, or of a neighbour."""
+        """Continue from another point, for the gain of a step with some damping, or of a neighbour."""
         self.point, self.cost = point, cost
         if len(residuals) != len(self.residuals):
-            self.slopes = None  # it walks now
+            self.slopes = None  # the table walks now
         self.residuals = residuals
         if damping is not None:
             self.damping = float(np.clip(damping, *DAMPINGS))
@@ -104,7 +111,7 @@ class Descent:
         self.gained = self.generation
 
     def stay(self) -> None:
-        """Nothing was gained: look closer by, with more damping."""
+        """Continue without a gain: decrease the reach and increase the damping."""
         self.reach = max(LEAST_REACH, 0.6 * self.reach)
         self.damping = min(DAMPINGS[1], 2.0 * self.damping)
         self.generation += 1

@@ -1,7 +1,7 @@
-"""The numbers of a gait table that a search may change, and the table with other numbers in it.
+"""The numbers of a gait table that a search may change, and the table with changed numbers.
 
-Candidates are points of the unit cube. Every number is rounded to what a person would type (0.01 Nm/deg,
-0.1°), so that the table that is written is the very one that walked.
+Candidates are points of the unit cube. Every number is rounded to the digits that a person would type (0.01
+N·m/deg, 0.1°), so that the written table is exactly the one that walked.
 """
 
 import copy
@@ -33,18 +33,18 @@ _BOUNDS["ankle_stiffness_Nm_per_deg"]["upper"] = STIFFNESS_RANGES[JointName.ANKL
 class Parameter:
     """One number of a gait table."""
 
-    name: str  # what it is called, by the words of the table's file
-    path: tuple[str | int, ...]  # its place in the document of the table
-    unit: str  # for people; empty for a ratio
-    start: float  # where the search begins
+    name: str  # name, from the keys of the table file
+    path: tuple[str | int, ...]  # path in the document of the table
+    unit: str  # unit for display; empty for a ratio
+    start: float  # value at the start of the search
     lower: float  # least value
     upper: float  # largest value
     digits: int  # decimal places
-    logarithmic: bool  # whether the search steps by ratios
-    guard: Comparison | None  # the inequality that it is the threshold of, or None
+    logarithmic: bool  # whether the search changes it by ratios
+    guard: Comparison | None  # inequality whose threshold it is, or None
 
     def value(self, coordinate: float) -> float:
-        """Value at a coordinate from 0 to 1, rounded."""
+        """Return the value at a coordinate from 0 to 1, rounded."""
         share = min(1.0, max(0.0, coordinate))
         if self.logarithmic:
             raw = self.lower * math.pow(self.upper / self.lower, share)
@@ -61,9 +61,9 @@ class Parameter:
 
 
 def editable_document(table: GaitTable) -> dict[str, Any]:
-    """Document of a table in the units that people type, without waivers.
+    """Return the document of a table in the units that people type, without waivers.
 
-    What was waived for one table has not been looked at for the next, so a tuned table does not inherit it.
+    A waiver holds for the table that its author looked at, so a tuned table does not inherit it.
     """
     document = table_document(replace(table, waivers=()))
     for phases in (document["phases"], *document.get("sides", {}).values()):
@@ -74,20 +74,21 @@ def editable_document(table: GaitTable) -> dict[str, Any]:
 
 
 def with_own_sides(table: GaitTable) -> GaitTable:
-    """The same table with every phase written for each side, so that a search can tell the legs apart."""
+    """Return the same table with every phase written for each side, so that a search can change one leg."""
     return replace(table, side_phases={side: table.phases_of(side) for side in Side})
 
 
 def parameters_of(
     table: GaitTable, *, thresholds: bool = True, blending: bool = True
 ) -> tuple[Parameter, ...]:
-    """Numbers of a table that can be tuned: k, θ0, damping, G of every phase and joint, and more if asked.
+    """Return the numbers of a table that can be tuned, in the order of the table.
 
-    The more are angle thresholds of the transitions and the duration of the blend, in the order of the table.
+    These are k, θ0, damping and G of every phase and joint; with ``thresholds``, also the angle thresholds of
+    the transitions; with ``blending``, also the duration of the blend.
     """
     document = editable_document(table)
     sides = document.get("sides", {})
-    # A phase that both sides replace is nobody's.
+    # A phase that both sides replace is not used.
     shared = {
         name: phase
         for name, phase in document["phases"].items()
@@ -121,7 +122,7 @@ def table_with(
 
 
 def _in_degrees(entry: Mapping[str, float]) -> dict[str, float]:
-    """Impedance with stiffness and equilibrium in degrees."""
+    """Convert an impedance to stiffness and equilibrium in degrees."""
     damping = [key for key in entry if key.startswith("damping")]
     return {
         "stiffness_Nm_per_deg": rounded(entry["stiffness_Nm_per_rad"] / _PER_DEGREE),
@@ -136,14 +137,14 @@ def _impedances(
     for phase, joint in product(phases, joints):
         for key, value in phases[phase][joint].items():
             kind = f"{joint}_{key}" if key.startswith("stiffness") else key
-            if value != 0.0 or kind == key:  # steps by ratios never leave zero
+            if value != 0.0 or kind == key:  # ratios never change zero
                 yield _parameter((*path, phase, str(joint), key), value, kind)
 
 
 def _parameter(
     path: tuple[str | int, ...], start: float, kind: str, name: str = "", guard: Comparison | None = None
 ) -> Parameter:
-    """A number of a kind that ``bounds.yaml`` knows; its name is its place where it has none."""
+    """Create a number of a kind that ``bounds.yaml`` lists; its name is its path if it has none."""
     row = {"logarithmic": False, **_BOUNDS[kind]}
     reach = row.pop("reach", math.nan)
     lower, upper = row.pop("lower", start - reach), row.pop("upper", start + reach)
@@ -153,7 +154,7 @@ def _parameter(
 
 
 def _thresholds(guard: Guard, path: tuple[str | int, ...], cause: str) -> Iterator[Parameter]:
-    """Angle thresholds of a guard that stands at a place of the document."""
+    """Yield the angle thresholds of a guard at a path of the document."""
     if isinstance(guard, (AllOf, AnyOf)):
         path = (*path, "all" if isinstance(guard, AllOf) else "any")
         for index, inner in enumerate(guard.guards):

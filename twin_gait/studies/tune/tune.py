@@ -1,4 +1,4 @@
-"""Tune a gait table to a wearer: search, and the robust set over which the best tables are ranked."""
+"""Tuning of a gait table to a wearer: search, and the robust set over which the best tables are ranked."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,30 +21,30 @@ from twin_gait.studies.tune.walks import cases_of, in_case, standing, table_of, 
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED
 
-# Share of the minutes for the search; the robust set and the report take the rest.
+# Share of the time for the search; the robust set and the report take the rest.
 SEARCH_SHARE = 0.75
-SEARCH_WALKS = 1000  # or more, for which loops are compiled
-RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
-FINALISTS = 5  # of the search, beside the table that is to be bettered
+SEARCH_WALKS = 1000  # least number of walks for which loops are compiled
+RACED = 6  # number of candidates of a generation, the best of the nominal walk, that walk all cases
+FINALISTS = 5  # number of tables from the search, in addition to the initial table
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(quantities.Parameters):
-    """How a table is tuned.
+    """Settings of a tuning.
 
     Attributes:
-        minutes: Time for everything; generations under way are finished.
-        generations: Of the search; None until the time is over. With a number the result does not depend on
-            the machine's speed.
-        seed: Of the sensor noise; the search has no chance in it.
-        thresholds: Whether angle thresholds count.
-        blending: Whether the duration of the blend counts.
-        per_side: Whether each leg gets numbers of its own (hemiparesis).
-        everyone: Whether the table is for other wearers, supports and belts too, as one that ships is: search
-            and robust set then have ``corner_cases`` in them.
-        search_duration: Length of a walk in the search in [s].
-        robust_duration: Length of a walk of the robust set in [s].
+        minutes: Time for everything; running generations are finished.
+        generations: Number of generations of the search; None until the time is over. With a number the
+            result does not depend on the speed of the machine.
+        seed: Seed of the sensor noise; the search itself is deterministic.
+        thresholds: Whether angle thresholds are tuned.
+        blending: Whether the duration of the blend is tuned.
+        per_side: Whether each leg has numbers of its own (hemiparesis).
+        everyone: Whether the table is also for other wearers, supports and belts, like a packaged table:
+            search and robust set then include ``corner_cases``.
+        search_duration: Duration of a walk in the search in [s].
+        robust_duration: Duration of a walk of the robust set in [s].
     """
 
     minutes: Annotated[quantities.Ratio, quantities.POSITIVE] = 3.0
@@ -62,34 +62,34 @@ class Settings(quantities.Parameters):
 class Finalist:
     """A table that walked the robust set."""
 
-    table: dict[str, Any]  # its document
-    # coordinates of what was searched for; None for the table that it began with
+    table: dict[str, Any]  # document of the table
+    # coordinates of the searched numbers; None for the initial table
     points: Sequence[float] | None
-    walks: Mapping[str, Rating]  # results by name of the case, nominal first
+    walks: Mapping[str, Rating]  # ratings by name of the case, nominal first
 
     @property
     def falls(self) -> int:
-        """Cases in which it fell."""
+        """Number of cases with a fall."""
         return sum(walk.fell for walk in self.walks.values())
 
     @property
     def cost(self) -> float:
-        """Cost over the robust set; the nominal case weighs as much as in the search."""
+        """Cost over the robust set; the nominal case has the same weight as in the search."""
         return weighted_cost(list(self.walks.values()))
 
 
 class Tuning:
-    """A tuning: what its stages share, and what they leave behind.
+    """A tuning: the data that its stages share, and their results.
 
     Attributes:
-        experiment: Whose table was to be bettered, with the seed of the settings.
-        settings: Those of the tuning.
-        parameters: All numbers that are searched for.
+        experiment: Experiment with the table to be improved, and with the seed of the settings.
+        settings: Settings of the tuning.
+        parameters: All numbers of the table that are searched.
         search_cases: Cases of the search by names, the nominal one first.
-        generations: Of the search; the first is its start.
+        generations: Generations of the search; the first is its start.
         ranked: All finalists, the best first; ``before`` is one of them.
-        before: The table that was to be bettered.
-        elapsed: Time that it took in [s].
+        before: Initial table, which is to be improved.
+        elapsed: Duration of the tuning in [s].
     """
 
     before: Finalist
@@ -99,7 +99,10 @@ class Tuning:
     def __init__(
         self, experiment: Experiment, settings: Settings, workers: Workers, tell: Tell, stop: Stop | None
     ) -> None:
-        """Begin; nothing is walked. The arguments are those of :func:`twin_gait.studies.tune.tune.tune`."""
+        """Initialise the tuning; nothing is simulated.
+
+        The arguments are those of :func:`twin_gait.studies.tune.tune.tune`.
+        """
         self.settings, self._workers, self._stop = settings, workers, stop
         self._told, self._began = tell, time.perf_counter()
         self.experiment = replace(experiment, seed=settings.seed)
@@ -113,10 +116,10 @@ class Tuning:
         self._robust_cases = cases_of(self.experiment, "robust") | self.search_cases
 
     def run(self, on_compile: Callable[[], None] | None) -> None:
-        """Run all stages, unless somebody asks to stop."""
+        """Run all stages, unless ``should_stop`` returns True."""
         settings = self.settings
         self._tell("compiling")
-        for walked in self._robust_cases.values():  # here, or all workers would
+        for walked in self._robust_cases.values():  # here, because otherwise every worker would compile
             for quick, count in ((True, SEARCH_WALKS), (False, (FINALISTS + 1) * len(self._robust_cases))):
                 compile_ahead(
                     walker(walked, duration=settings.search_duration, quick=quick), count, on_compile
@@ -124,7 +127,7 @@ class Tuning:
         for done, generation in enumerate(self._search()):
             self.generations.append(generation)
             minutes = self._tell(f"search: generation {done + 1}")
-            late = done > 0 and minutes > SEARCH_SHARE * settings.minutes  # one generation it always gets
+            late = done > 0 and minutes > SEARCH_SHARE * settings.minutes  # at least one generation is run
             if done == settings.generations or (settings.generations is None and late):
                 break
         self._tell("the robust set")
@@ -133,7 +136,7 @@ class Tuning:
         self.elapsed = time.perf_counter() - self._began
 
     def _tell(self, stage: str) -> float:
-        """Say what comes next; the minutes so far."""
+        """Report the next stage; return the elapsed minutes."""
         minutes, found = (time.perf_counter() - self._began) / 60.0, self.generations
         best = f", best: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
         self._told(f"{minutes:4.1f} min  {stage}{best}")
@@ -142,7 +145,7 @@ class Tuning:
     def _walk(
         self, tables: Sequence[GaitTable], cases: Iterable[Experiment], *, last: bool = False
     ) -> list[list[Rating]]:
-        """Walks of each table, in each case: short and quick ones, or the last ones."""
+        """Simulate walks of each table in each case: short and quick ones, or those of the robust set."""
         settings = self.settings
         duration = settings.robust_duration if last else settings.search_duration
         walked = [walker(case, duration=duration, quick=not last) for case in cases]
@@ -151,7 +154,7 @@ class Tuning:
         return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]
 
     def _search(self) -> Iterator[Generation]:
-        """Walk the table that is to be bettered, then generations until there is nothing more to gain."""
+        """Walk the initial table, then generations until there is no more gain."""
         (ratings,) = self._walk([self.experiment.table], self.search_cases.values())
         point = [item.start_coordinate for item in self.parameters]
         descent = Descent(point, weighted_cost(ratings), residuals(ratings[0]))
@@ -160,7 +163,7 @@ class Tuning:
             yield self._generation(descent)
 
     def _generation(self, descent: Descent) -> Generation:
-        """Walk one generation and go on from its best candidate."""
+        """Walk one generation and continue from its best candidate."""
         first, *corners = self.search_cases.values()
         neighbours = descent.neighbours()
         ratings = self._walk([self._table_at(point) for point in neighbours], [first])
@@ -188,7 +191,7 @@ class Tuning:
         return table_of(space.table_with(self._table, self.parameters, point))
 
     def _finalists(self) -> list[Finalist]:
-        """What was to be bettered, and where the search stood, over the robust set."""
+        """Walk the initial table, and points of the search, over the robust set."""
         chosen: list[tuple[dict[str, Any], list[float] | None]] = [(self._table, None)]
         for item in leaders(self.generations, FINALISTS):
             table = space.table_with(self._table, self.parameters, item.point)
@@ -203,9 +206,10 @@ class Tuning:
 
 
 def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
-    """Where the search stood at the end of each of so many stretches, the latest first; at last its start.
+    """Return the points of the search at the ends of ``count`` equal intervals.
 
-    What lies side by side in the last generations falls over the same case.
+    The latest is first, the start of the search last. Points of adjacent generations are unsuitable, because
+    they are close to each other and fall in the same case.
     """
     ends = np.linspace(len(generations) - 1, 0, count).round().astype(int)
     points = {tuple(generations[place].point): generations[place] for place in ends.tolist()}
@@ -221,20 +225,20 @@ def tune(
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Tuning | None:
-    """Search and rank.
+    """Search for better tables and rank them.
 
     The result depends on the experiment, the settings and the number of generations, not on the workers.
 
     Args:
-        experiment: A wearer who walks on the ground, and the table that is to be bettered.
-        tell: Takes a line on where the tuning stands, with the best cost so far.
-        should_stop: Asked before each walk; True ends the tuning.
+        experiment: A wearer who walks on the ground, and the table to be improved.
+        tell: Receives a line on the progress of the tuning, with the best cost so far.
+        should_stop: Called before each walk; True ends the tuning.
 
     Returns:
         The tuning; None if it was stopped.
 
     Raises:
-        ParameterError: If there is nothing to tune, the settings make no sense or a walk cannot be run.
+        ParameterError: If there is nothing to tune, the settings are invalid or a walk cannot be simulated.
     """
     walking_wearer(experiment)
     if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):

@@ -1,4 +1,4 @@
-"""Walks of candidates, what they cost, and the wearers, plants and sensors that they are tried on."""
+"""Walks of candidates, their cost, and the wearers, plants and sensors with which they are tested."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -24,45 +24,48 @@ from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 from twin_gait.yaml12 import load_yaml
 
-# Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
+# Rules of the check that can find an error and take less time than a walk; all others check the final table.
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
-# Ends of the names of the columns of a log that the parts are made of, beside time and phases.
+# Endings of the log columns from which the parts are computed, in addition to time and phases.
 READ = (
     *(*WALK_COLUMNS, "_crutch_normal_force_N"),
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
-NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
-# For the search, where a quarter of the time buys four times the candidates: parts of the shipped
-# walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
-# told in the end.
+NOMINAL_WEIGHT = 0.75  # weight of the nominal case in the cost of a candidate; the other cases share the rest
+# Integration of the search, where a quarter of the time allows four times the candidates: parts of the
+# packaged walk differ by at most 0.01° and 0.1 percentage points from those at the default step, with which
+# all reported walks are simulated.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
 _CASES = load_yaml(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
-    """The gait table of a document of :func:`twin_gait.studies.tune.space.editable_document`."""
+    """Return the gait table of a document of :func:`twin_gait.studies.tune.space.editable_document`."""
     return gait_table_from_mapping(dict(document), "the tuning", str(document["name"]))
 
 
 def walker(experiment: Experiment, *, duration: float, quick: bool = False) -> Experiment:
-    """An experiment as the compiled engine walks it for so long in [s], by ``QUICK_INTEGRATION`` if quick."""
+    """Return an experiment for the compiled engine with a duration in [s].
+
+    If ``quick``, it is integrated by ``QUICK_INTEGRATION``.
+    """
     step = min(QUICK_INTEGRATION.step, experiment.scenario.step)
     integration = replace(QUICK_INTEGRATION, step=step) if quick else None
     return replace(experiment, engine=Engine.COMPILED, integration=integration, duration=duration)
 
 
 def quick_errors(experiment: Experiment) -> set[str]:
-    """Errors that the quick rules of the check find in the table of an experiment, by their ids."""
+    """Return the ids of the errors that the quick rules of the check find in the table of an experiment."""
     case = build_case(experiment.table, experiment)
     return {item.rule for rule in QUICK_RULES for item in rule(case) if item.severity is Severity.ERROR}
 
 
-class Stopped(Exception):  # not an error: somebody asked for it
-    """A tuning was asked to stop."""
+class Stopped(Exception):  # not an error, because the user requested it
+    """A tuning was stopped."""
 
 
 def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating]:
-    """Rate walks of :func:`walker`, each with its table and case, in their order; raises :class:`Stopped`."""
+    """Rate walks of :func:`walker`, each with its table and case, in their order; raise :class:`Stopped`."""
     results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
     if len(results) < len(walks):
         raise Stopped
@@ -70,15 +73,16 @@ def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watc
 
 
 def itself(walk: Experiment) -> Experiment:
-    """The walk, which is its own experiment."""
+    """Return the walk, which is its own experiment."""
     return walk
 
 
 def standing(walks: Sequence[Rating]) -> list[float | None]:
-    """What a table is good for over its cases, the nominal one first, less being better.
+    """Compute the performance of a table over its cases, the nominal one first; smaller is better.
 
-    Root mean square of the nominal walk's errors of all joints in [deg] and of its motors' torques in [N m],
-    None if it fell or has no error; and the mean cost of the other walks, None without.
+    Returns the root mean square of the nominal walk's errors of all joints in [deg] and of its motors'
+    torques in [N m], None if it fell or has no error; and the mean cost of the other walks, None without
+    other walks.
     """
     nominal, *others = walks
     errors = [nominal.values[f"{joint}_error_deg"] for joint in nominal.joints]
@@ -92,9 +96,10 @@ def standing(walks: Sequence[Rating]) -> list[float | None]:
 
 
 def weighted_cost(walks: Sequence[Rating]) -> float:
-    """Cost of a table over its cases, the nominal one first.
+    """Compute the cost of a table over its cases, the nominal one first.
 
-    The nominal walk's, with what missed goals cost on top, and the mean of the others, weighted.
+    It is the weighted sum of the nominal walk's cost, in which exceeding a goal costs more, and the mean cost
+    of the others.
     """
     nominal, *others = walks
     if not others:
@@ -104,9 +109,9 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
 
 
 def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
-    """The cases of a kind by names, as ``cases.yaml`` has them: ``search``, ``robust`` or ``everyone``.
+    """Return the cases of a kind by names, from ``cases.yaml``: ``search``, ``robust`` or ``everyone``.
 
-    Those with another belt are left out where there is none.
+    Cases with another belt speed are left out if there is no belt.
     """
     cases = _CASES[kind].items()
     if not nominal.scenario.adjusts(BELT_SPEED):
@@ -115,7 +120,7 @@ def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
 
 
 def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
-    """An experiment with one of the changes that ``cases.yaml`` lists."""
+    """Apply one of the changes that ``cases.yaml`` lists to an experiment."""
     (what, value), (walking, _) = change, walking_wearer(walked)
     plant, scenario = walked.plant, walked.scenario
     match what:
@@ -137,13 +142,16 @@ def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
 
 
 def _weighing(walked: Experiment, ratio: float) -> Experiment:
-    """The true mass changes and nobody tells the device: neither its model nor the table's scaling law."""
+    """Change the true mass but not the mass that the device assumes.
+
+    Neither the model of the controller nor the scaling law of the table takes the new mass into account.
+    """
     _, patient = walking_wearer(walked)
     table, control = walked.table, replace(walked.control, patient=walked.control.patient or patient)
     mass = min(HEAVIEST_WEARER, ratio * patient.mass)
     reference = table.scaling.carried_mass
     if reference is not None:
-        # The law divides the carried mass, which the scenario knows, by its reference.
+        # The law divides the carried mass, which the scenario states, by its reference.
         total = walked.build_world().model.total_mass
         carried = reference * ((total + mass - patient.mass) / total)
         table = replace(table, scaling=replace(table.scaling, carried_mass=carried))
@@ -151,5 +159,5 @@ def _weighing(walked: Experiment, ratio: float) -> Experiment:
 
 
 def in_case(walked: Experiment, table: GaitTable) -> Experiment:
-    """A walk of a case with another table, scaled as the case has it."""
+    """Return a walk of a case with another table, scaled as in the case."""
     return replace(walked, table=replace(table, scaling=walked.table.scaling))
