@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from errors import raises
 
 from twin_gait import files, load_experiment, simulate
 from twin_gait.cli import main
@@ -94,8 +95,8 @@ def test_a_pipe_that_an_experiment_names_is_refused(
 
 
 def test_a_folder_and_a_device_are_no_files(tmp_path: Path) -> None:
-    for path, kind in ((tmp_path, "a folder"), (Path("/dev/zero"), "a device")):
-        with pytest.raises(ParameterFileError, match=f"it is {kind}"):
+    for path, kind in ((tmp_path, "folder"), (Path("/dev/zero"), "device")):
+        with raises(ParameterFileError, path, kind):
             files.read_bytes(path)
 
 
@@ -105,10 +106,10 @@ def test_a_file_that_grows_beyond_the_limit_is_refused(
     path = tmp_path / "file"
     path.write_bytes(b"12345")
     assert files.read_bytes(path, 5) == b"12345"
-    with pytest.raises(ParameterFileError, match="is larger than 4 bytes"):
+    with raises(ParameterFileError, path, 4):
         files.read_bytes(path, 4)
     monkeypatch.setattr(files, "require_regular", lambda path, most: None)  # measured before it grew
-    with pytest.raises(ParameterFileError, match="is larger than 4 bytes"):
+    with raises(ParameterFileError, path, 4):
         files.read_bytes(path, 4)
 
 
@@ -116,7 +117,7 @@ def test_a_dbc_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "large.dbc"
     with path.open("wb") as file:
         file.truncate(files.MOST_DOCUMENT + 1)
-    with pytest.raises(ParameterFileError, match="is larger than"):
+    with raises(ParameterFileError, path, files.MOST_DOCUMENT):
         load_messages(path)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 
-import pytest
+from errors import raises
 
 import twin_gait
 
@@ -16,7 +16,7 @@ def test_public_names_exist():
 
 
 def test_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="warp"):
+    with raises(AttributeError, "warp", "twin_gait"):
         twin_gait.warp  # noqa: B018
 
 

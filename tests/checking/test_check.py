@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import yaml
+from errors import raises
 from table_builder import FIVE_PHASES
 
 from twin_gait.checking.check import (
@@ -368,9 +369,7 @@ def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path
 def test_joints_in_another_order_are_refused_as_a_run_refuses_them(tmp_path: Path) -> None:
     path = tmp_path / "turned.yaml"
     path.write_text("schema_version: 1\nextends: treadmill\njoints: [knee, hip]\n", encoding="utf-8")
-    with pytest.raises(
-        ParameterError, match="expected some of hip, knee, ankle, in this order, got 'knee, hip'"
-    ):
+    with raises(ParameterError, "joints", "hip, knee, ankle", "knee, hip"):
         load_case(path)
 
 
@@ -426,7 +425,7 @@ def test_table_of_one_phase_is_no_trap() -> None:
 def test_experiment_that_cannot_drive_the_joints_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
-    with pytest.raises(ParameterError, match=r"plant\.actuators\.ankle: is missing"):
+    with raises(ParameterError, "plant.actuators.ankle"):
         load_case(path, "treadmill")
 
 
@@ -508,7 +507,7 @@ def test_table_is_scaled_to_the_experiment() -> None:
 
 
 def test_table_that_is_not_there_is_one_line() -> None:
-    with pytest.raises(TwinGaitError, match=r"nowhere.*neither a file nor one of bench_leg") as caught:
+    with raises(TwinGaitError, "nowhere", "bench_leg") as caught:
         load_case("nowhere")
     assert len(str(caught.value).splitlines()) == 1
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from errors import raises
 from guard_solver import holds
 from table_builder import JOINTS, guard, phase
 
@@ -431,7 +432,7 @@ def test_absent_leg_opens_no_condition_on_it() -> None:
 def test_guard_with_too_many_alternatives_is_refused_in_one_line() -> None:
     pair = AnyOf(guards=(guard("hip.angle_deg < 1"), guard("knee.angle_deg < 1")))
     pairs = math.ceil(math.log2(MOST_BRANCHES)) + 1
-    with pytest.raises(GaitTableError, match=str(MOST_BRANCHES)):
+    with raises(GaitTableError, MOST_BRANCHES):
         ways_of(AllOf(guards=(pair,) * pairs), PHASES, True)
 
 

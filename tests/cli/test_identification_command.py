@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from errors import raises
 from friction_bench import KNEE, campaign, rotational, write_log
 
 from twin_gait import RunStatus, load_experiment, simulate
@@ -89,7 +90,7 @@ def test_an_existing_folder_is_refused_before_the_work_and_replaced_when_forced(
     log, out = write_series(tmp_path / "a.csv", 1), tmp_path / "out"
     fast = ("--model", "coulomb_viscous", "--no-pictures")
     assert call(log, *COLUMNS, *fast, "--out", out) == DONE
-    with pytest.raises(RunDirectoryError, match="exists; choose another --out, or replace it with --force"):
+    with raises(RunDirectoryError, "out", "--out", "--force"):
         call(tmp_path / "none.csv", *COLUMNS, *fast, "--out", out)
     assert call(log, *COLUMNS, "--model", "dahl", "--no-pictures", "--out", out, "--force") == DONE
     assert json.loads((out / "identification.json").read_text())["models"][0]["name"] == "dahl"
@@ -100,7 +101,7 @@ def test_force_does_not_replace_a_folder_of_something_else(tmp_path):
     log = write_series(tmp_path / "a.csv", 1)
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("text")
-    with pytest.raises(RunDirectoryError, match="is not an identification"):
+    with raises(RunDirectoryError, "thesis", "--out"):
         call(log, *COLUMNS, "--model", "dahl", "--out", tmp_path / "thesis", "--force")
     assert (tmp_path / "thesis" / "chapter.tex").read_text() == "text"
 
@@ -133,17 +134,17 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (("--columns", "speed=dq2"), "--columns: expected NAME=VALUE,…, each name of time"),
-        (("--units", "velocity"), "--units: expected NAME=VALUE"),
-        (("--model", "gauss"), "model: no 'gauss'"),
-        (("--seed", "-1"), "--seed: expected a whole number from 0 to"),
-        (("--joint", "knee", "--lever-m", "-1"), "lever: expected a number above 0"),
-        (("--joint", "knee", "--start-angle-deg", "nan"), "start_angle: expected a number from -1000 to"),
+        (("--columns", "speed=dq2"), ("--columns", "NAME=VALUE,…", "time")),
+        (("--units", "velocity"), ("--units", "NAME=VALUE")),
+        (("--model", "gauss"), ("model", "gauss")),
+        (("--seed", "-1"), ("--seed", "0")),
+        (("--joint", "knee", "--lever-m", "-1"), ("lever", "0")),
+        (("--joint", "knee", "--start-angle-deg", "nan"), ("start_angle", "-1000")),
     ],
 )
 def test_wrong_options_are_one_line_and_leave_no_folder(tmp_path, extra, message):
     log = write_series(tmp_path / "a.csv", 1)
-    with pytest.raises(ParameterError, match=message) as error:
+    with raises(ParameterError, *message) as error:
         call(log, *extra, "--out", tmp_path / "out")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "out").exists()
@@ -151,9 +152,9 @@ def test_wrong_options_are_one_line_and_leave_no_folder(tmp_path, extra, message
 
 def test_a_wrong_log_leaves_no_folder(tmp_path):
     (tmp_path / "a.csv").write_text("velocity,friction_torque\n1,2\n")
-    with pytest.raises(ParameterFileError, match="1 usable rows"):
+    with raises(ParameterFileError, "a.csv", "1", "20"):
         call(tmp_path / "a.csv", "--out", tmp_path / "out")
-    with pytest.raises(ParameterError, match=r"has no \.log file"):
+    with raises(ParameterError, "empty", ".log"):
         (tmp_path / "empty").mkdir()
         call(tmp_path / "empty", "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from errors import raises
 from numpy.testing import assert_allclose
 
 import twin_gait
@@ -79,7 +80,7 @@ def test_experiment_of_a_changed_urdf_is_refused(tmp_path):
     document = resolved_document(loaded.experiment, loaded.document, {})
     assert reread(document) == with_stepping(loaded.experiment)
     urdf.write_text(urdf.read_text() + "<!-- changed -->\n")
-    with pytest.raises(ParameterFileError, match="not the file that this experiment was made with"):
+    with raises(ParameterFileError, "urdf_sha256", "leg.urdf"):
         reread(document)
 
 
@@ -229,9 +230,7 @@ def test_bad_settings_end_in_one_line_that_helps(setting, message):
 
 
 def test_a_mistake_in_a_variant_names_the_keys_of_that_variant():
-    with pytest.raises(
-        ParameterFileError, match=r"scenario.strat: .* did you mean 'start'\? allowed: kind, start,"
-    ):
+    with raises(ParameterFileError, "scenario.strat", "start", "kind"):
         load_experiment("bench_leg", ["scenario.strat=3"])
 
 
@@ -284,7 +283,7 @@ def test_a_file_may_give_one_joint_a_law_and_leave_the_other_its_own(tmp_path):
 
 
 def test_joint_that_is_not_in_the_urdf_lists_those_that_are():
-    with pytest.raises(TwinGaitError, match=r"no joint 'hinge' for the left hip; it has left_hip,"):
+    with raises(TwinGaitError, "hinge", "left", "hip", "left_hip"):
         load_experiment("treadmill", ["leg.left.hip=hinge"]).experiment.build_world()
 
 
@@ -292,21 +291,21 @@ def test_unknown_preset_lists_those_there_are():
     folder = Path(twin_gait.__file__).parent / "configuration" / "presets"
     shipped = sorted(path.stem for path in folder.glob("*.yaml"))
     assert {"bench_leg", "day", "overground", "treadmill"} <= set(shipped)
-    with pytest.raises(ParameterError, match=", ".join(shipped)):
+    with raises(ParameterError, *shipped):
         load_experiment("no_such_preset")
 
 
 def test_unknown_base_preset_lists_those_there_are(tmp_path):
     path = tmp_path / "run.yaml"
     path.write_text("preset: moon\n")
-    with pytest.raises(ParameterFileError, match=r"run.yaml: preset: no preset 'moon'; there are bench_leg"):
+    with raises(ParameterFileError, "run.yaml", "preset", "moon", "bench_leg"):
         load_experiment(path)
 
 
 def test_an_experiment_that_extends_like_a_table_is_refused(tmp_path):
     path = tmp_path / "run.yaml"
     path.write_text("extends: treadmill\n")
-    with pytest.raises(ParameterFileError, match=r"run.yaml: extends: unknown key"):
+    with raises(ParameterFileError, "run.yaml", "extends"):
         load_experiment(path)
 
 
@@ -343,14 +342,17 @@ def test_one_file_that_gives_a_quantity_in_two_units_is_refused(tmp_path, text, 
 
 
 @pytest.mark.parametrize(
-    "settings",
+    ("settings", "keys"),
     [
-        ["scenario.belt_speed_m_per_s=0.4", "scenario.belt_speed_km_per_h=2"],
-        ["scenario.leading_start={hip_deg: 20, hip_rad: 0.1, knee_deg: 5}"],
+        (
+            ["scenario.belt_speed_m_per_s=0.4", "scenario.belt_speed_km_per_h=2"],
+            ("scenario.belt_speed_m_per_s", "scenario.belt_speed_km_per_h"),
+        ),
+        (["scenario.leading_start={hip_deg: 20, hip_rad: 0.1, knee_deg: 5}"], ("hip_deg", "hip_rad")),
     ],
 )
-def test_one_command_line_that_gives_a_quantity_in_two_units_is_refused(settings):
-    with pytest.raises(TwinGaitError, match=r"--set.*expected exactly one of") as caught:
+def test_one_command_line_that_gives_a_quantity_in_two_units_is_refused(settings, keys):
+    with raises(TwinGaitError, "--set", *keys) as caught:
         load_experiment("treadmill", settings)
     assert "\n" not in str(caught.value)
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
+from errors import raises
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -641,15 +642,17 @@ def test_a_table_extends_one_that_lies_beside_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("base", "words"),
     [
-        ("moonwalk", "extends: no gait table 'moonwalk': neither a file nor one of bench_leg"),
-        ("[1, 2]", r"extends: no gait table \[1, 2\]"),
-        ("above.yaml", "extends: 'above.yaml' extends this table itself"),
+        ("moonwalk", ("extends", "moonwalk", "bench_leg")),
+        ("[1, 2]", ("extends", "[1, 2]")),
+        ("above.yaml", ("extends", "above.yaml")),
     ],
 )
-def test_a_table_that_extends_nothing_or_itself_is_refused(tmp_path: Path, base: str, words: str) -> None:
+def test_a_table_that_extends_nothing_or_itself_is_refused(
+    tmp_path: Path, base: str, words: tuple[object, ...]
+) -> None:
     path = tmp_path / "above.yaml"
     path.write_text(STANDING.format(base=base), encoding="utf-8")
-    with pytest.raises(ParameterFileError, match=words) as caught:
+    with raises(ParameterFileError, *words) as caught:
         load_gait_table(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
@@ -657,7 +660,7 @@ def test_a_table_that_extends_nothing_or_itself_is_refused(tmp_path: Path, base:
 def test_transitions_that_are_no_list_are_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("schema_version: 1\nextends: treadmill\ntransitions: 7\n", encoding="utf-8")
-    with pytest.raises(ParameterFileError, match="transitions: expected a list, got 7"):
+    with raises(ParameterFileError, "transitions", "list", "7"):
         load_gait_table(path)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from errors import raises
 
 from twin_gait import load_experiment
 from twin_gait.cli import main
@@ -80,26 +81,30 @@ def test_the_same_transition_twice_is_refused():
 
 def test_either_kind_of_table_is_found_by_its_name():
     assert load_state_table("treadmill") == load_gait_table("treadmill")
-    with pytest.raises(ParameterError, match=r"no gait table 'flight': neither a file nor one of"):
+    with raises(ParameterError, "flight"):
         load_state_table("flight")
-    with pytest.raises(ParameterError, match=r"no table of modes 'treadmill'.*one of .*twin"):
+    with raises(ParameterError, "treadmill", "twin"):
         load_mode_table("treadmill")
 
 
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        (("hold",), "flying", "my_modes.yaml: hold: no mode 'flying'; there are rest, walk, held"),
-        (("modes", "rest", "postur"), "stand", "modes.rest.postur"),
-        (("modes", "walk", "minimum_duration_ms"), -1, "modes.walk.minimum_duration_ms"),
-        (("modes", "walk", "walk"), "yes please", "modes.walk.walk"),
-        (("requests",), ["walk", "walk"], "requests: walk is named twice"),
-        (("transitions", 0, "all"), ["request in [run]"], r"transitions\[0\].*no request 'run'"),
-        (("transitions", 0, "all"), ["hip.angle_deg > 5"], r"transitions\[0\].*no signal 'hip.angle_deg'"),
-        (("transitions", 0, "to"), "flying", "no mode 'flying'"),
-        (("transitions", 0, "debounce_ms"), 5, "a request lasts for one tick"),
-        (("phases",), {}, "phases"),
-        (("schema_version",), 2, "schema_version"),
+        (("hold",), "flying", ("my_modes.yaml", "hold", "flying", "rest", "walk", "held")),
+        (("modes", "rest", "postur"), "stand", ("modes.rest.postur", "posture")),
+        (
+            ("modes", "walk", "minimum_duration_ms"),
+            -1,
+            ("modes.walk.minimum_duration_ms", "0", "3600000", "-1"),
+        ),
+        (("modes", "walk", "walk"), "yes please", ("modes.walk.walk", "true", "false", "yes please")),
+        (("requests",), ["walk", "walk"], ("requests", "walk")),
+        (("transitions", 0, "all"), ["request in [run]"], ("transitions[0]", "run")),
+        (("transitions", 0, "all"), ["hip.angle_deg > 5"], ("transitions[0]", "hip.angle_deg")),
+        (("transitions", 0, "to"), "flying", ("transitions[0]", "flying")),
+        (("transitions", 0, "debounce_ms"), 5, ("transitions[0]", "request", "5 ms", "debounce_ms")),
+        (("phases",), {}, ("phases", "modes")),
+        (("schema_version",), 2, ("schema_version",)),
     ],
 )
 def test_mistakes_are_named_with_file_and_key(place, value, message):
@@ -108,7 +113,7 @@ def test_mistakes_are_named_with_file_and_key(place, value, message):
     for key in place[:-1]:
         inner = inner[key]
     inner[place[-1]] = value
-    with pytest.raises(ParameterFileError, match=message) as caught:
+    with raises(ParameterFileError, *message) as caught:
         read(data)
     assert str(caught.value).startswith("my_modes.yaml") and "\n" not in str(caught.value)
 
@@ -140,12 +145,12 @@ def test_modes_may_stand_in_the_file_of_the_experiment_or_beside_it(tmp_path):
         found = load_experiment(path).experiment.modes
         assert found is not None and found.phases == read(SMALL).phases
     (tmp_path / "mine.yaml").write_text(dump_yaml({**SMALL, "hold": "x"}), encoding="utf-8")
-    with pytest.raises(ParameterFileError, match=r"mine\.yaml: hold: no mode 'x'"):
+    with raises(ParameterFileError, "mine.yaml", "hold", "x"):
         load_experiment(tmp_path / "experiment_0.yaml")
 
 
 def test_modes_without_their_joints_are_refused():
-    with pytest.raises(ParameterFileError, match=r"joints of modes 'twin': .*, hip, knee, got.*ankle"):
+    with raises(ParameterFileError, "joints", "twin", "hip, knee", "ankle"):
         load_experiment(
             "treadmill_start_stop", [*WITH_POSTURES, "modes=twin", "modes.joints=[hip, knee, ankle]"]
         )

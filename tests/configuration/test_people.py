@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
+from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
@@ -102,28 +103,31 @@ def test_wearer_of_every_shipped_experiment_is_mass_alone(name):
 
 
 MISTAKES = {
-    "patient.left.kne.effort=1": r"patient.left.kne: unknown key; did you mean 'knee'\?",
-    "patient.left.hip.efort=1": r"patient.left.hip.efort: unknown key; did you mean 'effort'\?",
-    "patient.middle.hip.effort=1": "patient.middle: unknown key",
-    "patient.left.ankle.effort=1": "patient.left.ankle: unknown key; .*hip, knee",
-    "patient.left.hip.effort=2": "patient.left.hip.effort: expected a number from 0 to 1, got 2",
-    "patient.both.knee.passive=true": "patient.both.knee.passive: expected a number, got true",
-    "patient.both.knee.passive=-1": "patient.both.knee.passive: expected 0 to 3, got -1",
-    "patient.both.knee={passive: 1, contracture_deg: 80}": "expected a number from 0 to 60, got 80 deg",
-    "patient.both.knee.contracture_deg=5": "both.knee.contracture: expected 0 without a passive moment",
-    "patient.both.knee={contracture_deg: 5, contracture_rad: 0.1}": (
-        "contracture_deg is given twice, here as contracture_rad"
+    "patient.left.kne.effort=1": ("patient.left.kne", "knee"),
+    "patient.left.hip.efort=1": ("patient.left.hip.efort", "effort"),
+    "patient.middle.hip.effort=1": ("patient.middle",),
+    "patient.left.ankle.effort=1": ("patient.left.ankle", "hip", "knee"),
+    "patient.left.hip.effort=2": ("patient.left.hip.effort", "0", "1", "2"),
+    "patient.both.knee.passive=true": ("patient.both.knee.passive", "true"),
+    "patient.both.knee.passive=-1": ("patient.both.knee.passive", "0", "3", "-1"),
+    "patient.both.knee={passive: 1, contracture_deg: 80}": (
+        "patient.both.knee.contracture_deg",
+        "0",
+        "60",
+        "80 deg",
     ),
-    "patient.effort_delay_ms=2000": "patient.effort_delay_ms: expected a number from 0 to 1000, got 2000 ms",
-    "patient.effort_noise=.nan": "patient.effort_noise: .*finite",
-    "patient=nobody": "patient: no person 'nobody': neither a file nor one of complete_sci, healthy,",
-    "patient={preset: 7}": "patient: no person '7'",
+    "patient.both.knee.contracture_deg=5": ("both.knee.contracture", "0"),
+    "patient.both.knee={contracture_deg: 5, contracture_rad: 0.1}": ("contracture_deg", "contracture_rad"),
+    "patient.effort_delay_ms=2000": ("patient.effort_delay_ms", "0", "1000", "2000 ms"),
+    "patient.effort_noise=.nan": ("patient.effort_noise", "nan"),
+    "patient=nobody": ("patient", "nobody", "complete_sci", "healthy"),
+    "patient={preset: 7}": ("patient", "7"),
 }
 
 
 @pytest.mark.parametrize("setting", MISTAKES)
 def test_mistake_is_one_line_with_key_value_and_way_out(setting):
-    with pytest.raises(TwinGaitError, match=MISTAKES[setting]) as caught:
+    with raises(TwinGaitError, *MISTAKES[setting]) as caught:
         load_experiment("treadmill", [setting])
     assert len(str(caught.value).splitlines()) == 1
 
@@ -221,17 +225,17 @@ def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("both: {knee: {pasive: 1}}", "mine.yaml: both.knee.pasive: unknown key; did you mean 'passive'"),
-        ("mass_kg: 200", "mine.yaml: mass_kg: expected 30 to 110 kg"),
-        ("left: {hip: {effort: 3}}", "mine.yaml: left.hip.effort: expected a number from 0 to 1"),
-        ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: line 1, .*effort_delay_ms is given twice"),
-        ("[1, 2]", "mine.yaml: expected keys and values"),
-        ("preset: healthy", "mine.yaml: preset: unknown key"),
-        ("{preset: treadmill, patient: {mass_kg: 60}}", "mine.yaml: preset: unknown key"),
+        ("both: {knee: {pasive: 1}}", ("mine.yaml", "both.knee.pasive", "passive")),
+        ("mass_kg: 200", ("mine.yaml", "mass_kg", "30", "110 kg")),
+        ("left: {hip: {effort: 3}}", ("mine.yaml", "left.hip.effort", "0", "1")),
+        ("{effort_delay_ms: 5, effort_delay_s: 1}", ("mine.yaml", "line 1", "effort_delay_ms")),
+        ("[1, 2]", ("mine.yaml",)),
+        ("preset: healthy", ("mine.yaml", "preset")),
+        ("{preset: treadmill, patient: {mass_kg: 60}}", ("mine.yaml", "preset")),
     ],
 )
 def test_mistake_in_the_file_of_a_person_names_that_file(file, text, message):
-    with pytest.raises(ParameterFileError, match=message):
+    with raises(ParameterFileError, *message):
         load_experiment("treadmill", [f"patient={file('mine.yaml', text)}"])
 
 
@@ -240,7 +244,7 @@ def test_a_gait_table_is_exchanged_by_name_in_a_batch():
     key = "table.phases.pre_swing.minimum_duration_ms"
     found = overridden(base, {key: 20, "table": "treadmill_pre_swing"}).table
     assert found == load_experiment("treadmill", ["table=treadmill_pre_swing", f"{key}=20"]).experiment.table
-    with pytest.raises(ParameterFileError, match="override: table: no gait table 'x'"):
+    with raises(ParameterFileError, "override", "table", "x"):
         overridden(base, {"table": "x"})
 
 
@@ -250,7 +254,7 @@ def test_person_is_exchanged_by_name_in_a_batch():
     heavy = overridden(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
     assert overridden(base, {"patient.mass_kg": 90, "patient": "healthy"}).patient == heavy
     assert heavy == patient("patient=healthy", "patient.mass_kg=90")
-    with pytest.raises(ParameterFileError, match="override: patient: no person 'x'"):
+    with raises(ParameterFileError, "override", "patient", "x"):
         overridden(base, {"patient": "x"})
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from errors import raises
 
 from twin_gait import load_experiment
 from twin_gait.cli import main
@@ -62,21 +63,21 @@ def test_zero_padded_angles_of_a_gait_table_are_decimal(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("setting", "explained"),
     [
-        ("duration_s=1_000", "duration_s: expected a number, got '1_000'; write 1000"),
-        ("duration_s=1:30", "duration_s: expected a number, got '1:30'"),
-        ("duration_s=0,5", "duration_s: expected a number, got '0,5'"),
-        ("seed='7'", "seed: expected a number, got '7'"),
-        ("sensors.ideal=off", "sensors.ideal: expected true or false, got 'off'"),
-        ("sensors.ideal=1", "sensors.ideal: expected true or false, got 1"),
+        ("duration_s=1_000", ("duration_s", "1_000", "1000")),
+        ("duration_s=1:30", ("duration_s", "1:30")),
+        ("duration_s=0,5", ("duration_s", "0,5")),
+        ("seed='7'", ("seed", "7")),
+        ("sensors.ideal=off", ("sensors.ideal", "true", "false", "off")),
+        ("sensors.ideal=1", ("sensors.ideal", "true", "false", "1")),
     ],
 )
-def test_a_text_is_no_number_and_no_truth_value(setting: str, explained: str) -> None:
-    with pytest.raises(ParameterFileError, match=explained):
+def test_a_text_is_no_number_and_no_truth_value(setting: str, explained: tuple[object, ...]) -> None:
+    with raises(ParameterFileError, *explained):
         load_experiment("treadmill", [setting])
 
 
 def test_a_decimal_comma_between_braces_is_named() -> None:
-    with pytest.raises(ParameterFileError, match=r"line 1, column 10: .* got 5; a decimal comma\?"):
+    with raises(ParameterFileError, "line 1", "column 10", "5"):
         parse_yaml("a: {b: 0,5}", "table.yaml")
 
 

@@ -13,6 +13,7 @@ from types import FunctionType
 import numpy as np
 import pinocchio as pin
 import pytest
+from errors import raises
 from test_dynamics_pinocchio import assert_equal, kernel_of, source_of
 
 from twin_gait import core, load_experiment, simulate, simulation
@@ -60,7 +61,7 @@ def test_a_model_of_more_joints_than_the_limit_is_refused():
     control = export_bodies(chain(2))
     assert "def dynamics(" in kernel.write_kernel(kernel.KernelBodies(fits, [], control, "z"))
     assert kernel.kernel_structure(kernel.KernelBodies(fits, [], control, "z"))
-    with pytest.raises(ModelError, match=f"{limit + 1} joints.* at most {limit}; use engine: pinocchio"):
+    with raises(ModelError, limit + 1, limit, "engine: pinocchio"):
         kernel.kernel_structure(kernel.KernelBodies(too_many, [], control, "z"))
 
 

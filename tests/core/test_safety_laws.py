@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -187,5 +188,5 @@ def test_no_diode_current_flows_in_a_dip(voltage, drop, back_emf, resistance):
 )
 def test_safety_parameters_must_be_positive_numbers(name):
     for wrong in (-1.0, math.nan, math.inf):
-        with pytest.raises(ParameterError, match=f"^{name}: expected"):
+        with raises(ParameterError, name, wrong):
             SafetyParameters(**{name: wrong})

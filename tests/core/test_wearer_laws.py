@@ -7,6 +7,7 @@ from decimal import Decimal, getcontext
 
 import numpy as np
 import pytest
+from errors import raises
 from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -216,19 +217,19 @@ def test_signs_of_winters_moments_are_those_that_swing_a_leg():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"passive": 3.5}, "passive: expected 0 to 3, got 3.5"),
-        ({"passive": math.nan}, "passive: expected 0 to 3"),
-        ({"passive": 1.0, "contracture": 1.1}, r"contracture: expected 0 to 1.047 rad \(60 deg\), got 1.1"),
-        ({"contracture": 0.1}, "contracture: expected 0 without a passive moment"),
-        ({"stretch_reflex_threshold": -1.0}, "stretch_reflex_threshold: expected a number from 0 to"),
-        ({"stretch_reflex_gain": math.inf}, "stretch_reflex_gain: expected a number from 0 to"),
-        ({"effort": 1.2}, "effort: expected a number from 0 to 1"),
-        ({"strength": -0.1}, "strength: expected a number from 0 to 1"),
+        ({"passive": 3.5}, ("passive", "0", "3", "3.5")),
+        ({"passive": math.nan}, ("passive", "0", "3")),
+        ({"passive": 1.0, "contracture": 1.1}, ("contracture", "0", "1.047 rad", "60 deg", "1.1")),
+        ({"contracture": 0.1}, ("contracture", "0")),
+        ({"stretch_reflex_threshold": -1.0}, ("stretch_reflex_threshold", "0")),
+        ({"stretch_reflex_gain": math.inf}, ("stretch_reflex_gain", "0")),
+        ({"effort": 1.2}, ("effort", "0", "1")),
+        ({"strength": -0.1}, ("strength", "0", "1")),
     ],
     ids=str,
 )
 def test_impossible_condition_is_refused(wrong, message):
-    with pytest.raises(ValueError, match=message):
+    with raises(ValueError, *message):
         JointCondition(**wrong)
 
 

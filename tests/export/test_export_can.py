@@ -8,6 +8,7 @@ import can
 import cantools
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait.cli import main
 from twin_gait.configuration import load_experiment
@@ -226,5 +227,5 @@ def test_a_convention_is_refused_and_nothing_written(stored, capsys, tmp_path):
 
 def test_without_python_can_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "can", None)
-    with pytest.raises(MissingOptionalDependency, match=r"pip install 'twin-gait\[can\]'"):
+    with raises(MissingOptionalDependency, "pip install 'twin-gait[can]'"):
         export_can([], tmp_path / "x.log", "candump")

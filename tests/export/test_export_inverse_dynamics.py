@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from errors import raises
 from scipy.spatial.transform import Rotation
 
 from twin_gait import load_experiment, simulate
@@ -312,7 +313,7 @@ def test_a_leg_on_its_stand_has_no_loads(tmp_path):
 
 def test_a_log_of_one_row_is_refused(walk, tmp_path):
     short = replace(walk.run, log=walk.run.log.iloc[:1])
-    with pytest.raises(ParameterError, match="OpenSim needs two rows or more, this run has 1"):
+    with raises(ParameterError, "OpenSim", "1"):
         export_inverse_dynamics(short, tmp_path, OPENSIM_GAIT2392)
     assert list(tmp_path.iterdir()) == []
 
@@ -376,6 +377,6 @@ def test_opensim_finds_our_joint_moments(exported):
 def test_a_free_trunk_is_refused(tmp_path):
     """Arms, crutches and the pitch of the trunk would be missing from what OpenSim balances."""
     run = simulate(load_experiment("overground", ["duration_s=0.5"]).experiment)
-    with pytest.raises(ParameterError, match=r"overground: a trunk that pitches.*take --format mot"):
+    with raises(ParameterError, "overground", "--format mot"):
         export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392)
     assert not list(tmp_path.iterdir())

@@ -7,6 +7,7 @@ import io
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 
 from twin_gait.cli import main
 from twin_gait.conventions import CORC_X2, HOUSE, OPENSIM_GAIT2392, OSL, RAJAGOPAL
@@ -83,9 +84,9 @@ def test_a_log_of_one_leg_without_an_ankle_has_two_angles(tmp_path, rng):
 
 
 def test_what_cannot_be_written_is_refused(tmp_path, rng):
-    with pytest.raises(ParameterError, match="osl has no column names of its own"):
+    with raises(ParameterError, "osl"):
         export_motion(small_log(rng), tmp_path / "leg.mot", OSL)
-    with pytest.raises(ParameterError, match="expected deg or rad, got 'grad'"):
+    with raises(ParameterError, "deg", "rad", "grad"):
         export_motion(small_log(rng), tmp_path / "leg.mot", RAJAGOPAL, unit="grad")
     assert list(tmp_path.iterdir()) == []
 

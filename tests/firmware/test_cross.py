@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from errors import raises
 from firmware_tools import TARGET_TOOLS, require_tools, symbols, write_unit
 
 from twin_gait.exceptions import FirmwareError
@@ -18,8 +19,9 @@ def unit_of(folder, step, **records):
 @pytest.mark.parametrize("tool", [*TARGET_TOOLS, "gcc", "clang"])
 def test_a_missing_tool_is_named_with_its_package(monkeypatch, tool):
     monkeypatch.setenv("PATH", "")
-    with pytest.raises(FirmwareError, match=f"^{tool} is not installed: apt-get install .*{tool[:3]}"):
+    with raises(FirmwareError, tool, "apt-get install") as caught:
         find_tool(tool)
+    assert tool[:3] in str(caught.value).partition("apt-get install")[2]
 
 
 def test_a_compiler_without_its_library_is_told(tmp_path, monkeypatch):
@@ -27,7 +29,7 @@ def test_a_compiler_without_its_library_is_told(tmp_path, monkeypatch):
     compiler.write_text("#!/bin/sh\necho \"fatal error: cannot read spec file 'nano.specs'\" >&2; exit 1\n")
     compiler.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    with pytest.raises(FirmwareError, match=r"newlib is not installed: apt-get install .* libnewlib"):
+    with raises(FirmwareError, "arm-none-eabi-gcc", "newlib", "apt-get install", "libnewlib-arm-none-eabi"):
         build_image(unit_of(tmp_path / "unit", "out->y = in->x;"), tmp_path / "image.elf")
 
 
@@ -51,7 +53,7 @@ def test_double_precision_shows_in_the_symbols(tmp_path):
 def test_the_mathematics_library_is_not_linked(tmp_path):
     require_tools(*TARGET_TOOLS)
     unit = unit_of(tmp_path / "unit", "extern float expf(float); out->y = expf(in->x);")
-    with pytest.raises(FirmwareError, match="expf"):
+    with raises(FirmwareError, "probe.c", "expf"):
         build_image(unit, tmp_path / "image.elf")
 
 
@@ -79,14 +81,14 @@ def test_variables_have_their_initial_values(tmp_path):
 def test_what_the_board_cannot_hold_is_refused(tmp_path):
     require_tools(*TARGET_TOOLS)
     unit = unit_of(tmp_path / "unit", "out->y = in->x;", state="float room[70000];")
-    with pytest.raises(FirmwareError, match="RAM") as caught:
+    with raises(FirmwareError, "RAM") as caught:
         build_image(unit, tmp_path / "image.elf")
     assert "\n" not in str(caught.value)
 
 
 def test_a_refused_source_is_named_with_its_line(tmp_path):
     require_tools("gcc")
-    with pytest.raises(FirmwareError, match=r"^gcc: .*probe\.c:3:.*error: .*nowhere"):
+    with raises(FirmwareError, "gcc", "probe.c:3", "nowhere"):
         build_host(unit_of(tmp_path / "unit", "out->y = nowhere;"), tmp_path / "probe")
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import yaml
+from errors import raises
 from firmware_tools import SANITIZE, require_tools, symbols
 from printed_library import Library
 from test_printer import bits
@@ -460,7 +461,7 @@ def test_a_guard_that_needs_more_than_32_bits_is_refused(treadmill):
     table = treadmill.problem.table
     guard = AllOf(guards=(Comparison(signal="hip.angle_deg", minus=None, operator="<", threshold=1.0),) * 31)
     transitions = tuple(replace(item, guard=guard) for item in table.transitions)
-    with pytest.raises(GaitTableError, match="31 conditions wait to be joined; at most 30"):
+    with raises(GaitTableError, "31", "30"):
         compile_guards(replace(table, transitions=transitions), DEVICE_BITS)
 
 

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 from table_builder import JOINTS, guard, phase, transition, two_phase_table
@@ -189,11 +190,10 @@ def test_bench_leg_without_another_leg_takes_guards_on_its_own_signals() -> None
 def test_measurement_that_is_not_finite_is_refused_by_name(named: str, bad: float) -> None:
     """Also where no guard reads it: a broken sensor must not pass in silence."""
     fsm, broken = machine(transition("stance", "swing", time_out_ticks=1)), {**leg(), named: bad}
-    with pytest.raises(MeasurementError, match="left leg") as caught:
+    with raises(MeasurementError, "left", named, bad) as caught:
         fsm.step(5, broken)
-    assert named in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
-    with pytest.raises(MeasurementError, match="other leg's"):
+    with raises(MeasurementError, "left", "other", named, bad):
         fsm.step(5, legs(leg(), broken), "stance")
     assert fsm.phase == "stance"
 
@@ -201,14 +201,14 @@ def test_measurement_that_is_not_finite_is_refused_by_name(named: str, bad: floa
 @pytest.mark.parametrize("named", leg())
 def test_missing_measurement_is_refused(named: str) -> None:
     fsm, rest = machine(), {name: value for name, value in leg().items() if name != named}
-    with pytest.raises(MeasurementError, match=f"left leg: the {named} is nan"):
+    with raises(MeasurementError, "left", named, "nan"):
         fsm.step(1, rest)
-    with pytest.raises(MeasurementError, match=f"left leg: the other leg's {named} is nan"):
+    with raises(MeasurementError, "left", "other", named, "nan"):
         fsm.step(1, legs(leg(), rest), "stance")
 
 
 def test_leg_said_to_be_there_must_be_measured() -> None:
-    with pytest.raises(MeasurementError, match="other leg's"):
+    with raises(MeasurementError, "left", "other", "hip.angle_deg", "nan"):
         machine().step(1, leg(), "stance")
 
 
@@ -241,9 +241,9 @@ def test_signals_are_laid_out_as_guards_read_them() -> None:
 
 
 def test_unknown_phases_are_refused() -> None:
-    with pytest.raises(GaitTableError, match="stance, swing"):
+    with raises(GaitTableError, "stance", "swing"):
         GaitStateMachine(two_phase_table(), Side.LEFT, initial_phase="flight")
-    with pytest.raises(GaitTableError, match="stance, swing"):
+    with raises(GaitTableError, "stance", "swing"):
         machine().step(1, legs(leg(), leg()), "flight")
 
 

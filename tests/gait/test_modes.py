@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from errors import raises
 from table_builder import transition, two_phase_table
 
 from twin_gait.configuration import load_mode_table, packaged_mode_tables
@@ -168,7 +169,7 @@ def test_what_is_not_measured_opens_nothing():
     supervisor.request = code("step")
     choose_mode(supervisor, 1, False)
     assert name_of(supervisor) == "walk_manual" and supervisor.refused == code("step")
-    with pytest.raises(MeasurementError, match=r"supervisor: the trunk\.pitch_deg is nan"):
+    with raises(MeasurementError, "supervisor", "trunk.pitch_deg", "nan"):
         GaitStateMachine(TWIN, initial_phase="walk_automatic").step(1, named({"trunk.pitch_deg": math.nan}))
 
 
@@ -251,22 +252,22 @@ def asking(source: str, target: str, debounce: int = 1) -> Transition:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"hold": "flying"}, "hold: no mode 'flying'"),
-        ({"hold": "sitting"}, "the device cannot begin in sitting"),
-        ({"requests": ("stand", "stand")}, "stand is named twice"),
-        ({"requests": ("stand up",)}, "expected a word, got 'stand up'"),
-        ({"requests": ("walk",)}, "no request 'stand'; there are walk"),
-        ({"transitions": (*TWIN.transitions, asking("hold", "standing"))}, "nothing leads out of hold"),
+        ({"hold": "flying"}, ("hold", "flying")),
+        ({"hold": "sitting"}, ("hold", "sitting")),
+        ({"requests": ("stand", "stand")}, ("requests", "stand")),
+        ({"requests": ("stand up",)}, ("stand up",)),
+        ({"requests": ("walk",)}, ("stand", "walk")),
+        ({"transitions": (*TWIN.transitions, asking("hold", "standing"))}, ("transitions[24]", "hold")),
         (
             {"transitions": (*TWIN.transitions, asking("sitting", "sit_up", 5))},
-            "held for 5 ms; leave debounce_ms out",
+            ("5 ms", "debounce_ms"),
         ),
-        ({"transitions": (asking("sitting", "sit_up"),)}, "sit_up: no transition leaves it"),
-        ({"phases": {**TWIN.phases, "lying": Mode()}}, "lying: no transition leaves it"),
+        ({"transitions": (asking("sitting", "sit_up"),)}, ("sit_up",)),
+        ({"phases": {**TWIN.phases, "lying": Mode()}}, ("lying",)),
     ],
 )
 def test_a_table_that_does_not_hold_together_is_refused(changes, message):
-    with pytest.raises(GaitTableError, match=message):
+    with raises(GaitTableError, *message):
         replace(TWIN, **changes)
 
 
@@ -310,6 +311,6 @@ def test_requests_have_a_notation():
     assert parse_request(" walk@2.5s ") == TimedRequest("walk", 2500) == parse_request("walk@2.500s")
     assert str(TimedRequest("walk", 2500)) == "walk@2.5s"
     for text in ("walk", "walk@s", "walk@1.2.3s", "@1s", "walk@-1s"):
-        with pytest.raises(ParameterError, match="expected REQUEST@TIMEs"):
+        with raises(ParameterError, "REQUEST@TIMEs"):
             parse_request(text)
     check_requests((TimedRequest("walk", 1), TimedRequest("walk", 2)), TWIN)

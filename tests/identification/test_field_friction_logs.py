@@ -9,6 +9,7 @@ import re
 
 import numpy as np
 import pytest
+from errors import raises
 from friction_bench import KNEE, QUIET, WEIGHTS, bench_log, rotational, swing, write_log
 
 from twin_gait.cli import friction
@@ -65,7 +66,7 @@ def wrapping_log(path):
 
 def test_an_encoder_that_wraps_is_named_and_unwrapped(tmp_path):
     path = wrapping_log(tmp_path / "knee_2kg.log")
-    with pytest.raises(ParameterFileError, match=r"angle: jumps by a turn \d+ times.*add --unwrap"):
+    with raises(ParameterFileError, "angle", "--unwrap"):
         call(path, "--joint", "knee", "--out", tmp_path / "out")
     angle = read_log(path, LogColumns(unwrap=True)).columns[Quantity.ANGLE]
     assert np.abs(np.diff(angle)).max() < 0.01
@@ -130,16 +131,16 @@ def test_the_warning_of_a_wrong_current_names_the_motor(own_motor_logs, tmp_path
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (("--gear-ratio", "50"), "--joint: without it a motor needs --torque-constant, --rotor-inertia, too"),
-        (("--joint", "knee", "--torque-constant", "-1"), "torque_constant: expected a number above 0"),
+        (("--gear-ratio", "50"), ("--joint", "--torque-constant", "--rotor-inertia")),
+        (("--joint", "knee", "--torque-constant", "-1"), ("torque_constant", "0")),
         (
             ("--joint", "knee", "--current-delay-ms", "80"),
-            "current_delay: expected a number from -0.05 to 0.05",
+            ("current_delay", "-0.05", "0.05"),
         ),
     ],
 )
 def test_a_motor_that_cannot_be_is_one_line(own_motor_logs, tmp_path, extra, message):
-    with pytest.raises(ParameterError, match=message) as error:
+    with raises(ParameterError, *message) as error:
         call(own_motor_logs, *extra, "--out", tmp_path / "out")
     assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from friction_bench import (
     ARMATURE,
     GRAVITY,
@@ -241,13 +242,19 @@ def test_a_load_that_is_about_right_is_not_doubted():
 @pytest.mark.parametrize(
     ("turned", "message"),
     [
-        (["measured_current_A"], "drives the joint: current or angle has the wrong sign"),
-        (["position_rad", "velocity_rad_per_s"], "drives the joint: current or angle has the wrong sign"),
-        (["measured_current_A", "position_rad", "velocity_rad_per_s"], "the weight pulls upwards"),
+        (["measured_current_A"], ("logs", "--columns", "measured_current=-NAME", "angle=-NAME")),
+        (
+            ["position_rad", "velocity_rad_per_s"],
+            ("logs", "--columns", "measured_current=-NAME", "angle=-NAME"),
+        ),
+        (
+            ["measured_current_A", "position_rad", "velocity_rad_per_s"],
+            ("logs", "--columns", "measured_current=-NAME,angle=-NAME"),
+        ),
     ],
 )
 def test_a_wrong_sign_is_refused_and_not_turned_into_friction(turned, message):
-    with pytest.raises(ParameterError, match=message):
+    with raises(ParameterError, *message):
         misread(dict.fromkeys(turned, -1.0))
 
 
@@ -288,9 +295,9 @@ def test_units_come_from_the_name_the_brackets_or_the_user(tmp_path):
     assert_allclose(log.columns[Quantity.TIME], 0.01 * np.arange(30))
     assert_allclose(log.columns[Quantity.VELOCITY], np.radians(30 * np.sin(np.arange(30))))
     assert_allclose(log.columns[Quantity.FRICTION_TORQUE], 2 * np.sin(np.arange(30)))
-    with pytest.raises(ParameterFileError, match="is in deg/s by its name; leave --units velocity=rad/s out"):
+    with raises(ParameterFileError, "deg/s", "--units velocity=rad/s"):
         read_log(path, LogColumns(units={Quantity.VELOCITY: "rad/s"}))
-    with pytest.raises(ParameterFileError, match="no unit 'furlong' of velocity is known; give one of rad/s"):
+    with raises(ParameterFileError, "furlong", "velocity", "rad/s"):
         read_log(path, LogColumns(units={Quantity.VELOCITY: "furlong"}))
 
 
@@ -328,40 +335,46 @@ SWING = quiet(swing(TIME, 0.6, 3.0, 0.4))
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        (changed(SWING, position_rad=np.degrees(SWING["position_rad"])), "angle: reaches"),
+        (
+            changed(SWING, position_rad=np.degrees(SWING["position_rad"])),
+            ("angle", "118.1 rad", "--units angle=deg"),
+        ),
         (
             changed(SWING, velocity_rad_per_s=np.degrees(SWING["velocity_rad_per_s"])),
-            "angle: the velocity's integral moves 57.3 times as far",
+            ("angle", "57.3"),
         ),
-        (changed(SWING, velocity_rad_per_s=-SWING["velocity_rad_per_s"]), "integral moves -1 times as far"),
-        (changed(SWING, time_s=1000 * SWING["time_s"]), "times as far: time|samples per second"),
+        (changed(SWING, velocity_rad_per_s=-SWING["velocity_rad_per_s"]), ("angle", "-1")),
+        (changed(SWING, time_s=1000 * SWING["time_s"]), ("angle", "1e+03", "--units")),
         (
             changed(SWING, measured_current_A=1000 * SWING["measured_current_A"] + 300),
-            r"reaches .* A: of a joint\? Declare its unit",
+            ("measured_current", "A", "--units", "measured_current=mA"),
         ),
-        (changed(SWING, time_s=SWING["time_s"][::-1]), "goes back 4999 times, from 4.999 s to 4.998 s first"),
-        (changed(SWING, time_s=np.floor(SWING["time_s"] * 100) / 100), "the clock is too coarse"),
+        (changed(SWING, time_s=SWING["time_s"][::-1]), ("time", "4999", "4.999 s", "4.998 s")),
+        (changed(SWING, time_s=np.floor(SWING["time_s"] * 100) / 100), ("time",)),
         (
             changed(SWING, position_rad=np.full(5000, 1.0), velocity_rad_per_s=np.zeros(5000)),
-            "angle: is 1 in every row",
+            ("angle", "1"),
         ),
-        ({name: values[:40] for name, values in SWING.items()}, "lasts 0.04 s"),
-        ({name: values[:5] for name, values in SWING.items()}, "has 5 usable rows of 5"),
-        ({name: values for name, values in SWING.items() if name != "position_rad"}, "angle: no such column"),
+        ({name: values[:40] for name, values in SWING.items()}, ("time", "0.04 s", "0.12")),
+        ({name: values[:5] for name, values in SWING.items()}, ("5", "20")),
+        (
+            {name: values for name, values in SWING.items() if name != "position_rad"},
+            ("angle", "--columns angle=NAME"),
+        ),
         (
             {name: values for name, values in SWING.items() if "current" not in name},
-            "measured_current: no such",
+            ("measured_current", "--columns measured_current=NAME"),
         ),
     ],
 )
 def test_a_log_that_cannot_be_used_is_refused_in_one_line(columns, message):
-    with pytest.raises(ParameterFileError, match=message) as error:
+    with raises(ParameterFileError, *message) as error:
         process_log(as_log(columns), BENCH)
     assert "\n" not in str(error.value)
 
 
 def test_a_log_without_a_weight_is_refused():
-    with pytest.raises(ParameterFileError, match="mass: is not known: add --mass"):
+    with raises(ParameterFileError, "mass", "--mass"):
         process_log(as_log(SWING, None), BENCH)
 
 
@@ -393,8 +406,7 @@ def test_rows_that_are_missing_here_and_there_cost_no_samples():
 def test_what_took_the_samples_is_told():
     noisy = dict(SWING, position_rad=SWING["position_rad"] + np.random.default_rng(0).normal(0.0, 2e-3, 5000))
     options = IdentificationOptions(bench=BENCH, models=("coulomb_viscous",))
-    told = r"0 samples are left of 500 \(495 by stop, 0 by standstill, 0 by reversal, 5 by edge\)"
-    with pytest.raises(ParameterError, match=told):
+    with raises(ParameterError, 0, 500, "495 by stop", "0 by standstill", "0 by reversal", "5 by edge"):
         identify_tests([process_log(as_log(noisy), BENCH)], options)
 
 
@@ -408,34 +420,34 @@ def test_fifty_rows_a_second_are_enough():
 def test_a_constant_column_is_refused(column):
     values = {Quantity.VELOCITY: np.sin(np.arange(50)), Quantity.FRICTION_TORQUE: np.cos(np.arange(50))}
     values[Quantity(column)] = np.full(50, 0.5)
-    with pytest.raises(ParameterFileError, match=f"{column}: is 0.5 in every row"):
+    with raises(ParameterFileError, column, 0.5):
         process_log(Log("log", values), None)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is empty"),
-        ("# only a comment\n", "is empty"),
-        ("a,b\n1,2\n", "no column is known among a, b; name them with --columns"),
-        ("velocity,friction_torque\n", "has 0 usable rows of 0"),
+        ("", ("bad.csv",)),
+        ("# only a comment\n", ("bad.csv",)),
+        ("a,b\n1,2\n", ("a, b", "--columns")),
+        ("velocity,friction_torque\n", ("0", "20")),
         (
             "velocity,friction_torque\n1,2\n3,x\n",
-            "friction_torque: expected a finite number in row 2, got 'x'",
+            ("friction_torque", "row 2", "x"),
         ),
         (
             "velocity,friction_torque\n1,2\n3,inf\n",
-            "friction_torque: expected a finite number in row 2, got 'inf'",
+            ("friction_torque", "row 2", "inf"),
         ),
-        ("velocity,velocity,friction_torque\n1,2,3\n", "velocity: 2 columns have this name"),
-        ("velocity,friction_torque\n1,2,3\n4,5,6,7\n", "is not a table .*Expected 2 fields in line 2, saw 3"),
+        ("velocity,velocity,friction_torque\n1,2,3\n", ("velocity", "2")),
+        ("velocity,friction_torque\n1,2,3\n4,5,6,7\n", ("line 2", "2", "3")),
     ],
 )
 def test_a_malformed_file_is_one_clear_line(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text)
     columns = LogColumns(names={Quantity.VELOCITY: "velocity"} if "velocity,velocity" in text else {})
-    with pytest.raises(ParameterFileError, match=message) as error:
+    with raises(ParameterFileError, *message) as error:
         process_log(read_log(path, columns), None)
     assert "\n" not in str(error.value) and "bad.csv" in str(error.value)
 
@@ -443,12 +455,12 @@ def test_a_malformed_file_is_one_clear_line(tmp_path, text, message):
 def test_a_binary_file_and_a_missing_one_are_refused(tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes(b"\x00\x01\x02" * 100)
-    with pytest.raises(ParameterFileError, match="is not a text file"):
+    with raises(ParameterFileError, "a.csv", "UTF-8"):
         read_log(path)
     path.write_bytes(b"\xe9\xfe velocity")
-    with pytest.raises(ParameterFileError, match="cannot be read as UTF-8 text"):
+    with raises(ParameterFileError, "UTF-8"):
         read_log(path)
-    with pytest.raises(ParameterFileError, match="No such file"):
+    with raises(ParameterFileError, "none.csv", "Errno 2"):
         read_log(tmp_path / "none.csv")
 
 

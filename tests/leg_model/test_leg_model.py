@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from errors import raises
 from example_robots import twin_joints
 from numpy.testing import assert_allclose
 
@@ -283,14 +284,14 @@ def test_limits_are_those_of_the_urdf(bench: LegModel, tmp_path: Path) -> None:
 
 
 def test_joint_or_leg_that_is_not_there_is_named(bench: LegModel) -> None:
-    with pytest.raises(ModelError, match="right leg has no ankle"):
+    with raises(ModelError, "right", "ankle"):
         bench.index(Side.RIGHT, JointName.ANKLE)
-    with pytest.raises(ModelError, match="left"):
+    with raises(ModelError, "left"):
         bench.index(Side.LEFT, JointName.HIP)
 
 
 def test_words_stand_for_pelvis_and_bodies(both_legs: dict[Side, LegJoints]) -> None:
-    with pytest.raises(ValueError, match="floating"):
+    with raises(ValueError, "floating", "PelvisGuide"):
         LegModel("twin.urdf", both_legs, pelvis="floating")  # type: ignore[arg-type]
     words: Any = {"pelvis": "vertical", "bodies": "wearer"}
     wearer = LegModel("twin.urdf", both_legs, patient=Patient(), **words)
@@ -298,7 +299,7 @@ def test_words_stand_for_pelvis_and_bodies(both_legs: dict[Side, LegJoints]) -> 
 
 
 def test_unknown_frame_lists_those_there_are(bench: LegModel) -> None:
-    with pytest.raises(ModelError, match="right_thigh"):
+    with raises(ModelError, "right_thigh"):
         bench.frame_position(np.zeros(2), "right_little_toe")
 
 
@@ -425,7 +426,7 @@ def test_heavier_wearer_has_a_heavier_leg_everywhere(both_legs: dict[Side, LegJo
 
 
 def test_wearer_that_the_device_cannot_fit_is_refused(both_legs: dict[Side, LegJoints]) -> None:
-    with pytest.raises(ParameterError, match="tibia"):
+    with raises(ParameterError, "height", "tibia", "0.36", "0.48 m", "2.05"):
         LegModel("twin.urdf", both_legs, patient=Patient(height=2.05))
 
 
@@ -599,11 +600,11 @@ def test_joints_that_coincide_cannot_carry_a_segment(tmp_path: Path) -> None:
 
 
 def test_wrong_options_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="up_axis"):
+    with raises(ParameterError, "up_axis", "y", "z", "x"):
         pendulum(tmp_path, up_axis="x")
-    with pytest.raises(ParameterError, match="gravity"):
+    with raises(ParameterError, "gravity", "nan"):
         pendulum(tmp_path, gravity=math.nan)
-    with pytest.raises(ParameterError, match="leg"):
+    with raises(ParameterError, "legs", "leg", "{}"):
         LegModel("twin.urdf", {})
 
 
@@ -611,7 +612,7 @@ def test_packaged_urdfs_are_found_by_name() -> None:
     for name in ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf"):
         assert packaged_urdf(name).is_file()
         assert find_urdf(name) == packaged_urdf(name)
-    with pytest.raises(ModelError, match=r"twin\.urdf, twin_leg\.urdf"):
+    with raises(ModelError, "twin.urdf", "twin_leg.urdf"):
         packaged_urdf("nao.urdf")
 
 

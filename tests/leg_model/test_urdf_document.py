@@ -1,11 +1,11 @@
 """URDF files as people export them: encodings, extensions of simulators, trees, units and couplings."""
 
-import re
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from errors import raises, warns
 from numpy.testing import assert_allclose, assert_array_equal
 
 from twin_gait.configuration.experiments import load_experiment
@@ -163,7 +163,7 @@ def test_a_locked_joint_that_would_follow_the_leg_is_warned_of(path: Path) -> No
     ankle = JOINT.format(
         name="ankle", z=-0.4, parent="shank", child="foot", axis=-1, more=MIMIC.format("knee", 1)
     )
-    with pytest.warns(UrdfWarning, match="joint 'ankle' mimics 'knee', but is locked at zero"):
+    with warns(UrdfWarning, "ankle", "knee"):
         leg_of(path, leg_text(more=foot + ankle))
 
 
@@ -171,18 +171,18 @@ def test_couplings_are_read_with_their_defaults_and_must_end_somewhere(path: Pat
     path.write_text(leg_text(knee='<mimic joint="hip"/>', more=TRANSMISSION))
     assert mimic_joints(path) == {"knee": Mimic("hip", 1.0, 0.0)}
     for hip, knee, explained in (
-        (MIMIC.format("knee", 1), MIMIC.format("hip", 1), "of the chain hip -> knee -> hip"),
-        ("", MIMIC.format("elbow", 1), "joint 'knee' mimics 'elbow'; expected a joint that moves by itself"),
-        ("", MIMIC.format("hip", "two"), "joint 'knee': <mimic>: could not convert"),
+        (MIMIC.format("knee", 1), MIMIC.format("hip", 1), ("hip -> knee -> hip",)),
+        ("", MIMIC.format("elbow", 1), ("knee", "elbow")),
+        ("", MIMIC.format("hip", "two"), ("knee", "<mimic>", "two")),
     ):
         path.write_text(leg_text(hip=hip, knee=knee))
-        with pytest.raises(ModelError, match=re.escape(explained)):
+        with raises(ModelError, *explained):
             mimic_joints(path)
 
 
 def test_friction_and_armature_of_the_file_are_named_as_unused(path: Path, plain_torque: np.ndarray) -> None:
     content = leg_text(hip='<dynamics armature="0.01"/>', knee='<dynamics damping="0" friction="0.0"/>')
-    with pytest.warns(UrdfWarning, match=r"joint 'hip' \(armature 0\.01\) is not used") as told:
+    with warns(UrdfWarning, "hip", "0.01") as told:
         model = leg_of(path, content)
     assert len(told) == 1  # nothing is lost with the zeros of the knee
     assert_array_equal(model.gravity_torque(POSTURE), plain_torque)
@@ -203,7 +203,7 @@ def test_a_torque_limit_above_the_effort_limit_of_the_urdf_is_warned_of(tmp_path
     )
     settings = [f"leg.urdf={weaker}", "control.limits.torque_Nm=40"]
     experiment = load_experiment("bench_leg", settings).experiment
-    with pytest.warns(UrdfWarning, match=r"'right_knee' has an effort limit of 30 N·m.*torque_Nm is 40"):
+    with warns(UrdfWarning, "right_knee", "30 N·m", "torque_Nm", "40"):
         experiment.build_world()
     lowered = load_experiment("bench_leg", [settings[0], "control.limits.torque_Nm=30"]).experiment
     with warnings.catch_warnings():

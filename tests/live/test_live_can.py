@@ -14,6 +14,7 @@ import can
 import cantools
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait.cli import main
 from twin_gait.configuration import load_experiment
@@ -81,7 +82,7 @@ def test_a_signal_without_a_number_asks_for_nothing():
 
 
 def test_a_frame_of_another_length_is_refused():
-    with pytest.raises(MessageRefused, match="right_knee_command: expected 8 bytes, got 3"):
+    with raises(MessageRefused, "right_knee_command", "8", "3"):
         commands_of(MESSAGES["right_knee_command"], b"\0\0\0")
 
 
@@ -91,23 +92,23 @@ def test_a_frame_of_another_length_is_refused():
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("", "expected INTERFACE:CHANNEL, such as udp_multicast"),
-        ("vcan0", "expected INTERFACE:CHANNEL"),
-        ("socketcan:", "expected INTERFACE:CHANNEL"),
-        ("carrier_pigeon:can0", r"cannot be opened \(.*carrier_pigeon"),
-        ("udp_multicast:1.2.3.4", r"cannot be opened \(.*\); .* of a channel that is up"),
-        ("socketcan:no_such_can", "cannot be opened"),
+        ("", ("INTERFACE:CHANNEL", "udp_multicast")),
+        ("vcan0", ("INTERFACE:CHANNEL", "udp_multicast")),
+        ("socketcan:", ("INTERFACE:CHANNEL", "udp_multicast")),
+        ("carrier_pigeon:can0", ("carrier_pigeon:can0",)),
+        ("udp_multicast:1.2.3.4", ("udp_multicast:1.2.3.4", "INTERFACE:CHANNEL")),
+        ("socketcan:no_such_can", ("socketcan:no_such_can", "INTERFACE:CHANNEL")),
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_refused_in_one_line(name, said):
-    with pytest.raises(ParameterError, match=said) as caught:
+    with raises(ParameterError, *said) as caught:
         open_bus(name)
     assert "\n" not in str(caught.value)
 
 
 def test_without_python_can_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "can", None)
-    with pytest.raises(MissingOptionalDependency, match=r"pip install 'twin-gait\[can\]'"):
+    with raises(MissingOptionalDependency, "pip install 'twin-gait[can]'"):
         open_bus("virtual:x")
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from errors import raises
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.cli.program import main
@@ -117,16 +118,16 @@ def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, prob
 def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem, tmp_path):
     folder = tmp_path / "run"
     run, journals = written(loaded, problem, folder, over=False)
-    with pytest.raises(RunDirectoryError, match="still going on"):
+    with raises(RunDirectoryError, journals.path):
         complete(journals.path)
-    with pytest.raises(RunDirectoryError, match="twin-gait sessions complete"):
+    with raises(RunDirectoryError, folder, "twin-gait sessions complete"):
         read_run(folder)
     journals.keep(Piece(rows=run.rows()[:0], over=True))
     journals.close()
     done = complete(journals.path)
     assert list(done) == [folder] and not journals.path.exists()
     assert read_run(folder).summary["duration_s"] == pytest.approx(1.4)
-    with pytest.raises(RunDirectoryError, match="cannot be used"):
+    with raises(RunDirectoryError, journals.path):
         complete(journals.path)
 
 
@@ -418,6 +419,6 @@ def test_a_walk_that_was_killed_is_completed_by_name(loaded, problem, tmp_path, 
 
 def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded, problem, tmp_path):
     written(loaded, problem, tmp_path / "run")
-    with pytest.raises(RunDirectoryError, match="exists"):
+    with raises(RunDirectoryError, tmp_path / "run", "--out", "--force"):
         LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False).start()
     assert read_run(tmp_path / "run").summary["duration_s"] == pytest.approx(1.4)

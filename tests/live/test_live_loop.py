@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.experiments import experiment_from_mapping
@@ -75,43 +76,43 @@ def test_messages_are_read_as_they_were_meant():
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "expected JSON"),
-        ("[" * 3000, "expected JSON"),
-        (b"\x81\xa4kind", "expected JSON"),
-        ("[]", "expected keys and values"),
-        ('"set"', "expected keys and values"),
-        ('{"kind": "get", "id": "1"}', "kind: input should be 'set' or 'try', got 'get'"),
-        ('{"kind": "set", "id": "", "control": "a", "value": 1}', "id: expected a text of 1 to 64"),
-        ('{"kind": "set", "id": 1, "control": "a", "value": 1}', "id: expected a text"),
-        ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', "control: expected a text"),
-        ('{"kind": "set", "id": "1", "control": "a", "value": NaN}', "value: expected a number"),
-        ('{"kind": "set", "id": "1", "control": "a", "value": 1e999}', "value: expected a number"),
+        ("", ("JSON",)),
+        ("[" * 3000, ("JSON",)),
+        (b"\x81\xa4kind", ("JSON",)),
+        ("[]", ("message",)),
+        ('"set"', ("message",)),
+        ('{"kind": "get", "id": "1"}', ("kind", "set", "try", "get")),
+        ('{"kind": "set", "id": "", "control": "a", "value": 1}', ("id", "1", "64")),
+        ('{"kind": "set", "id": 1, "control": "a", "value": 1}', ("id",)),
+        ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', ("control",)),
+        ('{"kind": "set", "id": "1", "control": "a", "value": NaN}', ("value",)),
+        ('{"kind": "set", "id": "1", "control": "a", "value": 1e999}', ("value",)),
         (
             '{"kind": "set", "id": "1", "control": "a", "value": ' + "9" * 400 + "}",
-            "value: expected a number",
+            ("value",),
         ),
-        ('{"kind": "set", "id": "1", "control": "a", "value": null}', "value: expected a number"),
-        ('{"kind": "set", "id": "1", "control": "a", "value": [1]}', "value: expected a number"),
-        ('{"kind": "set", "id": "1", "control": "a", "value": 1, "eval": "x"}', "eval: unknown key"),
+        ('{"kind": "set", "id": "1", "control": "a", "value": null}', ("value",)),
+        ('{"kind": "set", "id": "1", "control": "a", "value": [1]}', ("value",)),
+        ('{"kind": "set", "id": "1", "control": "a", "value": 1, "eval": "x"}', ("eval",)),
         (
             '{"kind": "set", "id": "1", "user": "' + "x" * 65 + '", "control": "a", "value": 1}',
-            "user: expected",
+            ("user",),
         ),
         (
             '{"kind": "do", "id": "1", "action": "push", "values": [1]}',
-            "values: expected keys and values",
+            ("values",),
         ),
         (
             '{"kind": "do", "id": "1", "action": "push", "values": {"torque": {}}}',
-            "torque: expected a number",
+            ("torque",),
         ),
-        ('{"kind": "set", "id": "1", "x": "' + "y" * LARGEST_MESSAGE + '"}', "characters, at most 4096"),
-        ('{"kind": "try", "id": "1", "changes": {"a": 1, "b": [2]}}', "b: expected a number"),
-        ('{"kind": "try", "id": "1", "changes": [1]}', "changes: expected keys and values"),
+        ('{"kind": "set", "id": "1", "x": "' + "y" * LARGEST_MESSAGE + '"}', ("4096",)),
+        ('{"kind": "try", "id": "1", "changes": {"a": 1, "b": [2]}}', ("b",)),
+        ('{"kind": "try", "id": "1", "changes": [1]}', ("changes",)),
     ],
 )
 def test_what_is_no_message_is_refused_with_the_reason(text, reason):
-    with pytest.raises(MessageRefused, match=reason):
+    with raises(MessageRefused, *reason):
         read_message(text)
 
 
@@ -139,11 +140,12 @@ def test_long_names_are_shortened_in_the_reason_which_is_all_there(text):
 def test_a_text_of_a_value_is_shortened_in_its_refusal(treadmill_panel):
     specs = tuple(action_specs(treadmill_panel.problem))
     asked = DoAction(id="1", user="", action="push", values={"joint": "j" * 200})
-    with pytest.raises(MessageRefused, match="joint: expected 'left_hip' or") as caught:
+    with raises(MessageRefused, "joint", "left_hip") as caught:
         values_of(specs, asked)
     assert len(str(caught.value)) < 200
-    with pytest.raises(MessageRefused, match="control: no 'jjj") as caught:
+    with raises(MessageRefused, "control") as caught:
         treadmill_panel.revert(treadmill_panel.preset, "j" * 200)
+    assert "jjj" in str(caught.value)
     assert len(str(caught.value)) < 200
 
 
@@ -254,23 +256,23 @@ def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_t
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("late_stance.hip.stiffness", 99.0, "expected 0 to {most:g} Nm/deg, got 99"),
-        ("late_stance.hip.stiffness", -1.0, "expected 0 to {most:g} Nm/deg, got -1"),
-        ("late_stance.hip.stiffness", "stiff", "expected 0 to {most:g} Nm/deg, got 'stiff'"),
-        ("late_stance.hip.stiffness", True, "expected 0 to {most:g} Nm/deg"),
-        ("late_stance.hip.gain", 1.01, "expected 0 to 1, got 1.01"),
-        ("swing_flexion.knee.equilibrium", 160.0, "deg, got 160"),
-        ("belt_speed", 0.0, "expected 0.75 to 2.25 km/h, got 0"),
-        ("mode", "fly", "expected 'walk' or 'friction_control'"),
-        ("manual", 1.0, "expected true or false, got 1"),
-        ("late_stance.toe.stiffness", 1.0, "no 'late_stance.toe.stiffness'"),
-        ("__class__", 1.0, "no '__class__'"),
+        ("late_stance.hip.stiffness", 99.0, ("0", "{most:g} Nm/deg", "99")),
+        ("late_stance.hip.stiffness", -1.0, ("0", "{most:g} Nm/deg", "-1")),
+        ("late_stance.hip.stiffness", "stiff", ("0", "{most:g} Nm/deg", "stiff")),
+        ("late_stance.hip.stiffness", True, ("0", "{most:g} Nm/deg")),
+        ("late_stance.hip.gain", 1.01, ("0", "1", "1.01")),
+        ("swing_flexion.knee.equilibrium", 160.0, ("deg", "160")),
+        ("belt_speed", 0.0, ("0.75", "2.25 km/h", "0")),
+        ("mode", "fly", ("walk", "friction_control")),
+        ("manual", 1.0, ("true", "false", "1")),
+        ("late_stance.toe.stiffness", 1.0, ("late_stance.toe.stiffness",)),
+        ("__class__", 1.0, ("__class__",)),
     ],
 )
 def test_a_value_out_of_its_range_and_an_unknown_control_are_refused(treadmill_panel, name, value, reason):
     shown = {item.name: item for item in treadmill_panel.controls(treadmill_panel.preset)}
-    reason = reason.format(most=shown["late_stance.hip.stiffness"].largest)
-    with pytest.raises(MessageRefused, match=reason):
+    reason = [fact.format(most=shown["late_stance.hip.stiffness"].largest) for fact in reason]
+    with raises(MessageRefused, *reason):
         treadmill_panel.set(treadmill_panel.preset, name, value)
 
 
@@ -322,13 +324,13 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
         return values_of(specs, DoAction(id="1", user="", action=action, values=values))
 
     assert ask("push") == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
-    with pytest.raises(MessageRefused, match="torque: expected -60 to 60 Nm"):
+    with raises(MessageRefused, "torque", "-60", "60 Nm"):
         ask("push", torque=61.0)
-    with pytest.raises(MessageRefused, match="push: no value 'force'; it has joint, torque, duration"):
+    with raises(MessageRefused, "push", "force", "joint", "torque", "duration"):
         ask("push", force=1.0)
-    with pytest.raises(MessageRefused, match="stop: no value 'x'; it has no values"):
+    with raises(MessageRefused, "stop", "x"):
         ask("stop", x=1.0)
-    with pytest.raises(MessageRefused, match="explode: there is nothing like it"):
+    with raises(MessageRefused, "explode"):
         ask("explode")
     for kind, place in (("motor_dead", "left_hip"), ("foot_load_stuck", "left_foot"), ("supply_dip", "")):
         assert ask("fault", kind=kind)["place"] == place  # the place that a fault begins with fits it
@@ -900,7 +902,7 @@ def test_a_set_up_that_cannot_be_used_is_told_in_one_line(tmp_path):
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     broken = replace(loaded, document={**loaded.document, "duration_s": -1})
     session = LiveSession(loaded=broken, folder=tmp_path / "run", pictures=False)
-    with pytest.raises(MessageRefused, match=r"duration"):
+    with raises(MessageRefused, "duration_s", "0.001", "3600", "-1"):
         session.start()
     session.close()
     assert not (tmp_path / "run").exists()

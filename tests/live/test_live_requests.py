@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.live.controls import Panel, action_specs, values_of
@@ -49,14 +50,14 @@ def test_the_panel_offers_what_the_modes_declare_and_leaves_steps_by_hand_to_the
         assert "manual" not in [item.name for item in panel.controls(panel.preset)]
     bare = tuple(action_specs(build_problem(load_experiment("treadmill").experiment)))
     assert "request" not in {item.action for item in bare}
-    with pytest.raises(MessageRefused, match="request: there is nothing like it"):
+    with raises(MessageRefused, "request"):
         values_of(bare, ask("walk"))
 
 
 def test_an_unknown_request_is_one_line():
     specs = tuple(action_specs(problem_of()))
     assert values_of(specs, ask("stop")) == {"request": "stop"}
-    with pytest.raises(MessageRefused, match="'step' or 'stop', got 'fly'") as error:
+    with raises(MessageRefused, "step", "stop", "fly") as error:
         values_of(specs, ask("fly"))
     assert "\n" not in str(error.value)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
@@ -188,18 +189,18 @@ def test_parameters_are_read_checked_and_written():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("stop_ramp_s=0", "stop_ramp_s: expected a number above 0 and at most 3600"),
+        ("stop_ramp_s=0", ("scenario.stop_ramp_s", "0", "3600")),
         (
             "support.catch_stiffness_N_per_m=-1",
-            "catch_stiffness_N_per_m: expected a number from 0 to",
+            ("scenario.support.catch_stiffness_N_per_m", "0", "-1"),
         ),
         (
             "support.catch_dissipation_s_per_m=-1",
-            "catch_dissipation_s_per_m: expected a number from 0 to",
+            ("scenario.support.catch_dissipation_s_per_m", "0", "-1"),
         ),
     ],
 )
 def test_parameters_out_of_range_are_refused_in_one_line(setting, message):
-    with pytest.raises(TwinGaitError, match=message) as caught:
+    with raises(TwinGaitError, *message) as caught:
         load_experiment("treadmill", [f"scenario.{setting}"])
     assert "\n" not in str(caught.value)

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -218,20 +219,20 @@ def test_reference_repeats_every_cycle() -> None:
 @pytest.mark.parametrize("speed", [0.1, 1.5, math.nan])
 def test_reference_refuses_speeds_that_it_was_not_made_for(speed: float) -> None:
     assert not reference_covers(speed)
-    with pytest.raises(ParameterError, match=r"0\.14 to 1\.39 m/s"):
+    with raises(ParameterError, "0.14", "1.39 m/s"):
         reference_curve(JointName.HIP, PERCENT, speed=speed, height=HEIGHT)
 
 
 @pytest.mark.parametrize(
     ("curve", "joint", "known"),
     [
-        (normative_angle, "ankle", "hip or knee"),
-        (normative_moment, "elbow", "hip or knee"),
-        (partial(reference_curve, speed=1.0, height=1.75), "elbow", "one of hip, knee, ankle"),
+        (normative_angle, "ankle", ("hip", "knee")),
+        (normative_moment, "elbow", ("hip", "knee")),
+        (partial(reference_curve, speed=1.0, height=1.75), "elbow", ("hip", "knee", "ankle")),
     ],
 )
 def test_a_joint_without_a_curve_is_refused_with_those_that_have_one(curve, joint, known) -> None:
-    with pytest.raises(ParameterError, match=f"^joint: expected {known}, got '{joint}'$"):
+    with raises(ParameterError, "joint", *known, joint):
         curve(joint, np.zeros(1))
 
 
@@ -240,7 +241,7 @@ def test_strides_that_last_no_time_have_no_cadence() -> None:
 
 
 def test_reference_refuses_a_height_that_gives_no_step() -> None:
-    with pytest.raises(ParameterError, match="height"):
+    with raises(ParameterError, "height", "0.5"):
         reference_cycle_time(0.4, 0.5)
 
 

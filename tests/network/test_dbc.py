@@ -9,6 +9,7 @@ import sys
 import cantools
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait.configuration import load_experiment, presets
 from twin_gait.control import TripCause
@@ -220,11 +221,11 @@ def test_what_the_codec_cannot_hold_is_refused_in_one_line(tmp_path, old, new, s
 
 
 def test_a_file_that_is_not_there_is_named():
-    with pytest.raises(ParameterFileError, match=r"none\.dbc: no such DBC file; give a path, or twin\.dbc"):
+    with raises(ParameterFileError, "none.dbc", "twin.dbc"):
         load_messages("none.dbc")
 
 
 def test_without_cantools_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "cantools", None)
-    with pytest.raises(MissingOptionalDependency, match=r"pip install 'twin-gait\[can\]'"):
+    with raises(MissingOptionalDependency, "pip install 'twin-gait[can]'"):
         load_messages()

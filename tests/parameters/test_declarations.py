@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -92,14 +93,12 @@ def test_keys_follow_from_name_and_unit() -> None:
 
 @pytest.mark.parametrize("value", [-0.1, 3.2, math.nan, math.inf])
 def test_a_value_out_of_its_range_is_refused_by_name(value: float) -> None:
-    with pytest.raises(ParameterError, match="swing: expected a number from 0 to"):
+    with raises(ParameterError, "swing", "0", "3.14159"):
         Sample(swing=value)
 
 
 def test_an_entry_of_a_mapping_is_refused_by_its_name() -> None:
-    with pytest.raises(
-        ParameterError, match=r"posture of the knee: expected a number from -3.14159 .* got nan"
-    ):
+    with raises(ParameterError, "posture", "knee", "-3.14159", "nan"):
         Sample(swing=1.0, posture={JointName.KNEE: math.nan})
 
 
@@ -114,14 +113,14 @@ def test_numbers_of_numpy_and_words_are_taken_as_the_field_has_them() -> None:
 
 @pytest.mark.parametrize("value", ["0.5", None, np.array(0.5), [0.5]])
 def test_what_is_no_number_is_refused_by_name(value: Any) -> None:
-    with pytest.raises(ParameterError, match="swing: expected a number from 0 to"):
+    with raises(ParameterError, "swing", "0", "3.14159"):
         Sample(swing=value)
 
 
 def test_a_word_that_an_enumeration_lacks_is_refused_with_those_it_has() -> None:
-    with pytest.raises(ParameterError, match="segment_model: expected one of de_leva, winter, got 'Winter'"):
+    with raises(ParameterError, "segment_model", "de_leva", "winter", "Winter"):
         Patient(segment_model="Winter")  # type: ignore[arg-type]
-    with pytest.raises(ParameterError, match="posture: expected one of hip, knee, ankle, got 'elbow'"):
+    with raises(ParameterError, "posture", "hip", "knee", "ankle", "elbow"):
         Sample(swing=0.5, posture={"elbow": 0.1})  # type: ignore[dict-item]
 
 
@@ -163,14 +162,14 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
 @pytest.mark.parametrize(
     ("field", "value", "expected"),
     [
-        ("table", None, "an instance of GaitTable"),
-        ("patient", 70, "an instance of Patient"),
-        ("integration", "rk4", "an instance of Integration"),
-        ("faults", None, "a tuple"),
-        ("faults", (3,), "an instance of Fault"),
-        ("engine", None, "one of pinocchio, compiled"),
+        ("table", None, ("GaitTable", "None")),
+        ("patient", 70, ("Patient", "70")),
+        ("integration", "rk4", ("Integration", "rk4")),
+        ("faults", None, ("tuple", "None")),
+        ("faults", (3,), ("Fault", "3")),
+        ("engine", None, ("pinocchio", "compiled", "None")),
     ],
 )
 def test_a_record_of_another_type_is_refused(field, value, expected):
-    with pytest.raises(ParameterError, match=f"^{field}: expected {expected}, got "):
+    with raises(ParameterError, field, *expected):
         replace(load_experiment("bench_leg").experiment, **{field: value})

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
+from errors import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -101,7 +102,7 @@ def test_nonsense_is_refused_with_its_range(setting: str) -> None:
 
 def test_a_window_and_its_decimation_span_two_seconds_at_most() -> None:
     assert SensorParameters(window=200, decimation=10).window == 200
-    with pytest.raises(ParameterError, match="window: expected at most 2000 ticks with the decimation of 11"):
+    with raises(ParameterError, "window", "2000", "11", "200"):
         SensorParameters(window=200, decimation=11)
 
 
@@ -109,7 +110,7 @@ def test_a_window_and_its_decimation_span_two_seconds_at_most() -> None:
     "text", ["supply_dip@1s=1e9V", "encoder_jump:left_hip@1s=200deg", "motor_stuck:left_hip@1s=-1e4Nm"]
 )
 def test_a_fault_beyond_physics_is_refused(text: str) -> None:
-    with pytest.raises(ParameterError, match=r"magnitude of .* at most, either way"):
+    with raises(ParameterError, text, "magnitude"):
         parse_fault(text)
 
 

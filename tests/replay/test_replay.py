@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from table_builder import phase, transition, two_phase_table
 
 from twin_gait import load_experiment, save_run, simulate
@@ -186,7 +187,7 @@ def test_a_run_is_replayed_with_what_the_legs_were_told_by_belt_and_modes(tmp_pa
 def test_a_table_without_the_postures_of_a_run_is_refused(tmp_path):
     run = simulate(load_experiment("sit_to_stand", ["duration_s=1"]).experiment)
     save_run(run, tmp_path / "run", pictures=False)
-    with pytest.raises(ParameterError, match=r"that gait table 'treadmill' offers under postures \(none\)"):
+    with raises(ParameterError, "treadmill", "postures", "none"):
         replay_log(str(tmp_path / "run"), table="treadmill")
 
 
@@ -293,15 +294,15 @@ def test_the_walk_of_winter_meets_the_table_and_closes_its_cycle():
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("koopman@fast", "speed in km/h"),
-        ("koopman@nan", "speed in km/h"),
-        ("koopman@", "speed in km/h"),
-        ("koopman@9", "for which there are reference curves"),
-        ("koopman@-1", "for which there are reference curves"),
+        ("koopman@fast", ("koopman@", "km/h")),
+        ("koopman@nan", ("koopman@", "km/h")),
+        ("koopman@", ("koopman@", "km/h")),
+        ("koopman@9", ("speed", "0.14", "1.39 m/s")),
+        ("koopman@-1", ("speed", "0.14", "1.39 m/s")),
     ],
 )
 def test_a_walk_that_the_literature_has_not_is_refused(name, message):
-    with pytest.raises(ParameterError, match=message):
+    with raises(ParameterError, *message):
         normative_walk(name)
 
 
@@ -311,25 +312,25 @@ def test_a_walk_that_the_literature_has_not_is_refused(name, message):
 @pytest.mark.parametrize(
     ("condition", "changes", "message"),
     [
-        ("other.hip.angle_deg > 3", {}, r"other.hip.angle_deg in stance → swing \(why\), .* of both legs"),
-        ("other.phase in [swing]", {}, "other.phase .* of both legs"),
+        ("other.hip.angle_deg > 3", {}, ("other.hip.angle_deg", "stance", "swing", "why")),
+        ("other.phase in [swing]", {}, ("other.phase", "stance", "swing", "why")),
         (
             "knee.angle_deg > 3",
             {"angles": {(Side.LEFT, HIP): np.zeros(5)}},
-            "not known of the left leg: name",
+            ("knee.angle_deg", "left"),
         ),
-        ("foot.load_bw > 0.1", {}, "foot.load_bw .* name its column"),
+        ("foot.load_bw > 0.1", {}, ("foot.load_bw", "--columns")),
         (
             "trunk.pitch_deg > 3",
             {},
-            "reads trunk.pitch_deg .* name its column with --columns",
+            ("trunk.pitch_deg", "--columns"),
         ),
-        ("foot.load_bw > 0.1", {"loads": {Side.LEFT: np.zeros(5)}}, "add --total-mass"),
+        ("foot.load_bw > 0.1", {"loads": {Side.LEFT: np.zeros(5)}}, ("foot.load_bw", "--total-mass")),
     ],
 )
 def test_a_signal_that_the_log_lacks_is_named_with_its_transitions(condition, changes, message):
     table = two_phase_table(transition("stance", "swing", condition, cause="why"))
-    with pytest.raises(GaitTableError, match=message):
+    with raises(GaitTableError, *message):
         replay(one_leg(np.zeros(5), **changes), table)
 
 

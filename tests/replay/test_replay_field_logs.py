@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait.cli import main
 from twin_gait.conventions import RAJAGOPAL
@@ -82,7 +83,7 @@ def test_the_unit_of_the_time_is_read(tmp_path, name, factor, log_format):
 
 
 def test_a_time_unit_against_the_name_is_refused(tmp_path):
-    with pytest.raises(ParameterFileError, match="time_s: is in s by its name; leave --time-unit ms out"):
+    with raises(ParameterFileError, "time_s", "s", "--time-unit ms"):
         read(tmp_path, walk_text(), time_unit="ms")
 
 
@@ -123,8 +124,7 @@ def test_radians_that_are_read_as_degrees_are_named(tmp_path):
 
 def test_samples_that_are_too_far_apart_are_refused_in_absolute_terms(tmp_path):
     coarse = {name: values[::30] for name, values in ANGLES.items()}
-    message = "time: advances by 0.3 s from row to row; expected at most 0.1 s"
-    with pytest.raises(ParameterFileError, match=message):
+    with raises(ParameterFileError, "time", "0.3 s", "0.1 s"):
         read(tmp_path, walk_text(time=INSTANTS[::30], **coarse))
 
 
@@ -147,7 +147,7 @@ def test_one_stride_over_per_cent_is_repeated_in_the_time_that_is_given(tmp_path
 
 
 def test_per_cent_that_are_read_as_seconds_name_the_way_out(tmp_path):
-    with pytest.raises(ParameterFileError, match=r"per cent of one stride, the duration.*--cycle-time-s"):
+    with raises(ParameterFileError, "time", "1 s", "0.1 s", "--cycle-time-s"):
         read(tmp_path, walk_text(time=PERCENT, name="time", **STRIDE))
 
 
@@ -179,9 +179,7 @@ def test_a_short_gap_is_interpolated_and_counted(tmp_path):
 
 def test_a_long_gap_is_named_and_filled_when_it_is_allowed(tmp_path):
     text = with_gap(100, 119)
-    with pytest.raises(
-        ParameterFileError, match=r"left knee: has no values for 0.21 s from 0.99 s on.*--max-gap"
-    ):
+    with raises(ParameterFileError, "left knee", "0.21 s", "0.99 s", "--max-gap-s"):
         read(tmp_path, text)
     assert len(read(tmp_path, text, max_gap=0.25).gaps) == 1
 
@@ -191,9 +189,7 @@ def test_missing_rows_are_gaps_too(tmp_path):
     text = "\n".join([*lines[:50], *lines[55:]]) + "\n"
     gaps = read(tmp_path, text).gaps
     assert [(gap.column, round(gap.length, 6)) for gap in gaps] == [("time", 0.06)]
-    with pytest.raises(
-        ParameterFileError, match=r"no rows for 0.06 s .*interpolate with --max-gap-s \(at most 0.05"
-    ):
+    with raises(ParameterFileError, "0.06 s", "--max-gap-s", "0.05"):
         read(tmp_path, text, max_gap=0.05)
 
 
@@ -234,9 +230,7 @@ def test_a_minus_turns_the_sign_of_any_joint(tmp_path):
 def test_a_knee_in_the_wrong_sign_is_refused_and_the_way_out_works(tmp_path):
     stiff = 12.0 - 12.0 * np.cos(2.0 * np.pi * INSTANTS)  # 0 to 24 degrees
     text = walk_text(left_knee_angle=-stiff)
-    with pytest.raises(
-        ParameterFileError, match=r"left knee: bends backwards by 24 deg.*left_knee_angle=-NAME"
-    ):
+    with raises(ParameterFileError, "left knee", "24 deg", "left_knee_angle=-NAME"):
         read(tmp_path, text)
     recording = read(tmp_path, text, columns={"left_knee_angle": "-left_knee_angle_deg"})
     assert np.degrees(recording.angles[Side.LEFT, KNEE]).max() == pytest.approx(24.0)
@@ -253,30 +247,30 @@ def test_a_knee_that_is_hyperextended_in_a_walk_is_a_warning(tmp_path):
     [
         (
             {"left_hip_angle": "left_hip_angle_deg", "left_knee_angle": "left_hip_angle_deg"},
-            "left_hip_angle_deg: is given for left_hip_angle and left_knee_angle",
+            ("left_hip_angle_deg", "left_hip_angle", "left_knee_angle"),
         ),
         (
             {"left_hip_angle": "left_hip_angle_deg", "left_knee_angle": "-left_hip_angle_deg"},
-            "left_hip_angle_deg: is given for left_hip_angle and left_knee_angle",
+            ("left_hip_angle_deg", "left_hip_angle", "left_knee_angle"),
         ),
-        ({"left_phase": "-left_hip_angle_deg"}, "is a left_phase, which has no sign to turn"),
+        ({"left_phase": "-left_hip_angle_deg"}, ("left_hip_angle_deg", "left_phase")),
     ],
 )
 def test_a_column_has_one_meaning(tmp_path, columns, message):
-    with pytest.raises(ParameterFileError, match=message):
+    with raises(ParameterFileError, *message):
         read(tmp_path, walk_text(), columns=columns)
 
 
 @pytest.mark.parametrize(
     ("log_format", "message"),
     [
-        ({"max_gap": 0.0}, "max_gap: expected a number above 0"),
-        ({"cycle_time": -1.0}, "cycle_time: expected a number above 0"),
-        ({"time_unit": "h"}, "time_unit: expected s or ms"),
+        ({"max_gap": 0.0}, ("max_gap", "0")),
+        ({"cycle_time": -1.0}, ("cycle_time", "0")),
+        ({"time_unit": "h"}, ("time_unit", "s", "ms", "h")),
     ],
 )
 def test_numbers_of_a_format_have_a_range(log_format, message):
-    with pytest.raises(ParameterError, match=message):
+    with raises(ParameterError, *message):
         LogFormat(**log_format)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -86,13 +87,13 @@ def test_the_header_says_whether_angles_are_degrees(tmp_path):
 
 def test_the_older_header_needs_a_unit_and_a_doubled_name_does_no_harm(tmp_path):
     path = write(tmp_path, "ik.mot", SIMM_TEXT)
-    with pytest.raises(ParameterFileError, match="knee_angle_r: does not say its unit: add --units"):
+    with raises(ParameterFileError, "knee_angle_r", "--units"):
         read_recording(path, LogFormat(convention=OPENSIM_GAIT2392))
     recording = read_recording(path, LogFormat(convention=OPENSIM_GAIT2392, units="deg"))
     assert recording.start == 0.5
     assert degrees(recording, Side.RIGHT, KNEE)[0] == pytest.approx(19.88552911)
     loads = {"right_foot_normal_force": "ground_force_vy"}
-    with pytest.raises(ParameterFileError, match="2 columns have this name"):
+    with raises(ParameterFileError, "ground_force_vy", 2):
         read_recording(path, LogFormat(convention=OPENSIM_GAIT2392, units="deg", columns=loads))
 
 
@@ -160,10 +161,7 @@ def test_the_x2_has_columns_of_its_own_and_the_open_source_leg_has_not(tmp_path)
     recording = read_recording(path, LogFormat(convention=CORC_X2))
     found = [recording.angles[side, joint][0] for side in Side for joint in (HIP, KNEE)]
     assert found == pytest.approx([0.5, 1.2, -0.1, 0.2])
-    with pytest.raises(
-        ParameterFileError,
-        match="of which osl names none; name the columns with --columns",
-    ):
+    with raises(ParameterFileError, "osl", "--columns"):
         read_recording(path, LogFormat(convention=OSL))
     columns = {"right_knee_angle": "JointPositions_1"}
     recording = read_recording(path, LogFormat(convention=OSL, columns=columns))
@@ -174,102 +172,100 @@ def test_the_x2_has_columns_of_its_own_and_the_open_source_leg_has_not(tmp_path)
 
 IN_DEGREES = LogFormat(columns=CSV_COLUMNS, units="deg")
 CSV_MISTAKES = {
-    "empty": ("", "is empty|is not a table"),
-    "header only": ("t,hip_l,kn_l,state\n", "at least two samples, got 0"),
-    "one row": ("t,hip_l,kn_l,state\n0,1,2,a\n", "at least two samples, got 1"),
-    "no such column": (CSV_TEXT.replace("kn_l", "knee"), "kn_l: no such column; there are t, hip_l, knee"),
-    "column twice": ("t,hip_l,kn_l,state,hip_l\n0,1,2,a,1\n0.001,1,2,a,1\n", "2 columns have this name"),
-    "a word": (CSV_TEXT.replace("11", "eleven"), "hip_l: expected a finite number in row 2, got 'eleven'"),
-    "rows that are missing": (CSV_GAP, r"time: has no rows for 0.4 s from 0.05 s on \(row 6\); cut it there"),
+    "empty": ("", ("log.csv",)),
+    "header only": ("t,hip_l,kn_l,state\n", ("time", "0")),
+    "one row": ("t,hip_l,kn_l,state\n0,1,2,a\n", ("time", "1")),
+    "no such column": (CSV_TEXT.replace("kn_l", "knee"), ("kn_l", "hip_l", "t", "knee")),
+    "column twice": ("t,hip_l,kn_l,state,hip_l\n0,1,2,a,1\n0.001,1,2,a,1\n", ("hip_l", "2")),
+    "a word": (CSV_TEXT.replace("11", "eleven"), ("hip_l", "row 2", "eleven")),
+    "rows that are missing": (CSV_GAP, ("time", "0.4 s", "0.05 s", "row 6")),
     "a gap": (
         CSV_GAP.replace("0.05,10", "0.05,").replace("0.45", "0.149"),
-        "left hip: has no values for 0.109 s from 0.04 s on; cut the log there, or interpolate",
+        ("left hip", "0.109 s", "0.04 s"),
     ),
-    "no value": (CSV_TEXT.replace("10,", "nan,").replace("11,", ","), "left hip: has 1 values"),
-    "infinity": (CSV_TEXT.replace("11", "1e999"), "row 2, got '1e999'"),
-    "long row": (CSV_TEXT + "0.003,1,2,a,b,c\n", "is not a table .*saw 6"),
+    "no value": (CSV_TEXT.replace("10,", "nan,").replace("11,", ","), ("left hip", "1")),
+    "infinity": (CSV_TEXT.replace("11", "1e999"), ("row 2", "1e999")),
+    "long row": (CSV_TEXT + "0.003,1,2,a,b,c\n", ("4", "line 5", "6")),
     "time backwards": (
         CSV_TEXT.replace("0.002", "0.0005"),
-        "must ascend, but 0.0005 s follows 0.001 s in row 3",
+        ("time", "0.0005 s", "0.001 s", "row 3"),
     ),
-    "time repeated": (CSV_TEXT.replace("0.002", "0.001"), "must ascend"),
-    "milliseconds": (CSV_TEXT.replace("0.002", "4e6"), "spans 4e.06 s; expected seconds"),
-    "nanoseconds": (CSV_TEXT.replace("0.002", "1.7e18"), "spans 1.7e.18 s"),
+    "time repeated": (CSV_TEXT.replace("0.002", "0.001"), ("time", "0.001 s", "row 3")),
+    "milliseconds": (CSV_TEXT.replace("0.002", "4e6"), ("time", "4e+06 s", "0.001", "3600")),
+    "nanoseconds": (CSV_TEXT.replace("0.002", "1.7e18"), ("time", "1.7e+18 s", "0.001", "3600")),
     "too short": (
         CSV_TEXT.replace("0.001", "0.0001").replace("0.002", "0.0002"),
-        "expected seconds, 0.001 to",
+        ("time", "0.0002 s", "0.001", "3600"),
     ),
-    "radians as degrees": (CSV_TEXT.replace("12", "1200"), "left hip: reaches 1200 deg"),
-    "knee backwards": (CSV_TEXT.replace(",7,", ",-60,"), "left knee: bends backwards by 60 deg"),
+    "radians as degrees": (CSV_TEXT.replace("12", "1200"), ("left hip", "1200 deg")),
+    "knee backwards": (CSV_TEXT.replace(",7,", ",-60,"), ("left knee", "60 deg")),
 }
 
 
 @pytest.mark.parametrize(("text", "message"), CSV_MISTAKES.values(), ids=CSV_MISTAKES)
 def test_a_mistake_in_a_csv_is_one_line_with_the_file_and_the_column(tmp_path, text, message):
     path = write(tmp_path, "log.csv", text)
-    with pytest.raises(ParameterFileError, match=message) as caught:
+    with raises(ParameterFileError, *message) as caught:
         read_recording(path, IN_DEGREES)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
 
 
 STORAGE_MISTAKES = {
-    "no header": ("time\thip\n0\t1\n", "endheader: is missing"),
-    "no names": ("a\nendheader\n\n", "is empty"),
-    "unit": (OPENSIM_TEXT.replace("yes", "maybe"), "inDegrees: expected yes or no, got 'maybe'"),
-    "short line": (OPENSIM_TEXT.replace("\t-15.19", ""), "row 3: expected 6 numbers, one a column"),
+    "no header": ("time\thip\n0\t1\n", ("endheader",)),
+    "no names": ("a\nendheader\n\n", ("log.sto",)),
+    "unit": (OPENSIM_TEXT.replace("yes", "maybe"), ("inDegrees", "yes", "no", "maybe")),
+    "short line": (OPENSIM_TEXT.replace("\t-15.19", ""), ("row 3", "6")),
     "word": (
         OPENSIM_TEXT.replace("-6.66", "bent"),
-        "knee_angle_r: .* number in row 2, got 'bent'",
+        ("knee_angle_r", "row 2", "bent"),
     ),
-    "no time": (OPENSIM_TEXT.replace("time\t", "clock\t"), "time: no such column"),
+    "no time": (OPENSIM_TEXT.replace("time\t", "clock\t"), ("time",)),
 }
 
 
 @pytest.mark.parametrize(("text", "message"), STORAGE_MISTAKES.values(), ids=STORAGE_MISTAKES)
 def test_a_mistake_in_a_motion_file_is_one_line_with_the_file_and_the_place(tmp_path, text, message):
     path = write(tmp_path, "log.sto", text)
-    with pytest.raises(ParameterFileError, match=message) as caught:
+    with raises(ParameterFileError, *message) as caught:
         read_recording(path, LogFormat(convention=OPENSIM_GAIT2392))
     assert str(caught.value).startswith(f"{path}: ")
 
 
 def test_opensim_files_ask_for_the_model_and_the_wrong_one_is_found_out(tmp_path):
     path = write(tmp_path, "normal.mot", OPENSIM_TEXT.replace("-15.19", "-58.25"))
-    with pytest.raises(ParameterFileError, match=r"add --convention opensim_gait2392 .* or rajagopal"):
+    with raises(ParameterFileError, "--convention opensim_gait2392", "rajagopal"):
         read_recording(path)
-    with pytest.raises(ParameterFileError, match="left knee: bends backwards by 58 deg"):
+    with raises(ParameterFileError, "left knee", "58 deg"):
         read_recording(path, LogFormat(convention=RAJAGOPAL))
 
 
 def test_a_log_with_other_names_is_told_about_columns_and_conventions(tmp_path):
-    with pytest.raises(ParameterFileError, match=r"has none of left_hip_angle_rad, .* --columns"):
+    with raises(ParameterFileError, "left_hip_angle_rad", "--columns"):
         read_recording(write(tmp_path, "log.csv", CSV_TEXT), LogFormat(columns={"time": "t"}))
 
 
 def test_what_is_no_log_is_refused(tmp_path):
-    with pytest.raises(ParameterFileError, match="no such log"):
+    with raises(ParameterFileError, "nowhere.csv"):
         read_recording(tmp_path / "nowhere.csv")
-    with pytest.raises(
-        ParameterFileError, match=r"unknown format; expected one of \.parquet, \.csv, .*\.mot, \.sto"
-    ):
+    with raises(ParameterFileError, "log.xlsx", ".parquet", ".csv", ".mot", ".sto"):
         read_recording(write(tmp_path, "log.xlsx", "x"))
     (tmp_path / "log.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ParameterFileError, match="cannot be read as UTF-16 text"):
+    with raises(ParameterFileError, "log.csv", "UTF-16", "UTF-8"):
         read_recording(tmp_path / "log.csv")
-    with pytest.raises(ParameterFileError, match="is not a parquet table"):
+    with raises(ParameterFileError, "log.parquet", "parquet"):
         read_recording(write(tmp_path, "log.parquet", "PAR1 but no more"))
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"columns": {"left_elbow_angle": "x"}}, "no quantity 'left_elbow_angle'; there are time, left_hip"),
-        ({"units": "grad"}, "expected rad or deg, got 'grad'"),
+        ({"columns": {"left_elbow_angle": "x"}}, ("columns", "left_elbow_angle", "time", "left_hip_angle")),
+        ({"units": "grad"}, ("rad", "deg", "grad")),
     ],
 )
 def test_a_wrong_format_is_refused(changes, message):
-    with pytest.raises(ParameterError, match=message):
+    with raises(ParameterError, *message):
         LogFormat(**changes)
 
 

@@ -6,7 +6,7 @@ import re
 from functools import partial
 from pathlib import Path
 
-import pytest
+from errors import raises
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
@@ -38,7 +38,7 @@ def test_figures_are_turned_dark_with_the_page() -> None:
 
 
 def test_a_number_that_a_template_misses_is_an_error() -> None:
-    with pytest.raises(UndefinedError, match="found_better"):
+    with raises(UndefinedError, "found_better"):
         render("tune.txt", {})
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment, load_run, save_run, simulate
 from twin_gait.cli import main
@@ -50,23 +51,32 @@ def summary(change: Callable[[dict[str, Any]], Any]) -> Damage:
 
 
 DAMAGES: dict[str, tuple[Damage, str]] = {
-    "no time": (log(lambda table: table.drop(columns="time_s")), r"log.parquet: time_s: no such column"),
-    "no knee": (log(lambda table: table.drop(columns=KNEE)), rf"log.parquet: {KNEE}: no such column"),
-    "no power": (log(lambda table: table.drop(columns="battery_power_W")), r"battery_power_W: no such"),
-    "half of the columns": (log(lambda table: table.iloc[:, :40]), r" and \d+ more: no such column"),
-    "text": (cell(KNEE, 3, "abc"), rf"{KNEE}: expected a finite number in row 4, got 'abc'"),
-    "another phase": (cell("left_phase", 5, "dancing"), r"left_phase: expected a phase .* row 6, got 'danc"),
-    "times": (log(lambda table: table[::-1]), r"time_s: expected a row for every tick .* row 1"),
-    "a tick is missing": (log(lambda table: table.drop(index=7)), r"time_s: .* row 8"),
-    "one row": (log(lambda table: table.iloc[:1]), r"transitions.csv: tick: expected 0 to 0 .*, got \d+"),
-    "no row": (log(lambda table: table.iloc[:0]), r"log.parquet: has no rows"),
-    "no columns": (log(lambda table: table[[]]), r"log.parquet: has no rows"),
-    "no log": (lambda folder: (folder / "log.parquet").unlink(), r"cannot be read"),
-    "other bytes": (lambda folder: (folder / "log.parquet").write_bytes(b"x" * 99), r"cannot be read"),
-    "tick": (text("transitions.csv", lambda given: given.replace("\n", "\n-5", 1)), r"tick: .*, got -5\d+"),
-    "a list": (summary(lambda given: [given]), r"cannot be read"),
-    "no number": (summary(lambda given: {**given, "wall_s": "x"}), r"cannot be read"),
-    "trip": (summary(lambda given: {**given, "safety": {"tripped": True, "place": 3}}), r"cannot be read"),
+    "no time": (log(lambda table: table.drop(columns="time_s")), ("log.parquet", "time_s")),
+    "no knee": (log(lambda table: table.drop(columns=KNEE)), ("log.parquet", KNEE)),
+    "no power": (
+        log(lambda table: table.drop(columns="battery_power_W")),
+        ("log.parquet", "battery_power_W"),
+    ),
+    "half of the columns": (
+        log(lambda table: table.iloc[:, :40]),
+        ("log.parquet", "left_knee_stop_torque_Nm", "92"),
+    ),
+    "text": (cell(KNEE, 3, "abc"), ("log.parquet", KNEE, "row 4", "abc")),
+    "another phase": (cell("left_phase", 5, "dancing"), ("log.parquet", "left_phase", "row 6", "dancing")),
+    "times": (log(lambda table: table[::-1]), ("log.parquet", "time_s", "row 1")),
+    "a tick is missing": (log(lambda table: table.drop(index=7)), ("log.parquet", "time_s", "row 8")),
+    "one row": (log(lambda table: table.iloc[:1]), ("transitions.csv", "tick", "0")),
+    "no row": (log(lambda table: table.iloc[:0]), ("log.parquet",)),
+    "no columns": (log(lambda table: table[[]]), ("log.parquet",)),
+    "no log": (lambda folder: (folder / "log.parquet").unlink(), ("walk", "log.parquet")),
+    "other bytes": (lambda folder: (folder / "log.parquet").write_bytes(b"x" * 99), ("walk",)),
+    "tick": (
+        text("transitions.csv", lambda given: given.replace("\n", "\n-5", 1)),
+        ("transitions.csv", "tick", "-599"),
+    ),
+    "a list": (summary(lambda given: [given]), ("walk",)),
+    "no number": (summary(lambda given: {**given, "wall_s": "x"}), ("walk", "x")),
+    "trip": (summary(lambda given: {**given, "safety": {"tripped": True, "place": 3}}), ("walk",)),
 }
 
 
@@ -76,7 +86,7 @@ def test_a_damaged_folder_is_refused_in_one_line(name: str, kept: Path, tmp_path
     folder = tmp_path / "walk"
     shutil.copytree(kept, folder)
     damage(folder)
-    with pytest.raises(RunDirectoryError, match=message):
+    with raises(RunDirectoryError, *message):
         load_run(folder)
     for words in (
         ["plot", folder, "--out", tmp_path / "figures"],

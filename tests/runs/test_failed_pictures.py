@@ -10,6 +10,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import pytest
+from errors import warns
 
 from twin_gait import load_experiment, load_run, plot_run, save_run, simulate
 from twin_gait.cli import main
@@ -100,7 +101,7 @@ def test_a_matplotlib_that_cannot_be_imported_costs_the_pictures_only(
     run: Run, tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "twin_gait.report.figures", None)
-    with pytest.warns(PictureWarning, match=r"figures \(ModuleNotFoundError"):
+    with warns(PictureWarning, "figures", "ModuleNotFoundError"):
         folder = save_run(run, tmp_path / "walk")
     assert (folder / "animation.html").is_file() and load_run(folder).log.equals(run.log)
 
@@ -109,7 +110,7 @@ def test_simulate_prints_one_line_and_exits_with_0(tmp_path: Path, monkeypatch, 
     monkeypatch.setattr(os, "cpu_count", lambda: 1)  # no process of its own: it would not see the fault
     monkeypatch.setitem(figures.FIGURES, "torques", lambda *_, **__: 1 / 0)
     out = tmp_path / "walk"
-    with pytest.warns(PictureWarning, match="torques"):
+    with warns(PictureWarning, "torques", "ZeroDivisionError"):
         assert main(["simulate", "bench_leg", "--duration", "0.2", "--out", str(out)]) == 0
     assert (out / "summary.json").is_file()
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from errors import raises
 
 from twin_gait import load_experiment, load_run, save_run, simulate
 from twin_gait.control import Controller
@@ -195,22 +196,22 @@ def other_attribute(own: Own) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda own: own.file.unlink(), r"is not found; put its folder on PYTHONPATH"),
-        (changed, r"the source of .* has changed since; restore it"),
-        (changed_base, r"the source of .* has changed since; restore it"),
-        (no_class, r"cannot be imported from .*AttributeError"),
-        (other_constant, r"STIFFNESS was 40.0 in the run and is 41.0"),
-        (other_attribute, r"Springs.offset was not set in the run and is 0.06"),
+        (lambda own: own.file.unlink(), ("Springs", "PYTHONPATH")),
+        (changed, ("Springs", "source", "controller=null")),
+        (changed_base, ("Springs", "source", "controller=null")),
+        (no_class, ("Springs", "AttributeError")),
+        (other_constant, ("STIFFNESS", "40.0", "41.0")),
+        (other_attribute, ("Springs.offset", "0.06")),
     ],
 )
 def test_another_module_is_refused(
-    change: Callable[[Own], object], message: str, own: Own, tmp_path: Path
+    change: Callable[[Own], object], message: tuple[object, ...], own: Own, tmp_path: Path
 ) -> None:
     folder = save_run(own.run(), tmp_path / "walk", pictures=False)
-    if change in (changed, changed_base) or message.startswith("is not"):
+    if change in (changed, changed_base) or "PYTHONPATH" in message:
         own.forget()
     change(own)
-    with pytest.raises(ParameterError, match=message) as told:
+    with raises(ParameterError, *message) as told:
         simulate(load_run(folder).experiment)
     assert "\n" not in str(told.value) and "simulate(load_experiment(RUN).experiment" in str(told.value)
     # The ways out of the message.
@@ -231,7 +232,7 @@ def test_code_in_a_run_folder_is_never_executed(own: Own, tmp_path: Path, monkey
         path.rename(folder / path.name)
     own.forget()
     monkeypatch.syspath_prepend(str(folder))
-    with pytest.raises(ParameterError, match=r"lies in the run folder .* never executed"):
+    with raises(ParameterError, "Springs", own.name, folder):
         simulate(load_run(folder).experiment)
     assert own.name not in sys.modules
 
@@ -243,7 +244,7 @@ def test_a_module_of_a_package_is_compared_before_anything_is_executed(tmp_path:
     (package / "law.py").write_text("import os", encoding="utf-8")
     monkeypatch.syspath_prepend(str(package.parent))
     record = replace(record_of(Position()), module="laboratory.law", class_name="Law")
-    with pytest.raises(ParameterError, match="has changed since"):
+    with raises(ParameterError, "Position", "laboratory.law"):
         restored(record)
 
 
@@ -280,22 +281,24 @@ def test_what_a_file_cannot_hold_is_made_anew_or_refused(own: Own) -> None:
     usual = record_of(Position())  # its parameters are a dataclass
     assert usual.attributes is None and restored(usual) == Position()
     other = record_of(Position(path=replace(Position().path, damping_ratio=0.8)))
-    with pytest.raises(ParameterError, match="other than those of a new instance"):
+    with raises(ParameterError, "Position", "controller=null"):
         restored(other)
-    with pytest.raises(ParameterError, match="other than those of a new instance"):
+    with raises(ParameterError, "Springs", "controller=null"):
         restored(record_of(own.module.Springs(maker=lambda: 1)))
 
 
 @pytest.mark.parametrize(
     ("module", "name", "message"),
     [
-        ("__main__", "Springs", "a script or notebook, from which it cannot be imported"),
-        ("tests", "f.<locals>.Springs", "a function, from which it cannot be imported"),
+        ("__main__", "Springs", ("Held", "script", "notebook")),
+        ("tests", "f.<locals>.Springs", ("Held", "function")),
     ],
 )
-def test_what_cannot_be_imported_says_how_to_go_on(module: str, name: str, message: str) -> None:
+def test_what_cannot_be_imported_says_how_to_go_on(
+    module: str, name: str, message: tuple[object, ...]
+) -> None:
     record = replace(record_of(Held()), module=module, class_name=name)
-    with pytest.raises(ParameterError, match=message) as told:
+    with raises(ParameterError, *message) as told:
         simulate(replace(bench(), controller=record))
     assert "controller=Springs(…)" in str(told.value)
     given = simulate(replace(bench(), controller=record), controller=Held())
@@ -320,7 +323,7 @@ def test_a_script_records_its_source(tmp_path: Path) -> None:
 
 def test_another_mode_takes_its_place_only_if_it_is_dropped(own: Own, tmp_path: Path) -> None:
     folder = save_run(own.run(), tmp_path / "walk", pictures=False)
-    with pytest.raises(TwinGaitError, match=r"control.mode: .*controller=null"):
+    with raises(TwinGaitError, "control.mode", "controller=null"):
         load_experiment(folder, ["control.mode=gravity"])
     both = load_experiment(folder, ["control.mode=gravity", "controller=null"]).experiment
     assert both.controller is None and both.control.mode == "gravity"
@@ -329,7 +332,7 @@ def test_another_mode_takes_its_place_only_if_it_is_dropped(own: Own, tmp_path: 
 def test_a_comparison_has_its_own_controllers_and_the_firmware_refuses(own: Own) -> None:
     experiment = own.run().experiment
     assert all(item.change(experiment).controller is None for item in CONTROLLERS.values())
-    with pytest.raises(FirmwareError, match=r"controller: Springs .* controller=null"):
+    with raises(FirmwareError, "controller", "Springs", "controller=null"):
         refuse_what_c_has_not(experiment)
 
 
@@ -337,5 +340,5 @@ def test_a_record_with_a_mistake_names_the_key(own: Own, tmp_path: Path) -> None
     folder = save_run(own.run(), tmp_path / "walk", pictures=False)
     path = folder / "experiment.yaml"
     path.write_text(path.read_text().replace("source_sha256:", "hash:"), encoding="utf-8")
-    with pytest.raises(TwinGaitError, match=r"experiment.yaml: controller.hash"):
+    with raises(TwinGaitError, "experiment.yaml", "controller.hash"):
         load_run(folder)

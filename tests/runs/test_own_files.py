@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from errors import raises
 
 from twin_gait import load_experiment, load_run, save_run, simulate
 from twin_gait.cli import main
@@ -109,7 +110,7 @@ def test_a_copy_that_was_changed_is_refused(own: Path, tmp_path: Path) -> None:
     folder = save_run(run, tmp_path / "walk", pictures=False)
     copy = folder / FILES_FOLDER / "leg.urdf"
     copy.write_text(copy.read_text(encoding="utf-8").replace("mass value", "mass  value"), encoding="utf-8")
-    with pytest.raises(TwinGaitError, match="not the file that this experiment was made with"):
+    with raises(TwinGaitError, "urdf_sha256", "leg.urdf"):
         load_run(folder)
 
 

@@ -6,6 +6,7 @@ import codecs
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.runs.log_files import read_table, read_text_table
@@ -95,7 +96,7 @@ def test_what_programs_print_for_no_number_is_a_gap(tmp_path, mark):
 def test_a_decimal_comma_is_not_taken_for_a_mark_of_thousands(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(text_of(";").replace("1.75", "1,750"))
-    with pytest.raises(ParameterFileError, match="hip: expected a finite number in row 2, got '1,750'"):
+    with raises(ParameterFileError, "hip", "row 2", "1,750"):
         read_text_table(path).numbers("hip")
 
 
@@ -104,7 +105,7 @@ def test_an_export_of_nexus_is_refused_with_what_to_delete(tmp_path):
     path.write_text(
         "Model Outputs\n100\n,,S:LHipAngles,,\nFrame,Sub Frame,X,Y,Z\n,,deg,deg,deg\n1,0,11,0,0\n"
     )
-    with pytest.raises(ParameterFileError, match=r"Vicon Nexus.*delete all lines above the numbers") as error:
+    with raises(ParameterFileError, "Vicon Nexus") as error:
         read_text_table(path)
     assert "\n" not in str(error.value)
 

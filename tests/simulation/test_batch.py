@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, ParameterFileError
@@ -119,16 +120,16 @@ def test_a_fall_ends_its_episode_only(alone):
 
 
 WRONG = {
-    "misspelt": ({"patient.mas_kg": 80}, "episode 1: patient.mas_kg: unknown key; did you mean 'mass_kg'"),
-    "out of range": ({"patient.mass_kg": -1}, "episode 1: patient.mass_kg: .*30 to 110 kg.*-1"),
-    "not a key": ({"patient..mass_kg": 80}, r"episode 1: patient\.\.mass_kg: .*names joined by dots"),
+    "misspelt": ({"patient.mas_kg": 80}, ("episode 1", "patient.mas_kg", "mass_kg")),
+    "out of range": ({"patient.mass_kg": -1}, ("episode 1", "patient.mass_kg", "30", "110 kg", "-1")),
+    "not a key": ({"patient..mass_kg": 80}, ("episode 1", "patient..mass_kg")),
     "no such item": (
         {"table.transitions[99].cause": "x"},
-        r"episode 1: table\.transitions\[99\]\.cause: .*no such place",
+        ("episode 1", "table.transitions[99].cause"),
     ),
-    "assignment": ({"patient.mass_kg=80": 80}, "episode 1: patient.mass_kg=80: expected a key and its value"),
-    "two units": ({"duration_s": 2, "duration_ms": 20}, "episode 1: expected exactly one of duration_s or"),
-    "wrong type": ({"duration_s": "long"}, "episode 1: duration_s: .*'long'"),
+    "assignment": ({"patient.mass_kg=80": 80}, ("episode 1", "patient.mass_kg=80")),
+    "two units": ({"duration_s": 2, "duration_ms": 20}, ("episode 1", "duration_s", "duration_ms")),
+    "wrong type": ({"duration_s": "long"}, ("episode 1", "duration_s", "long")),
 }
 
 
@@ -136,7 +137,7 @@ WRONG = {
 def test_a_wrong_change_is_one_line_and_nothing_runs(walk, monkeypatch, wrong, message):
     ran: list[Any] = []
     monkeypatch.setattr(batch, "run_episodes", lambda *arguments, **options: ran.append(arguments))
-    with pytest.raises(ParameterFileError, match=f"^{message}") as error:
+    with raises(ParameterFileError, *message) as error:
         simulate_batch(walk, [{}, wrong])
     assert "\n" not in str(error.value)
     assert ran == []
@@ -163,12 +164,12 @@ def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
 
 
 def test_an_episode_that_cannot_be_run_is_named_across_processes(walk):
-    with pytest.raises(ParameterError, match=r"^episode 1: .*no joint 'nothing'"):
+    with raises(ParameterError, "episode 1", "nothing"):
         simulate_batch(walk, [{"duration_s": 0.1}, {"leg.left.hip": "nothing"}], workers=2)
 
 
 def test_senseless_workers_are_refused(walk):
-    with pytest.raises(ParameterError, match="workers"):
+    with raises(ParameterError, "workers", "1", "0"):
         simulate_batch(walk, [{}, {}], workers=0)
 
 

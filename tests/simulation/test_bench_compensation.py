@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 from idealised import idealised
@@ -210,10 +211,10 @@ def test_compensation_behind_a_dead_zone_is_that_of_the_velocity_beyond_it() -> 
     "wrong", [{"noise": -1.0}, {"delay": -1}, {"delay": 5000}, {"lever": 0.0}, {"time_constant": math.nan}]
 )
 def test_wrong_unit_is_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ParameterError, match=next(iter(wrong))):
+    with raises(ParameterError, *wrong, *wrong.values()):
         InertialUnit(sensor=InertialSensor.GYROSCOPE, **wrong)  # type: ignore[arg-type]
 
 
 def test_wrong_dead_zone_is_refused() -> None:
-    with pytest.raises(ParameterError, match="dead_zone: expected"):
+    with raises(ParameterError, "dead_zone", "-0.1"):
         controlled(dead_zone=-0.1)

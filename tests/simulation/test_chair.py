@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
@@ -115,16 +116,16 @@ def test_record_says_where_the_front_edge_is(rising):
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        (("scenario.chair=null",), "chair to sit on"),
-        (("scenario.chair.height_m=0.7", "patient.height_m=1.5"), "balance|floor"),
-        (("scenario.lean_deg=40",), "hip"),
-        (("scenario.chair.height_m=0.1",), "0.3 to 0.7"),
-        (("scenario.chair.front_m=-0.25",), "scenario.chair: expected a seat under the wearer"),
-        (("scenario.chair.depth_m=0.01",), "scenario.chair: expected a seat under the wearer"),
+        (("scenario.chair=null",), ("start", "sitting", "chair")),
+        (("scenario.chair.height_m=0.7", "patient.height_m=1.5"), ("scenario.chair.height", "0.7")),
+        (("scenario.lean_deg=40",), ("scenario.start", "hip", "-0.35", "1.92")),
+        (("scenario.chair.height_m=0.1",), ("scenario.chair.height_m", "0.3", "0.7", "0.1")),
+        (("scenario.chair.front_m=-0.25",), ("scenario.chair", "none")),
+        (("scenario.chair.depth_m=0.01",), ("scenario.chair", "none")),
     ],
 )
 def test_a_seat_on_which_nobody_can_sit_is_refused(changes, told):
-    with pytest.raises(TwinGaitError, match=told):
+    with raises(TwinGaitError, *told):
         seated(*changes).build_world()
 
 

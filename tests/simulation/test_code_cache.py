@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from errors import warns
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.simulation import keeping
@@ -46,7 +47,7 @@ def test_folder_and_secret_are_the_users_alone(places: Path, tmp_path: Path) -> 
 def test_a_folder_that_others_may_write_is_refused(places: Path, mode: int) -> None:
     places.mkdir()
     places.chmod(mode)
-    with pytest.warns(RuntimeWarning, match="may write there"):
+    with warns(RuntimeWarning, "cache", "TWIN_GAIT_CACHE"):
         assert cache_folder() is None
 
 
@@ -54,7 +55,7 @@ def test_what_belongs_to_another_user_is_refused(places: Path, monkeypatch: pyte
     path, other = kept(places), os.geteuid() + 1
     keeping.private_folder.cache_clear()
     monkeypatch.setattr(os, "geteuid", lambda: other)
-    with pytest.warns(RuntimeWarning, match="somebody else owns it"):
+    with warns(RuntimeWarning, "cache", "TWIN_GAIT_CACHE"):
         assert cache_folder() is None
     assert read_code(path) is None
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from errors import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_rows import ending_of, rows_of
@@ -145,7 +146,7 @@ def test_names_that_end_in_a_number_are_not_confused():
 def test_a_joint_of_three_degrees_of_freedom_is_refused():
     model = pin.Model()
     model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
-    with pytest.raises(ModelError, match="'ball' is a Spherical"):
+    with raises(ModelError, "ball", "Spherical"):
         export_bodies(model)
 
 

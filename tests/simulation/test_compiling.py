@@ -14,6 +14,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from errors import raises, states
 from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import DefaultPassBuilder
@@ -88,8 +89,9 @@ def test_a_branch_that_a_constant_rules_out_may_name_a_field_that_is_not_there(r
 @pytest.mark.parametrize("room", BRANCHES)
 def test_a_branch_that_is_taken_has_to_have_its_fields(room: Any) -> None:
     bound = bind(room, {"WIDE": True, "COUNT": 2}, jit)
-    with pytest.raises(MISSING, match=r"wide|many"):
+    with pytest.raises(MISSING) as caught:
         bound.compile(SIGNATURE)
+    assert states(str(caught.value), "wide") or states(str(caught.value), "many")
 
 
 class WithoutPruning(Pruning):
@@ -105,8 +107,9 @@ def test_numba_without_its_rewrites_would_type_the_dead_branch(room: Any) -> Non
     """Where this no longer fails, the pipeline of compiling.py is not needed any more."""
     options = {**compiling._OPTIONS, "pipeline_class": WithoutPruning}
     bound = bind(room, {"WIDE": False, "COUNT": 0}, lambda function: numba.njit(**options)(function))
-    with pytest.raises(MISSING, match=r"wide|many"):
+    with pytest.raises(MISSING) as caught:
         bound.compile(SIGNATURE)
+    assert states(str(caught.value), "wide") or states(str(caught.value), "many")
 
 
 def test_what_a_dead_branch_calls_is_not_compiled() -> None:
@@ -322,5 +325,5 @@ def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
         return np.fft.nothing(period)
 
     device = dtype_of(Device(NoMemory()))
-    with pytest.raises(UncompiledControllerError, match="numba cannot compile the controller 'Mine'"):
+    with raises(UncompiledControllerError, "numba", "Mine"):
         compiled_tick("Mine", tick, False, device)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from errors import raises
 from numpy.testing import assert_allclose, assert_array_equal
 
 from twin_gait import RunStatus, load_experiment, simulate
@@ -84,15 +85,18 @@ def test_experiment_survives_its_own_document(mode):
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("control.mode=magic", r"control\.mode: .*'position', got 'magic'"),
-        ("control.assistance.knee=1.5", r"control\.assistance\.knee: .*from 0 to 1, got 1\.5"),
-        ("control.assistance.help=1", r"control\.assistance\.help"),
-        ("control.path.damping_ratio=-1", r"path\.damping_ratio: .*got -1$"),
-        ("control.path.stiffness_Nm_per_deg={hip: -5}", r"path\.stiffness_Nm_per_deg\.hip: .*from 0 to"),
+        ("control.mode=magic", ("control.mode", "position", "magic")),
+        ("control.assistance.knee=1.5", ("control.assistance.knee", "0", "1", "1.5")),
+        ("control.assistance.help=1", ("control.assistance.help", "hip", "knee", "ankle")),
+        ("control.path.damping_ratio=-1", ("control.path.damping_ratio", "0", "10", "-1")),
+        (
+            "control.path.stiffness_Nm_per_deg={hip: -5}",
+            ("control.path.stiffness_Nm_per_deg.hip", "0", "-5 Nm/deg"),
+        ),
     ],
 )
 def test_mistake_in_the_control_block_is_one_line(setting, message):
-    with pytest.raises(TwinGaitError, match=message) as caught:
+    with raises(TwinGaitError, *message) as caught:
         experiment(setting)
     assert "\n" not in str(caught.value)
 
@@ -100,9 +104,7 @@ def test_mistake_in_the_control_block_is_one_line(setting, message):
 def test_stiffness_in_two_units_is_refused():
     document = experiment_document(experiment())
     document["control"]["path"]["stiffness_Nm_per_deg"] = {"hip": 5, "knee": 5}
-    with pytest.raises(
-        TwinGaitError, match=r"file: control\.path: .* one of stiffness_Nm_per_rad or stiffness_Nm_per_deg"
-    ):
+    with raises(TwinGaitError, "control.path", "stiffness_Nm_per_rad", "stiffness_Nm_per_deg"):
         experiment_from_mapping(document, "file", Path())
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 import pytest
+from errors import raises, warns
 
 from twin_gait import load_experiment, simulate
 from twin_gait.control import Controller, TripCause
@@ -136,7 +137,7 @@ def controller_with(tick_, **more) -> Controller:
 
 def test_a_controller_that_cannot_be_compiled_works_and_says_so():
     counts = Counts()
-    with pytest.warns(SlowControllerWarning, match="cannot compile the controller 'Mine'; stepping through"):
+    with warns(SlowControllerWarning, "Mine"):
         run = simulate(bench("duration_s=0.1"), controller=controller_with(counts))
     assert run.status == "completed" and counts.calls == 100
 
@@ -223,39 +224,39 @@ def counted(self, plan):
     return Counted(0, [0, 0])
 
 
-NO_MEMORY = "expected a memory that is a dataclass with slots"
-TAKES = r"static method tick\(memory, device, tick, period\), got tick\("
+NO_MEMORY = ("memory", "dataclass", "slots")
+TAKES = "tick(memory, device, tick, period)"
 WRONG = {
-    "a function": (halve, "controller 'halve': expected an instance .* got <class 'function'>"),
+    "a function": (halve, ("halve", "Controller", "<class 'function'>")),
     "the class": (
         Weaker,
-        r"an instance .* got the class itself; write Weaker\(\)",
+        ("Controller", "class", "Weaker()"),
     ),
     "arguments": (
         controller_with(too_few),
-        r"static method tick\(memory, device, tick, period\), got tick\(",
+        ("tick(memory, device, tick, period)", "tick(memory, device)"),
     ),
     "a method": (
         type("Mine", (Controller,), {"tick": halve})(),
-        r"static method tick\(memory, .* got tick\(",
+        ("tick(memory, device, tick, period)", "tick(device, tick, period)"),
     ),
     "an answer": (
         controller_with(answers),
-        "changes demands in place and returns nothing",
+        ("tick",),
     ),
-    "a text": (controller_with(text), "expected a number in demand.stiffness, got 'soft'"),
-    "a complex number": (controller_with(complex_number), "expected a number in demand.target, got 1j"),
+    "a text": (controller_with(text), ("demand.stiffness", "soft")),
+    "a complex number": (controller_with(complex_number), ("demand.target", "1j")),
     "setpoints": (
         controller_with(halve, setpoints=lambda self, plan, side, rows: rows[1:]),
-        r"expected setpoints of finite numbers of shape \(\d+, 9\), got ",
+        ("setpoints", "(5, 9)"),
     ),
     "setpoints that are none": (
         controller_with(halve, setpoints=lambda self, plan, side, rows: None),
-        r"expected setpoints of finite numbers of shape \(\d+, 9\), got None",
+        ("setpoints", "(5, 9)", "None"),
     ),
     "a setpoint that is not finite": (
         controller_with(halve, setpoints=lambda self, plan, side, rows: rows * np.nan),
-        "expected setpoints of finite numbers",
+        ("setpoints", "(5, 9)", "nan"),
     ),
     "a memory": (
         controller_with(halve, memory=lambda self, plan: {"share": 1.0}),
@@ -268,15 +269,15 @@ WRONG = {
     "words": (controller_with(halve, memory=lambda self, plan: Words(1.0)), NO_MEMORY),
     "a float that would be cut": (
         controller_with(counts_halves, memory=counted),
-        "expected a whole number in strides, which its class declares as int, got a float",
+        ("strides", "int", "float"),
     ),
     "a float that would be cut in a list": (
         controller_with(counts_halves_by_joint, memory=counted),
-        "expected a whole number in by_joint, which its class declares as int, got a float",
+        ("by_joint", "int", "float"),
     ),
     "a float at the start": (
         controller_with(halve, memory=lambda self, plan: Counted(0, [0, 0.5])),
-        "expected a whole number in by_joint",
+        ("by_joint", "int", "float"),
     ),
     "rows": (
         controller_with(halve, memory=lambda self, plan: Ragged([[1.0], [1.0, 2.0]])),
@@ -290,7 +291,7 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_controller_that_is_wrong_is_named_in_one_line(wrong, engine):
     controller, message = WRONG[wrong]
-    with pytest.raises(ParameterError, match=message) as told:
+    with raises(ParameterError, *message) as told:
         simulate(bench("duration_s=0.1", f"engine={engine}"), controller=controller)
     assert "\n" not in str(told.value) and re.match("controller '(Mine|Weaker|halve)': ", str(told.value))
 
@@ -301,7 +302,7 @@ def test_a_float_that_a_called_function_would_cut_is_refused():
     def calls(memory, device, tick, period):
         helper(memory, device, tick, period)
 
-    with pytest.raises(ParameterError, match="expected a whole number in by_joint"):
+    with raises(ParameterError, "by_joint", "int", "float"):
         simulate(bench("duration_s=0.1"), controller=controller_with(calls, memory=counted))
 
 
@@ -314,10 +315,10 @@ def counts_too_far(memory, device, tick, period):
     device.joints[9].demand.target = 1.0
 
 
-@pytest.mark.parametrize("raises", [divides, counts_too_far])
-def test_a_controller_that_raises_in_compiled_code_is_named(raises):
-    with pytest.raises(ParameterError, match=r"^controller 'Mine': raised an error"):
-        simulate(bench("duration_s=0.1"), controller=controller_with(raises))
+@pytest.mark.parametrize("tick", [divides, counts_too_far])
+def test_a_controller_that_raises_in_compiled_code_is_named(tick):
+    with raises(ParameterError, "Mine", "engine=pinocchio"):
+        simulate(bench("duration_s=0.1"), controller=controller_with(tick))
 
 
 @pytest.mark.filterwarnings("ignore::twin_gait.simulation.simulator.SlowControllerWarning")
@@ -325,7 +326,7 @@ def test_a_field_that_is_not_there_is_pythons_own_error():
     def misspells(memory, device, tick, period):
         device.joints[0].demand.stifness = 1.0
 
-    with pytest.raises(AttributeError, match="'Demand' object has no attribute 'stifness'"):
+    with raises(AttributeError, "Demand", "stifness"):
         simulate(bench("duration_s=0.1"), controller=controller_with(misspells))
 
 
@@ -353,5 +354,5 @@ def test_a_module_of_the_folder_is_a_mode():
 
 def test_a_mode_whose_tick_is_no_static_method_is_refused_like_a_controller_of_ones_own(monkeypatch):
     monkeypatch.setattr(Position, "tick", lambda memory, device, tick, period: None)
-    with pytest.raises(ParameterError, match=f"controller 'Position': expected a {TAKES}"):
+    with raises(ParameterError, "Position", TAKES):
         build_problem(load_experiment("treadmill", ["control.mode=position"]).experiment)

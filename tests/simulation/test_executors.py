@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from errors import raises
 
 import twin_gait
 from twin_gait import load_experiment
@@ -163,7 +164,7 @@ def test_steps_are_replaced_inside_of_groups_and_not_again_in_their_replacement(
     pair = ["note", "second"]
     assert e.trace == [*["first 0"] * 3, "note", *pair, "note", *pair, *["first 0"] * 2]
     assert ALL[1] == joints(turn)
-    with pytest.raises(KeyError, match=r"not in the schedule.*swing"):
+    with raises(KeyError, "swing"):
         replaced((first, second), {swing: first})
 
 
@@ -179,15 +180,15 @@ other_note.__name__ = "note"
 @pytest.mark.parametrize(
     ("steps", "message"),
     [
-        ((when("SLOW", first),), "condition 'SLOW': no build flag or field SLOW; known: FAST, COUNT, tick"),
-        ((when("FAST and angle > 0", first),), "no build flag or field angle"),
-        ((first, needs), "step needs: no record or number wheel; known: e, tick, number, leg"),
-        ((note, other_note), "two steps of a schedule have the name note"),
+        ((when("SLOW", first),), ("SLOW", "FAST", "COUNT", "tick")),
+        ((when("FAST and angle > 0", first),), ("FAST and angle > 0", "angle", "FAST", "COUNT")),
+        ((first, needs), ("needs", "wheel", "e, tick, number, leg")),
+        ((note, other_note), ("note",)),
     ],
 )
 @pytest.mark.parametrize("made", [scalar_driver, lane_driver])
 def test_what_is_not_declared_is_refused_when_the_schedule_is_built(made, steps, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
+    with raises(ValueError, *message):
         made("run", steps, NAMES)
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
+from errors import raises
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
@@ -302,7 +303,7 @@ def test_hands_may_hold_nothing():
 
 
 def test_a_free_trunk_has_no_braces():
-    with pytest.raises(TwinGaitError, match=r"interface: expected rigid .* whose trunk is free"):
+    with raises(TwinGaitError, "interface", "rigid"):
         load_experiment("overground", ["interface=brace"])
 
 

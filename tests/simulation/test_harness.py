@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import TwinGaitError
@@ -100,12 +101,12 @@ def test_a_wearer_in_braces_pulls_at_the_harness_themselves():
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("support.guide=fixed", "vertical or harness"),
-        ("support.guide=loose", "guide"),
-        ("support.forward_stiffness_N_per_m=0", "forward_stiffness"),
-        ("support.forward_damping_Ns_per_m=-1", "forward_damping"),
+        ("support.guide=fixed", ("guide", "vertical", "harness", "fixed")),
+        ("support.guide=loose", ("guide", "fixed", "vertical", "harness", "free", "loose")),
+        ("support.forward_stiffness_N_per_m=0", ("forward_stiffness_N_per_m", "0")),
+        ("support.forward_damping_Ns_per_m=-1", ("forward_damping_Ns_per_m", "-1")),
     ],
 )
 def test_a_harness_that_cannot_be_is_refused(change, told):
-    with pytest.raises(TwinGaitError, match=told):
+    with raises(TwinGaitError, *told):
         load_experiment("treadmill", [f"scenario.{change}"])

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment
 from twin_gait.control import device_schedule as device
@@ -448,7 +449,7 @@ def test_after_a_trip_the_controller_is_not_asked(e, laid):
         raise AssertionError("asked in the hold")
 
     asked = bind(control, {**laid[1], "impedance_torque": never})
-    with pytest.raises(AssertionError, match="in the hold"):
+    with raises(AssertionError, "hold"):
         asked(e, 100)
     e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part = 100, safety.SUPPLY_TRIP, -1
     asked(e, 101)

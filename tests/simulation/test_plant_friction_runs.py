@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from numpy.testing import assert_allclose, assert_array_equal
 from plain_bench import plain_rows
 from scipy.integrate import solve_ivp
@@ -176,7 +177,7 @@ def test_both_engines_have_the_same_friction(preset: str, duration: float, metho
 
 def test_bristles_too_stiff_for_the_step_are_refused_in_one_line() -> None:
     stiff = LUGRE.replace(f"rad: {STIFFNESS}", "rad: 1.0e+8")
-    with pytest.raises(ParameterError, match=r"plant.friction: the bristles are too stiff .* 1 ms") as caught:
+    with raises(ParameterError, "plant.friction", "1 ms", "integration.step_ms") as caught:
         run(*friction(LUGRE, stiff))
     assert "\n" not in str(caught.value)
     enough = float(str(caught.value).split("integration.step_ms to ")[1].split()[0])

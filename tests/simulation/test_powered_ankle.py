@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import oracle
 import pytest
+from errors import raises
 from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
@@ -255,39 +256,39 @@ def test_engines_agree_on_fewer_joints(joints):
         (
             "treadmill",
             ["table=treadmill_ankle"],
-            "plant.actuators.ankle: is missing, and gait table 'treadmill_ankle' controls the ankle",
+            ("plant.actuators.ankle", "treadmill_ankle"),
         ),
-        (WALK, ["plant.friction.ankle=null"], r"friction.ankle: the ankle has a drive; give its friction"),
+        (WALK, ["plant.friction.ankle=null"], ("friction.ankle",)),
         (
             WALK,
             ["control.friction_model.ankle=null"],
-            "control.friction_model.ankle: is missing, and gait table 'treadmill_ankle'",
+            ("control.friction_model.ankle", "treadmill_ankle"),
         ),
         (
             WALK,
             ["plant.actuators.ankle.resistance_Ohm=null"],
-            "plant.actuators.ankle.resistance_Ohm: input should be a valid number, got None",
+            ("plant.actuators.ankle.resistance_Ohm", "None"),
         ),
         (
             WALK,
             ["leg.left.ankle=null"],
-            "leg.left.ankle: is missing, and gait table 'treadmill_ankle' controls the ankle",
+            ("leg.left.ankle", "treadmill_ankle"),
         ),
         (
             WALK,
             ["control.mode=position"],
-            "control.mode: position has a path for hip, knee; take another mode",
+            ("control.mode", "position", "hip", "knee"),
         ),
-        (WALK, ["network=can"], "expected a gait table for hip, knee, whose boards are on the bus"),
+        (WALK, ["network=can"], ("network", "hip, knee", "hip, knee, ankle", "network: ideal")),
         (
             "treadmill",
             ["faults=['motor_dead:left_ankle@1s']"],
-            "expected left_hip or",
+            ("left_hip", "left_ankle"),
         ),
-        ("treadmill", ["sensors.offset.left.ankle_deg=1"], "sensors offset: expected one of hip, knee, got"),
+        ("treadmill", ["sensors.offset.left.ankle_deg=1"], ("sensors offset", "hip", "knee", "ankle")),
     ],
 )
 def test_what_an_ankle_lacks_is_said_in_one_line(preset, settings, message):
-    with pytest.raises(TwinGaitError, match=message) as refused:
+    with raises(TwinGaitError, *message) as refused:
         build_problem(load_experiment(preset, [*settings]).experiment)
     assert "\n" not in str(refused.value)

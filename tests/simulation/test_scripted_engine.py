@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment, load_run, simulate
 from twin_gait.exceptions import ParameterError
@@ -69,15 +70,13 @@ def test_without_events_the_engine_is_the_compiled_one():
 
 def test_the_reference_engine_and_the_firmware_refuse_events_in_one_line():
     experiment = bench("[{time_s: 0.8, stop: true}]")
-    with pytest.raises(
-        ParameterError, match=r"events: only simulate executes them.*--set events=\[\]"
-    ) as error:
+    with raises(ParameterError, "events", "--set events=[]") as error:
         simulate(bench("[{time_s: 0.8, stop: true}]", "engine=pinocchio"))
     assert "\n" not in str(error.value)
-    with pytest.raises(ParameterError, match="events: only simulate executes them"):
+    with raises(ParameterError, "events"):
         engine_without_bus(experiment)
 
 
 def test_events_after_the_end_and_changes_that_cannot_be_made_are_errors():
-    with pytest.raises(ParameterError, match=r"before the end of the run at 0\.5 s, got 0\.8"):
+    with raises(ParameterError, "0.5 s", "0.8"):
         replace(bench("[{time_s: 0.8, stop: true}]"), duration=0.5)

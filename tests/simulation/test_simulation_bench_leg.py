@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.exceptions import ParameterError
@@ -265,5 +266,5 @@ def test_a_request_to_stop_ends_the_run_with_what_there_is():
 
 
 def test_the_name_of_a_preset_is_no_experiment():
-    with pytest.raises(ParameterError, match="expected an Experiment, got 'bench_leg'; load_experiment"):
+    with raises(ParameterError, "Experiment", "bench_leg", "load_experiment"):
         simulate("bench_leg")

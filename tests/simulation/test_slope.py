@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterFileError
@@ -119,6 +120,8 @@ def test_level_ground_has_a_kernel_that_knows_no_slope():
 
 @pytest.mark.parametrize("setting", ["slope_deg=10.1", "slope_rad=-0.2"])
 def test_a_belt_that_is_too_steep_is_refused_in_one_line(setting):
-    with pytest.raises(ParameterFileError, match=r"scenario.slope_(deg|rad): expected") as caught:
+    with raises(
+        ParameterFileError, "scenario." + setting.partition("=")[0], setting.partition("=")[2]
+    ) as caught:
         load_experiment("treadmill", [f"scenario.{setting}"])
     assert len(str(caught.value).splitlines()) == 1

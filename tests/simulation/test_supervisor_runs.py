@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from errors import raises
 from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
@@ -198,14 +199,14 @@ def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (["table=treadmill_start_stop"], r"posture of sitting in modes 'twin': .*\(none\), got 'sit'"),
-        (["modes=null"], "there are none; give modes, such as twin"),
-        (["requests=[run@1s]"], "request run@1s: there are stand, sit"),
-        (["requests=[walk at 1]"], "expected REQUEST@TIMEs"),
-        (["requests=[walk@1s, stop@1s]"], "another one comes in the same tick"),
-        (["initial_mode=flying"], "initial_mode: expected one of sitting, sit_up"),
+        (["table=treadmill_start_stop"], ("posture", "sitting", "twin", "none", "sit")),
+        (["modes=null"], ("walk@1s", "modes", "twin")),
+        (["requests=[run@1s]"], ("run@1s", "stand", "sit")),
+        (["requests=[walk at 1]"], ("REQUEST@TIMEs",)),
+        (["requests=[walk@1s, stop@1s]"], ("walk@1s",)),
+        (["initial_mode=flying"], ("initial_mode", "sitting", "sit_up", "flying")),
     ],
 )
 def test_what_does_not_fit_is_refused(settings, message):
-    with pytest.raises(TwinGaitError, match=message):
+    with raises(TwinGaitError, *message):
         experiment(*settings, requests="walk@1s")

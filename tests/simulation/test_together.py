@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -230,7 +231,7 @@ def test_no_log_outlives_its_turn(bench):
 
 def test_a_failure_has_its_number(bench):
     broken = replace(bench, leg=replace(bench.leg, urdf="nowhere.urdf"))
-    with pytest.raises(JobFailed, match=r"^job 2: .*nowhere\.urdf") as error:
+    with raises(JobFailed, "job 2", "nowhere.urdf") as error:
         list(simulate_together([bench, bench, broken, bench]))
     assert error.value.index == 2 and isinstance(error.value.__cause__, TwinGaitError)
 
@@ -240,7 +241,7 @@ def test_an_error_in_making_an_experiment_has_its_number(bench):
         yield bench
         raise ParameterError("no such person")
 
-    with pytest.raises(JobFailed, match=r"^job 1: no such person"):
+    with raises(JobFailed, "job 1", "no such person"):
         list(simulate_together(asked()))
 
 

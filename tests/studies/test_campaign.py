@@ -13,6 +13,7 @@ import friction_bench
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 from numpy.testing import assert_allclose
 
 from twin_gait.cli import friction as command
@@ -171,7 +172,7 @@ def test_bench_and_identification_assume_the_same_bench() -> None:
 
 def test_existing_folder_is_refused_and_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("keep")
-    with pytest.raises(RunDirectoryError, match="exists"):
+    with raises(RunDirectoryError, tmp_path, "--out", "--force"):
         run_campaign(Campaign(joint=KNEE), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
@@ -224,5 +225,5 @@ def test_campaign_from_the_command_line_writes_logs_of_each_protocol(
         assert capsys.readouterr().out.count("synthetic logs") == 1
         settings = json.loads((out / "campaign.json").read_text())
         assert_allclose(settings["bench"]["friction"]["law"]["viscous_friction"], 2.06)
-        with pytest.raises(TwinGaitError, match="exists"):
+        with raises(TwinGaitError, out, "--out"):
             called(*arguments)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 from injected_faults.audit import audit, audited_row
@@ -79,10 +80,10 @@ def test_a_wrong_fault_is_refused_in_one_line(text):
 
 def test_a_fault_must_strike_something_that_is_there():
     for text, problem in {
-        "encoder_freeze:left_knee@1s": "expected right_hip or right_knee, got",
-        "foot_load_stuck:right_foot@1s": "expected feet with load sensors",
+        "encoder_freeze:left_knee@1s": ("right_hip", "right_knee", "left_knee"),
+        "foot_load_stuck:right_foot@1s": ("fault", "foot_load_stuck:right_foot@1.0s"),
     }.items():
-        with pytest.raises(TwinGaitError, match=problem):
+        with raises(TwinGaitError, *problem):
             load_experiment("bench_leg", [f"faults=['{text}']"])
 
 
@@ -113,11 +114,11 @@ def test_the_same_seed_draws_the_same_faults_and_more_of_them_go_on_from_there(t
 
 
 def test_a_campaign_that_makes_no_sense_is_refused(treadmill):
-    with pytest.raises(ParameterError, match="expected 1 or more faults"):
+    with raises(ParameterError, "count", "1", "0"):
         draw_faults(treadmill, 0, 0)
-    with pytest.raises(ParameterError, match="duration: expected 3 s or more"):
+    with raises(ParameterError, "duration", "3 s", "2.0"):
         draw_faults(replace(treadmill, duration=2.0), 3, 0)
-    with pytest.raises(ParameterError, match="workers"):
+    with raises(ParameterError, "workers", "1", "0"):
         simulate_faults(treadmill, draw_faults(treadmill, 1, 0), workers=0)
 
 
@@ -258,7 +259,7 @@ def test_simulate_takes_faults_and_says_what_tripped(tmp_path, capsys):
     text = (tmp_path / "run" / "experiment.yaml").read_text()
     assert "encoder_missing:right_knee@0.4s" in text
     assert parse_assignment("faults=[a]")[1] == ["a"]
-    with pytest.raises(TwinGaitError, match=r"faults\[0\].*kind: expected .* got 'nonsense'"):
+    with raises(TwinGaitError, "faults[0]", "kind", "nonsense"):
         run_command(
             simulate_command, *given[:-1], str(tmp_path / "other"), "--fault", "nonsense:right_knee@1s"
         )

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from errors import raises
 from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
@@ -40,7 +41,7 @@ def test_no_case_of_a_tuning_moves_a_belt_that_is_not_there():
 
 
 def test_what_needs_a_belt_is_refused():
-    with pytest.raises(ParameterError, match="overground: has no belt; leave out --everyone"):
+    with raises(ParameterError, "overground", "--everyone"):
         tune(floor(), Settings(everyone=True))
 
 

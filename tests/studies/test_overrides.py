@@ -1,6 +1,7 @@
 """An override converts what it touches, and gives what the whole document would give."""
 
 import pytest
+from errors import raises
 
 from twin_gait.configuration import experiment_from_mapping, load_experiment
 from twin_gait.studies.batch import changed, with_document
@@ -50,5 +51,5 @@ def test_what_an_override_does_not_touch_is_not_converted_again(base):
 
 def test_a_table_for_other_joints_takes_no_phase_from_the_old_one(base):
     document = {**base.document, "table": {**base.document["table"], "joints": ["hip", "foot"]}}
-    with pytest.raises(Exception, match=r"phases\.early_stance\.knee: unknown key"):
+    with raises(Exception, "phases.early_stance.knee"):
         experiment_from_mapping(document, "override", None, base)

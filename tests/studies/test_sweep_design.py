@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
+from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -70,25 +71,25 @@ def test_rows_of_a_list_need_not_change_the_same_keys():
 
 
 WRONG = {
-    "falling": (lambda: validate(Range, {"from": 2, "to": 1}, "a"), "from below to, got 2 and 1"),
+    "falling": (lambda: validate(Range, {"from": 2, "to": 1}, "a"), ("a", "from", "to", "2", "1")),
     "log of zero": (
         lambda: validate(Range, {"from": 0, "to": 1, "scale": "log"}, "a"),
-        "above 0 on a log scale, got 0",
+        ("a", "from", "log", "0"),
     ),
-    "no count": (lambda: grid({"a": {"from": 0.0, "to": 1.0}}), "a: expected a count"),
-    "one": (lambda: validate(Range, {"from": 0, "to": 1, "count": 1}, "a"), "count: .*2, got 1"),
+    "no count": (lambda: grid({"a": {"from": 0.0, "to": 1.0}}), ("parameters.a", "count", "2")),
+    "one": (lambda: validate(Range, {"from": 0, "to": 1, "count": 1}, "a"), ("count", "2", "1")),
     "too many": (
         lambda: grid({name: {"from": 0.0, "to": 1.0, "count": 3000} for name in "abc"}),
-        "most 10000000 episodes, got 27000000000",
+        ("10000000", "27000000000"),
     ),
     "too many samples": (
         lambda: latin_hypercube({"a": [1]}, MOST_EPISODES + 1, 0),
-        "got 10000001",
+        ("a", "10000000", "10000001"),
     ),
 }
 
 
 @pytest.mark.parametrize(("make", "message"), WRONG.values(), ids=WRONG.keys())
 def test_a_senseless_design_is_refused(make, message):
-    with pytest.raises(TwinGaitError, match=message):
+    with raises(TwinGaitError, *message):
         make()

@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from errors import raises
 from firmware_tools import require_tools
 from hypothesis import given, settings
 from random_tables import tables
@@ -229,8 +230,8 @@ def test_failure_says_tick_phase_expectation_and_measurements() -> None:
         )
         if "fires just past hip.angle_deg < -8" in item.name
     )
-    expected = r"tick 24 in stance: expected the switch \(24, 'stance', 'swing', 'ready'\), got "
-    with pytest.raises(AssertionError, match=expected) as caught:
+    expected = ("tick 24", "stance", "(24, 'stance', 'swing', 'ready')")
+    with raises(AssertionError, *expected) as caught:
         test.run()
     assert "'something')" in str(caught.value)
     assert "'hip.angle_deg': -8.000000008" in str(caught.value)
@@ -336,7 +337,7 @@ def test_what_has_more_than_the_bits_of_the_device_is_refused() -> None:
     nested = AnyOf(guards=(AnyOf(guards=tuple(many[:30])), many[30]))
     back = transition("swing", "stance", "hip.angle_deg < -2")
     wide = two_phase_table(transition("stance", "swing", AnyOf(guards=tuple(many)), cause="wide"), back)
-    with pytest.raises(GaitTableError, match=r"\(wide\): 31 conditions wait .* at most 30"):
+    with raises(GaitTableError, "wide", "31", "30"):
         compiled_machines([wide])
     assert compiled_machines([two_phase_table(transition("stance", "swing", nested), back)])
 
@@ -345,5 +346,5 @@ def test_what_has_more_than_the_bits_of_the_device_is_refused() -> None:
     table = GaitTable(
         name="long", joints=JOINTS, phases=dict.fromkeys(names, phase()), transitions=tuple(ring)
     )
-    with pytest.raises(GaitTableError, match="31 phases; at most 30"):
+    with raises(GaitTableError, "31", "30"):
         compiled_machines([table])

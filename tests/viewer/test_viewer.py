@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from errors import raises, warns
 from example_robots import robot_urdf
 
 import twin_gait.viewer
@@ -212,7 +213,7 @@ def test_spheres_meshes_and_missing_meshes_of_a_urdf(tmp_path: Path) -> None:
     )
     urdf = bare_urdf(tmp_path, visual)
     model = LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y")
-    with pytest.warns(UserWarning, match=r"mesh meshes/absent\.stl is not there"):
+    with warns(UserWarning, "meshes/absent.stl"):
         (part,) = load_visuals(model.model, urdf)
     assert part.joint == "h"
     np.testing.assert_allclose(part.shape.vertices.max(axis=0), [0.1, 0.2, 0.3])  # the mesh's corners
@@ -375,13 +376,13 @@ def test_rows_after_a_divergence_are_left_out(worn_twin: LegModel) -> None:
     log.loc[100:, "left_hip_angle_rad"] = np.nan
     assert read_motion(log, worn_twin).times[-1] == pytest.approx(0.099)
     log["left_hip_angle_rad"] = np.inf
-    with pytest.raises(ViewerError, match="no row"):
+    with raises(ViewerError, "log"):
         read_motion(log, worn_twin)
 
 
 def test_a_log_of_another_model_is_refused(worn_twin: LegModel) -> None:
     log = synthetic_log(worn_twin, 0.1)
-    with pytest.raises(ViewerError, match="right_knee_angle_rad"):
+    with raises(ViewerError, "right_knee_angle_rad"):
         read_motion(log.drop(columns="right_knee_angle_rad"), worn_twin)
 
 

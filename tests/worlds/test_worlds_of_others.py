@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from errors import raises
 
 from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import experiment_document
@@ -90,7 +91,7 @@ def test_its_files_are_written_and_read(frame_walk, tmp_path):
     assert type(experiment.scenario) is world_of("frame_walk") and experiment.scenario.resistance == 5.0
     again = experiment_from_mapping(experiment_document(experiment), "again", tmp_path)
     assert again == experiment
-    with pytest.raises(TwinGaitError, match=r"scenario\.resistnce.*did you mean 'resistance_Nms_per_rad'"):
+    with raises(TwinGaitError, "scenario.resistnce", "resistance_Nms_per_rad"):
         load_experiment("frame_walk", ["scenario.resistnce=5"])
 
 
@@ -99,7 +100,7 @@ def test_its_legs_start_as_it_says_and_meet_no_ground(frame_walk):
     assert set(run.log["right_phase"]) == {"late_stance", "swing_flexion"}
     assert run.log["left_hip_angle_rad"].iloc[0] == pytest.approx(np.radians(20.0))
     assert run.walkway is None and "left_foot_normal_force_N" not in run.log
-    with pytest.raises(TwinGaitError, match="expected feet with load sensors"):
+    with raises(TwinGaitError, "fault", "foot_load_stuck:left_foot@1.0s"):
         load_experiment("frame_walk", ["faults=['foot_load_stuck:left_foot@1s']"])
 
 
@@ -144,18 +145,18 @@ def test_a_broken_world_is_named_in_one_line(source, message, tmp_path, monkeypa
         (
             "model.total_mass",
             "modle.total_mass",
-            r"cannot be built \(NameError.*world.py, line \d+\)",
+            ("NameError", "modle", "moon_world.py", "line 64"),
         ),
-        ("start_v=", "velocity=", r"cannot be built \(TypeError"),
-        ("return World(", "World(", "build: expected a World, got None"),
+        ("start_v=", "velocity=", ("TypeError",)),
+        ("return World(", "World(", ("build", "World", "None")),
         (
             "np.zeros(model.nv)",
             "np.zeros(3)",
-            "build: expected arrays start_q, start_v and plant of one length",
+            ("build", "start_q", "start_v", "plant"),
         ),
-        ("np.zeros(model.nv)", "[0.0] * model.nv", "build: expected arrays start_q, start_v and plant"),
-        (", rear: self.rear_phase", "", "initial_phases: expected left, right, got 'left'"),
-        ("return PelvisGuide.FIXED", "return 'held'", "pelvis: expected a PelvisGuide, got 'held'"),
+        ("np.zeros(model.nv)", "[0.0] * model.nv", ("build", "start_q", "start_v", "plant")),
+        (", rear: self.rear_phase", "", ("initial_phases", "left, right", "left")),
+        ("return PelvisGuide.FIXED", "return 'held'", ("pelvis", "PelvisGuide", "held")),
     ],
 )
 def test_a_world_with_a_mistake_is_told_in_one_line(right, wrong, message, tmp_path, monkeypatch):
@@ -171,20 +172,20 @@ def test_a_world_with_a_mistake_is_told_in_one_line(right, wrong, message, tmp_p
         (PLUGINS / "frame_walk" / "frame_walk.yaml").read_text().replace("kind: frame_walk", "kind: moon")
     )
     experiment = load_experiment(tmp_path / "moon.yaml").experiment
-    with pytest.raises(ParameterError, match=rf"^world 'moon'.*{message}"):
+    with raises(ParameterError, "moon", *message):
         experiment.build_world()
 
 
 @pytest.mark.parametrize(
     ("source", "message"),
-    [("1 / 0", "cannot be loaded (ZeroDivisionError"), ("", "expected a package with presets")],
+    [("1 / 0", ("ZeroDivisionError",)), ("", ("presets",))],
 )
 def test_a_broken_package_of_presets_is_named_and_those_that_ship_do_without(
     source, message, tmp_path, monkeypatch
 ):
     broken(tmp_path, monkeypatch, source, "[twin_gait.presets]\nmoon = moon_world\n")
     for ask in (presets, lambda: load_experiment("moon")):
-        with pytest.raises(ParameterError, match=re.escape(message)) as caught:
+        with raises(ParameterError, *message) as caught:
             ask()
         assert str(caught.value).startswith("plug-in moon_world of the package lab")
     assert load_experiment("bench_leg").experiment.name == "bench_leg"
@@ -192,5 +193,5 @@ def test_a_broken_package_of_presets_is_named_and_those_that_ship_do_without(
 
 @pytest.mark.parametrize("kind", ["moon", "null", "5", "[treadmill]"])
 def test_an_unknown_world_is_told_which_there_are(kind):
-    with pytest.raises(TwinGaitError, match=rf"scenario\.kind: .*{', '.join(SHIPPED)}"):
+    with raises(TwinGaitError, "scenario.kind", *SHIPPED):
         load_experiment("treadmill", [f"scenario.kind={kind}"])
