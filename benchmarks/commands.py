@@ -56,10 +56,9 @@ commands = {
 RECORD = """
 import sys
 from twin_gait.cli import main
-if __name__ == "__main__":  # the process that draws imports this program too
-    main("simulate treadmill --force --out run".split())
-    with open(sys.argv[1], "w") as file:
-        print(*(name for name in sys.modules if name not in ("__main__", "__mp_main__")), file=file)
+main("simulate treadmill --force --out run".split())
+with open(sys.argv[1], "w") as file:
+    print(*(name for name in sys.modules if name != "__main__"), file=file)
 """
 IMPORT = """
 import contextlib, importlib, sys

@@ -3,7 +3,7 @@
 import struct
 from typing import Any
 
-import umsgpack
+import msgpack
 
 
 def unpacked(message: bytes) -> list[dict[str, Any]]:
@@ -11,6 +11,6 @@ def unpacked(message: bytes) -> list[dict[str, Any]]:
     commands, at = [], 0
     while at < len(message):
         (length,) = struct.unpack_from("<I", message, at)
-        commands.append(umsgpack.unpackb(message[at + 4 : at + 4 + length]))
+        commands.append(msgpack.unpackb(message[at + 4 : at + 4 + length]))
         at += 4 + length
     return commands

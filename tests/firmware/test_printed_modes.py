@@ -13,6 +13,7 @@ from twin_gait import load_experiment
 from twin_gait.configuration.experiments import resolved_document
 from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import print_project
+from twin_gait.firmware.project_folder import write_project
 
 TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 REQUESTS = "walk@0.2s, sit@0.3s, step@0.4s, stop@1.6s, gravity@2.9s, stop@3.2s, twin_care@3.4s"
@@ -41,7 +42,7 @@ def test_modes_in_c_are_those_of_the_simulation(tmp_path):
         *("gravity", "standing", "twin_care", "hold"),
     ]
     assert np.flatnonzero(decision["refused"]).tolist() == [300]
-    project.write(tmp_path, vectors, resolved_document(experiment, None, {}))
+    write_project(project, tmp_path, vectors, resolved_document(experiment, None, {}))
     built = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "4000 ticks: 0 with other bits" in built.stdout
 
@@ -52,6 +53,6 @@ def test_the_walk_on_the_floor_in_c_is_that_of_the_simulation(tmp_path):
     requests = "requests=[walk@0.1s, step@0.2s, step@1.3s, stop@1.5s]"
     experiment = load_experiment("overground", ["modes=walking", requests, "duration_s=2"]).experiment
     vectors = record_vectors(experiment)
-    print_project(experiment).write(tmp_path, vectors, resolved_document(experiment, None, {}))
+    write_project(print_project(experiment), tmp_path, vectors, resolved_document(experiment, None, {}))
     built = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "2000 ticks: 0 with other bits" in built.stdout

@@ -107,7 +107,6 @@ def test_a_matplotlib_that_cannot_be_imported_costs_the_pictures_only(
 
 
 def test_simulate_prints_one_line_and_exits_with_0(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(os, "cpu_count", lambda: 1)  # no process of its own: it would not see the fault
     monkeypatch.setitem(figures.FIGURES, "torques", lambda *_, **__: 1 / 0)
     out = tmp_path / "walk"
     with warns(PictureWarning, "torques", "ZeroDivisionError"):

@@ -192,9 +192,11 @@ def test_a_leg_without_visuals_is_drawn_as_sticks_with_its_vertical_up(tmp_path:
     scene = build_scene(recorder, model)
     assert {path.rsplit("/", 1)[-1] for path in drawn_paths(recorder)} >= {"sticks", "motor_cap"}
     # Hip flexed by 90 degrees: the thigh, 0.4 m long, points forward.
-    knee = scene.figure.world_point(np.array([math.pi / 2.0, 0.0]), "k")
+    scene.figure.move(np.array([math.pi / 2.0, 0.0]))
+    knee = scene.figure.world_point("k")
     np.testing.assert_allclose(knee, [0.4, 0.0, 0.0], atol=1e-12)
-    hanging = scene.figure.world_point(np.zeros(2), "k")
+    scene.figure.move(np.zeros(2))
+    hanging = scene.figure.world_point("k")
     np.testing.assert_allclose(hanging, [0.0, 0.0, -0.4], atol=1e-12)
 
 

@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     Exits with 1 if --verify finds a difference.
     """
     from twin_gait.files import write_json
-    from twin_gait.firmware.project import MANIFEST
+    from twin_gait.firmware.project_folder import MANIFEST
     from twin_gait.report.pages import lines
     from twin_gait.runs.folders import FolderKind, staged_directory
 
@@ -63,6 +63,7 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project
+    from twin_gait.firmware.project_folder import write_project
     from twin_gait.runs.own_files import files_of, store_files
 
     experiment = loaded.experiment
@@ -72,4 +73,4 @@ def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, An
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress)
-    return project.write(folder, vectors, document)
+    return write_project(project, folder, vectors, document)

@@ -19,7 +19,6 @@ from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.files import private_files
-from twin_gait.runs.drawing import drawing_beside
 from twin_gait.runs.folders import staged_directory
 
 if TYPE_CHECKING:
@@ -61,28 +60,27 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     Simulate a preset or an experiment file and write a run directory.
     """
-    with drawing_beside(wanted=not arguments.no_pictures) as beside:
-        from twin_gait.runs.record import RUN_DIRECTORY, StoredRun, write_run
+    from twin_gait.runs.record import RUN_DIRECTORY, StoredRun, write_run
 
-        if arguments.faults:
-            arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
-        loaded = options.experiment_of(arguments)
-        note_inherited(loaded)
-        out = arguments.out or default_folder(loaded.experiment.name)
-        with (
-            staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
-            terminal.watched("simulating", "tick") as watch,
-        ):
-            result, accuracy = simulation.simulate(loaded.experiment, **watch), None
-            if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
-                from twin_gait.studies.accuracy import step_error
+    if arguments.faults:
+        arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
+    loaded = options.experiment_of(arguments)
+    note_inherited(loaded)
+    out = arguments.out or default_folder(loaded.experiment.name)
+    with (
+        staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
+        terminal.watched("simulating", "tick") as watch,
+    ):
+        result, accuracy = simulation.simulate(loaded.experiment, **watch), None
+        if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
+            from twin_gait.studies.accuracy import step_error
 
-                accuracy = step_error(result, **watch)
-            terminal.note_line("writing the run directory")
-            summary = write_run(
-                result, staging, document=loaded.document, pictures=not arguments.no_pictures,
-                accuracy=accuracy, beside=beside,
-            )  # fmt: skip
+            accuracy = step_error(result, **watch)
+        terminal.note_line("writing the run directory")
+        summary = write_run(
+            result, staging, document=loaded.document, pictures=not arguments.no_pictures,
+            accuracy=accuracy,
+        )  # fmt: skip
     terminal.clear_line()
     lines = report(summary, out)
     if arguments.accuracy and accuracy is None:

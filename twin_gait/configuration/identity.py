@@ -4,6 +4,7 @@ The label of a part that differs from the shipped one of its name, or has no shi
 beginning of the hash of its values, so that two versions of the part have different labels.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -105,11 +106,17 @@ def _control_hash(experiment: Experiment) -> str:
     return _hash({key: item for key, item in written(experiment.control).items() if key not in _NOT_SETTINGS})
 
 
+def _presets() -> Iterator[str]:
+    """Yield the presets that ship: the default one, others that extend no preset, and the rest."""
+    yield DEFAULT_PRESET  # before any other file is read
+    yield from _other_presets()
+
+
 @cache
-def _presets() -> list[str]:
-    """Return the presets that ship: the default one, others that extend no preset, and the rest."""
+def _other_presets() -> list[str]:
     files = packaged("presets")
-    return sorted(files, key=lambda name: (name != DEFAULT_PRESET, "preset" in read_yaml(files[name]), name))
+    del files[DEFAULT_PRESET]
+    return sorted(files, key=lambda name: ("preset" in read_yaml(files[name]), name))
 
 
 @cache

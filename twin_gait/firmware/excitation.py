@@ -1,23 +1,19 @@
-"""Inputs that excite every constant of a unit: bounds of the monitor, guards, time-outs, silence, heat.
+"""Inputs that excite the constants of boards, gait controller and codec: bounds, time-outs, silence, heat.
 
-A walk stays inside its bounds and takes few of the transitions of its table. Here each bound is met from both
-sides, and each signal of a guard is put just below and just above the thresholds that it is compared with.
+A walk stays inside the bounds of the monitor. Here each bound is approached from both sides.
 """
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain, product
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from twin_gait.control.gait_controller import PER_JOINT, PER_LEG
 from twin_gait.control.joint_board import Limits
-from twin_gait.core.guards import OP_COMPARE, Comparison, guard_holds
+from twin_gait.core.guards import guard_holds
 from twin_gait.core.safety import SPEED_TRIP, Bounds
 from twin_gait.firmware.can_codec import CanMessage
-from twin_gait.firmware.python_unit import PythonUnit
 from twin_gait.gait.signals import DEVICE_SIGNALS
 
 Rows: TypeAlias = np.ndarray  # Inputs of a unit, shape ``(ticks,)``, from its tick 0 on.
@@ -25,8 +21,6 @@ Values: TypeAlias = np.ndarray  # Signals of all legs and of the device, shape `
 BESIDE = 0.003  # Distance from a bound or a threshold, as a share of it.
 HEAT = 12.0  # Heat to which the winding tends while the heat model is excited; the monitor trips at 1.
 LONG = 1000.0  # Time in a phase in [s] that opens every guard on it.
-LONGEST_HOLD = 1300  # Ticks for which the signals of the guards stay the same.
-CONTROLLER_TICKS, EXOSKELETON_TICKS = 9000, 5000  # Ticks in which guards are excited.
 SEED = 48
 
 
@@ -36,7 +30,7 @@ def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterat
     ``repeated``: whether a board before has the same constants, which are printed once.
     """
     settings, bounds = unit.settings, unit.state.bounds
-    rows = _Board(bounds, settings.rates.period, dtype)
+    rows = BoardInputs(bounds, settings.rates.period, dtype)
     deaf = rows.travelling(0.3 * bounds.highest_speed, rows.middle, 16)
     deaf["heard"] = False
     yield deaf
@@ -59,12 +53,13 @@ def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterat
     yield rows.wandering(np.random.default_rng(SEED))
 
 
-class _Board:
+class BoardInputs:
     """Inputs of a board whose drive and encoder agree."""
 
     def __init__(
         self, bounds: Bounds, period: float, dtype: np.dtype[Any], middle: float | None = None
     ) -> None:
+        """Keep the constants of a board; ``middle``: angle at rest in [rad], by default between the stops."""
         self.bounds, self.period, self.dtype = bounds, period, dtype
         self.middle = 0.5 * (bounds.lower + bounds.upper) if middle is None else middle
 
@@ -157,155 +152,45 @@ def controller_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
     limits, state = unit.settings.limits, unit.state
     supply, per_leg = state.supply, len(state.joints) // len(state.legs)
     for side in (1.0 - BESIDE, 1.0 + BESIDE):
-        low = _standing(supply.low_ticks + 4, state, dtype)
+        low = standing(supply.low_ticks + 4, state, dtype)
         low["surroundings"]["bus_voltage"][2:] = supply.least_voltage * side
         yield low
         for number, leg in enumerate(state.legs):
-            frozen = _standing(limits.frozen_load_ticks + 6, state, dtype)
+            frozen = standing(limits.frozen_load_ticks + 6, state, dtype)
             frozen["surroundings"]["loads"][:, number] = 0.5
             frozen["measurements"]["motor_speed"][:, number * per_leg] = leg.frozen_speed * side
             yield frozen
     for number in range(len(state.joints)):
-        silent = _standing(limits.board_silence + 6, state, dtype)
+        silent = standing(limits.board_silence + 6, state, dtype)
         silent["heard"][2:, number] = False
         yield silent
-    deaf = _standing(limits.board_silence + 6, state, dtype)
+    deaf = standing(limits.board_silence + 6, state, dtype)
     deaf["heard"] = False
     yield deaf
-    tripped = _standing(limits.lowering_ticks + 50, state, dtype)
+    tripped = standing(limits.lowering_ticks + 50, state, dtype)
     tripped["measurements"]["cause"][40:, 0] = SPEED_TRIP
     tripped["measurements"]["angle"] = tripped["measurements"]["last_angle"] = 0.3
     yield tripped
-    late = _standing(limits.phase_ticks + 3, state, dtype)
-    late["measurements"]["angle"], late["surroundings"]["loads"] = _closing_angles(state, 1.0), math.nan
+    late = standing(limits.phase_ticks + 3, state, dtype)
+    late["measurements"]["angle"], late["surroundings"]["loads"] = closing_angles(state, 1.0), math.nan
     yield late
 
 
-def _standing(ticks: int, state: Any, dtype: np.dtype[Any]) -> Rows:
+def standing(ticks: int, state: Any, dtype: np.dtype[Any]) -> Rows:
     """Return rows of the gait controller or the exoskeleton with joints at their first equilibrium angles."""
     rows, per_leg = np.zeros(ticks, dtype), len(state.joints) // len(state.legs)
     around = rows["surroundings"]
     around["bus_voltage"], around["loads"] = state.supply.voltage, 0.4
-    if "boards" in _names(rows):
+    if "boards" in field_names(rows):
         around["loads"][::2] *= 1.0 + 1e-6  # A constant load at a moving hip is a cause of a trip.
-    for name in {"walk", "step"} & set(_names(_device(rows))):
-        _device(rows)[name] = 1.0
-    if "heard" in _names(rows):
+    for name in {"walk", "step"} & set(field_names(device_inputs(rows))):
+        device_inputs(rows)[name] = 1.0
+    if "heard" in field_names(rows):
         rows["heard"] = True
         for number, joint in enumerate(state.joints):
             phase = state.legs[number // per_leg].phase
             rows["measurements"]["angle"][:, number] = joint.setpoints[phase].equilibrium
     return rows
-
-
-class Guards:
-    """Inputs that put every comparison of a gait table just below and just above its threshold.
-
-    The phases of the legs decide which transition is excited next, so that the unit runs along. Its joints
-    follow by ramps if it is the exoskeleton, whose monitor allows no jump.
-    """
-
-    def __init__(
-        self, unit: PythonUnit, state: Any, dtype: np.dtype[Any], boards: Sequence["_Board"]
-    ) -> None:
-        """Keep a unit, its gait controller at tick 0, the layout of its inputs, and boards if it has them."""
-        self.unit, self.state, self.dtype, self.boards = unit, state, dtype, boards
-        self.legs, self.per_leg = len(state.legs), len(state.joints) // len(state.legs)
-        self.block, self.random = PER_JOINT * self.per_leg + PER_LEG, np.random.default_rng(SEED)
-        self.uses: dict[tuple[int, int], float] = defaultdict(float)  # By transition and node.
-
-    def episodes(self, ticks: int, requests: int) -> Iterator[tuple[Rows, Rows]]:
-        """Yield inputs with outputs until there are ``ticks``; ``requests``: of the operating modes."""
-        while ticks > 0:
-            rows, outputs = list[Rows](), list[Rows]()
-            self.angles = np.array([board.middle for board in self.boards])
-            phases, tripped = [leg.phase for leg in self.state.legs], False
-            with self.unit:
-                while ticks > 0 and not tripped:
-                    rows.append(self._hold(phases))
-                    if requests and self.random.random() < 0.2:
-                        rows[-1]["surroundings"]["request"][0] = self.random.integers(0, requests + 1)
-                    outputs.append(self.unit.exchange(rows[-1]))
-                    decision = outputs[-1]["decision"][-1]
-                    phases, tripped = decision["phases"].tolist(), bool(decision["trip_cause"])
-                    ticks -= len(rows[-1])
-            yield np.concatenate(rows), np.concatenate(outputs)
-
-    def _hold(self, phases: Sequence[int]) -> Rows:
-        """Return rows that excite the least used comparison of a leg, below its threshold, then above."""
-        low = self.random.uniform(-0.2, 0.6, self.legs * self.block + len(DEVICE_SIGNALS))
-        low[self.legs * self.block + 1 :] = 1.0
-        program, choices = self.state.program, list[tuple[float, int, int, int]]()
-        for leg, phase in enumerate(phases):
-            for index, rule in enumerate(program.transitions[: program.n_transitions]):
-                if rule.source == phase:
-                    nodes = range(rule.first_node, rule.end_node)
-                    self._put(leg, nodes, -1.0, low)  # Closed, if it is not the chosen one.
-                    choices += [(self.uses[index, k] + self.random.random(), leg, index, k) for k in nodes]
-        if not choices:
-            return self._rows(low, 9)
-        _, leg, index, chosen = min(choices)
-        rule = program.transitions[index]
-        nodes = range(rule.first_node, rule.end_node)
-        self._put(leg, nodes, 1.0, low)
-        high, ticks = low.copy(), rule.debounce_ticks + 2
-        self._put(leg, [chosen], -BESIDE, low)
-        self._put(leg, [chosen], BESIDE, high)
-        for item in self._comparisons(nodes):
-            if (
-                item.factor_b == 0.0 and item.signal_a % self.block == self.block - 1
-            ):  # The time in the phase.
-                ticks += round(1000.0 * abs(item.threshold))
-        first = min(max(ticks, rule.time_out_ticks + 3), LONGEST_HOLD)
-        self.uses[index, chosen] += 1.0 + first / 200.0
-        last = self.random.choice([ticks, 150], p=[0.9, 0.1])  # Some last until parameters have faded.
-        return np.concatenate([self._rows(low, first), self._rows(high, int(last))])
-
-    def _comparisons(self, nodes: Iterable[int]) -> list[Comparison]:
-        program = self.state.program
-        compared = (program.nodes[k] for k in nodes if program.nodes[k].operation == OP_COMPARE)
-        return [program.comparisons[node.operand] for node in compared]
-
-    def _put(self, leg: int, nodes: Iterable[int], side: float, values: Values) -> None:
-        """Set first signals of comparisons above their thresholds, or below; clearly with a side of ±1."""
-        for item in self._comparisons(nodes):
-            gap = self.random.uniform(0.01, 0.2) if abs(side) == 1.0 else abs(item.threshold) + 1e-4
-            wanted, places = item.threshold + side * gap, list[int]()
-            for signal in (item.signal_a, item.signal_b):
-                device = signal - 2 * self.block  # Behind both legs; otherwise of this leg or the other one.
-                own = (leg * self.block + signal) % (self.legs * self.block)
-                places.append(self.legs * self.block + device if device >= 0 else own)
-            if item.factor_b != 0.0:
-                wanted -= item.factor_b * values[places[1]]
-            values[places[0]] = wanted / item.factor_a
-
-    def _rows(self, values: Values, ticks: int) -> Rows:
-        """Return rows with signals of all legs and of the device; behind a ramp for the exoskeleton."""
-        joints, behind = PER_JOINT * self.per_leg, self.legs * self.block
-        own = values[:behind].reshape(self.legs, self.block)
-        angles = own[:, 0:joints:PER_JOINT].ravel()
-        if self.boards:
-            lowest, highest = (
-                np.array([getattr(board.bounds, name) for board in self.boards])
-                for name in ("lower", "upper")
-            )
-            most = np.array([0.6 * board.bounds.highest_speed * board.period for board in self.boards])
-            start, self.angles = self.angles, np.clip(angles, lowest + 0.2, highest - 0.2)
-            count = max(1, math.ceil(np.max(np.abs(self.angles - start) / most)))
-            path = start + (self.angles - start) * np.minimum(np.arange(count + ticks) / count, 1.0)[:, None]
-            rows = _standing(len(path) - 1, self.state, self.dtype)
-            for place, board in enumerate(self.boards):
-                rows["boards"][:, place] = board.moving(path[:, place])[1:]
-        else:
-            rows = _standing(ticks, self.state, self.dtype)
-            measured = rows["measurements"]
-            measured["angle"] = measured["last_angle"] = angles
-            measured["velocity"] = own[:, 1:joints:PER_JOINT].ravel()
-        rows["surroundings"]["loads"] *= np.abs(own[:, joints]) / 0.4
-        for name, value in zip(("trunk_pitch", "walk", "step"), values[behind:], strict=True):
-            if name in _names(_device(rows)):
-                _device(rows)[name] = value
-        return rows
 
 
 def codec_rows(messages: Sequence[CanMessage], dtype: np.dtype[Any]) -> Rows:
@@ -331,55 +216,18 @@ def codec_rows(messages: Sequence[CanMessage], dtype: np.dtype[Any]) -> Rows:
     return np.concatenate(parts)
 
 
-def _device(rows: Rows) -> np.ndarray:
+def device_inputs(rows: Rows) -> np.ndarray:
     """Return the signals of the whole device; records without a field if the unit reads none."""
     around = rows["surroundings"]
-    return around["common"] if "common" in _names(around) else around[[]]
+    return around["common"] if "common" in field_names(around) else around[[]]
 
 
-def _names(rows: np.ndarray) -> tuple[str, ...]:
+def field_names(rows: np.ndarray) -> tuple[str, ...]:
     """Return the names of the fields of records."""
     return rows.dtype.names or ()
 
 
-def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) -> Iterator[tuple[Rows, Rows]]:
-    """Yield inputs of all boards and the gait controller in one unit, with its outputs."""
-    state, boards, seen = sample.controller, list[_Board](), list[Bounds]()
-    for number, (board, joint) in enumerate(zip(sample.boards, state.joints, strict=True)):
-        middle = joint.setpoints[state.legs[number * len(state.legs) // len(state.joints)].phase].equilibrium
-        boards.append(_Board(board.bounds, sample.settings.rates.period, dtype["boards"].base, middle))
-    resting = [
-        _Board(board.bounds, board.period, board.dtype, angle)
-        for board, angle in zip(boards, _closing_angles(state, 0.0), strict=True)
-    ]
-    for number, own in enumerate(boards):
-        if own.bounds in seen:  # Equal bounds are printed as one table.
-            continue
-        seen.append(own.bounds)
-        for used, episodes in ((boards, own.monitored()), (resting, resting[number].heated())):
-            for one in episodes:
-                rows = _standing(len(one), state, dtype)
-                for place, other in enumerate(used):
-                    rows["boards"][:, place] = one if place == number else other.held(len(one) - 2)
-                if used is resting:
-                    rows["surroundings"]["loads"] = math.nan
-                    for name in _names(_device(rows)):
-                        _device(rows)[name] = 0.0
-                with unit:
-                    yield rows, unit.exchange(rows)
-    for side in (1.0 - BESIDE, 1.0 + BESIDE):
-        turning = boards[0].travelling(side * state.legs[0].frozen_speed, boards[0].middle)
-        rows = _standing(len(turning), state, dtype)
-        for place, other in enumerate(boards):
-            rows["boards"][:, place] = turning if place == 0 else other.held(len(rows) - 2)
-        rows["surroundings"]["loads"] = 0.4
-        rows["surroundings"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
-        with unit:
-            yield rows, unit.exchange(rows)
-    yield from Guards(unit, state, dtype, boards).episodes(EXOSKELETON_TICKS, 0)
-
-
-def _closing_angles(state: Any, command: float) -> Values:
+def closing_angles(state: Any, command: float) -> Values:
     """Return angles near the first equilibrium angles at which no leg leaves its first phase.
 
     They are the equilibrium angles if there are none. No load is measured then. ``command``: 1 to walk,

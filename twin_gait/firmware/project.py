@@ -1,7 +1,5 @@
 """What ``twin-gait firmware`` leaves behind: readable C, a walk to compare it with, how to use it."""
 
-import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,9 +7,6 @@ from typing import Any
 
 import numpy as np
 
-import twin_gait
-from twin_gait.configuration.documents import dump_yaml
-from twin_gait.control import TripCause
 from twin_gait.control.joint_board import Demand, Limits, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
@@ -29,7 +24,7 @@ from twin_gait.firmware.can_codec import (
     can_unpack,
 )
 from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, Vectors, linked_unit
+from twin_gait.firmware.linked import LinkedUnit, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
@@ -39,12 +34,10 @@ from twin_gait.simulation.filling import limits_of
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.templates import templates_in
 
-MANIFEST = "manifest.json"
 UNITS = "joint_board", "gait_controller", "exoskeleton", "can_codec"
 JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS
 CODEC_STEP = "can_codec_step.h"
 _INCLUDE = templates_in(Path(__file__).with_name("include"), keep_trailing_newline=True)
-_FILES = templates_in(Path(__file__).with_name("project_files"), keep_trailing_newline=True)
 
 
 @dataclass(frozen=True)
@@ -61,37 +54,6 @@ class Project:
     def joints(self) -> list[str]:
         """Joints in the order of the units, such as ``left_hip``."""
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
-
-    def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> dict[str, Any]:
-        """Write C, vectors of a short walk, excitations, and the resolved document; return the manifest."""
-        # Excitations are those of a project, so that their module imports this one.
-        from twin_gait.firmware.unit_vectors import excitation_csv, excitations_of, runner_records
-
-        self.write_linked(folder)
-        problem, experiment = self.problem, self.problem.experiment
-        counts, legs = experiment.sensors.encoder_counts, self.linked.record.controller.legs
-        angles = [2.0 * math.pi / (counts * problem.actuator(joint).gear_ratio) for joint in problem.joints]
-        content = {
-            "project": self,
-            "experiment": experiment,
-            "table": problem.table,
-            "version": twin_gait.__version__,
-            "angles": dict(zip(self.joints, angles, strict=True)),
-            "limits": _limits_apart(problem),
-            "phases": list(problem.table.phases),
-            "legs": dict(zip(experiment.leg.legs, legs, strict=True)),
-            "causes": TripCause,
-            **runner_records(self),
-        }
-        texts = {name: _FILES.get_template(name).render(content) for name in _FILES.list_templates()}
-        texts["experiment.yaml"] = dump_yaml(dict(document))
-        manifest = self.manifest(document)
-        texts[MANIFEST] = json.dumps(manifest, indent=2) + "\n"
-        texts["vectors.csv"] = vectors.csv(self.joints)
-        texts["excitation.csv"] = excitation_csv(excitations_of(self))
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        return manifest
 
     def manifest(self, document: Mapping[str, Any]) -> dict[str, Any]:
         """What the C was printed from, and the RAM that its records take on a Cortex-M."""
@@ -192,7 +154,7 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
 
 def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
     whole = linked.record
-    apart = replace(whole.settings, limits=_limits_apart(problem))
+    apart = replace(whole.settings, limits=limits_apart(problem))
     boards = {
         f"{JOINT_BOARD}_{joint.side}_{joint.joint}": units.JointBoard(apart, board)
         for joint, board in zip(problem.joints, whole.boards, strict=True)
@@ -203,7 +165,7 @@ def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
     yield TranslationUnit(EXOSKELETON, [units.exoskeleton_step], {EXOSKELETON: whole})
 
 
-def _limits_apart(problem: Problem) -> Limits:
+def limits_apart(problem: Problem) -> Limits:
     """Of units that hear each other: none bears silence for good, also where the simulation has no bus."""
     return limits_of(problem, problem.experiment.network or NetworkParameters())
 

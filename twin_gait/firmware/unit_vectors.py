@@ -8,14 +8,8 @@ import numpy as np
 from numpy.lib.recfunctions import require_fields, structured_to_unstructured
 
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.firmware.excitation import (
-    CONTROLLER_TICKS,
-    Guards,
-    board_episodes,
-    codec_rows,
-    controller_episodes,
-    exoskeleton_episodes,
-)
+from twin_gait.firmware.excitation import board_episodes, codec_rows, controller_episodes
+from twin_gait.firmware.guard_excitation import CONTROLLER_TICKS, Guards, exoskeleton_episodes
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.linked import Vectors
 from twin_gait.firmware.project import CAN_CODEC, EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project

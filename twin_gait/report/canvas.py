@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import itertools
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -39,7 +40,9 @@ from twin_gait.vocabulary import JointName
 RESOLUTION = 130  # [dots per inch]
 BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
 SCREEN_WIDTH = 11.0  # [inches]
-LEGEND_COLUMN = 1.65  # [inches]
+LEGEND_COLUMN, LEGEND_ROW = 1.65, 0.18  # [inches]
+EDGE, TITLE_LINE, PANEL_TITLE = 0.06, 0.2, 0.28  # [inches]
+LEFT, RIGHT, X_TICKS, X_LABEL, Y_TICKS = 0.9, 0.17, 0.06, 0.5, 0.3  # [inches] around panels
 MOST_EVENTS = 3  # in a title
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
@@ -66,7 +69,7 @@ def standard_settings(more: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 def style_panel(axes: Axes, title: str, unit: str) -> None:
     """Give a panel its title, the unit of its values and a quiet grid. ``title``: what it shows."""
-    axes.set_title(title, fontsize="medium")
+    axes.set_title(title, fontsize="medium", y=1.0)  # without y matplotlib looks for ticks above the panel
     axes.set_ylabel(unit)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -113,8 +116,19 @@ def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist]
     Of equal labels one is kept.
     """
     entries = list({str(item.get_label()): item for item in (*lines, *phases)}.values())
-    columns = min(len(entries), int(figure.get_figwidth() / LEGEND_COLUMN))
+    columns = min(len(entries), legend_columns(figure))
     figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+
+
+def legend_columns(figure: Figure) -> int:
+    """Return the largest number of columns of a legend that has the width of a figure."""
+    return max(1, int(figure.get_figwidth() / LEGEND_COLUMN))
+
+
+def legend_rows(figure: Figure) -> int:
+    """Return the number of rows of the legend of a figure."""
+    (legend,) = figure.legends
+    return math.ceil(len(legend.get_texts()) / legend_columns(figure))
 
 
 def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTION) -> bytes:
@@ -249,8 +263,9 @@ class Sheet:
         who, how = ", ".join(wearer_in_words(run.experiment)), run.verdict.outcome or run.status
         about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
         text = "\n".join(filter(None, (title, about, " · ".join(events))))
-        self.figure = Figure(figsize=size, layout="constrained")
-        if size[0] >= SCREEN_WIDTH:
+        self.on_screen = size[0] >= SCREEN_WIDTH
+        self.figure = Figure(figsize=size, layout=None if self.on_screen else "constrained")
+        if self.on_screen:
             self.figure.suptitle(text, fontsize="large")
 
     def leg_panels(
@@ -311,7 +326,31 @@ class Sheet:
         """The picture with its legend, in which the phases stand that occur in some arrays."""
         handles = phase_handles(self.names, np.concatenate(phases)) if phases else []
         put_legend(self.figure, self.lines, handles)
+        if self.on_screen:
+            arrange(self.figure)
         return self.figure
+
+
+def arrange(figure: Figure) -> None:
+    """Place title, panels and legend of a figure on a screen.
+
+    The margins are fixed, because a layout engine takes longer to find them than the figure to be drawn.
+    """
+    width, height = figure.get_size_inches()
+    grid = figure.axes[0].get_gridspec()
+    assert grid is not None  # panels are made by ``subplots``
+    heading = figure.get_suptitle()
+    figure.suptitle(heading, y=1.0 - EDGE / height)
+    above = EDGE + TITLE_LINE * len(heading.splitlines()) + PANEL_TITLE
+    below = X_LABEL + LEGEND_ROW * legend_rows(figure) + EDGE
+    inner = figure.axes[: -grid.ncols]
+    between = PANEL_TITLE + (X_LABEL if any(axes.get_xlabel() for axes in inner) else X_TICKS)
+    panel = (height - above - below - (grid.nrows - 1) * between) / grid.nrows
+    beside = Y_TICKS / ((width - LEFT - RIGHT - (grid.ncols - 1) * Y_TICKS) / grid.ncols)
+    figure.subplots_adjust(
+        left=LEFT / width, right=1.0 - RIGHT / width, bottom=below / height, top=1.0 - above / height,
+        hspace=between / panel, wspace=beside,
+    )  # fmt: skip
 
 
 def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artist]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,9 +14,9 @@ from matplotlib.figure import Figure
 from twin_gait.exceptions import ParameterError
 from twin_gait.report import run_figures
 from twin_gait.report.canvas import (
-    LEGEND_COLUMN,
     SCREEN_WIDTH,
     has_cycles,
+    legend_rows,
     standard_settings,
     write_pictures,
 )
@@ -108,10 +107,9 @@ def _size(figure: Figure) -> None:
     grid = figure.axes[0].get_gridspec()
     rows = 1 if grid is None else grid.nrows
     (legend,) = figure.legends
-    entries = math.ceil(len(legend.get_texts()) / max(1, int(figure.get_figwidth() / LEGEND_COLUMN)))
     width = figure.get_figwidth()
     row = max(_ROW, width * INCH / 4.0)
-    figure.set_size_inches(width, (rows * row + _REST + entries * _LEGEND_ROW) / INCH)
+    figure.set_size_inches(width, (rows * row + _REST + legend_rows(figure) * _LEGEND_ROW) / INCH)
     for line in [*legend.get_lines(), *(line for axes in figure.axes for line in axes.get_lines())]:
         line.set_linewidth(_THINNER * line.get_linewidth())
         line.set_markersize(_THINNER * line.get_markersize())

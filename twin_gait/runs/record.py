@@ -3,7 +3,6 @@
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,7 +27,6 @@ from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.report.failures import failed_pictures, reason_of
 from twin_gait.report.pages import FIGURES_FOLDER
-from twin_gait.runs.drawing import begin_drawing
 from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
 from twin_gait.runs.own_files import files_of, store_files
 from twin_gait.runs.stored_log import checked_log
@@ -61,17 +59,11 @@ def write_run(
     document: dict[str, Any] | None = None,
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
-    beside: Executor | None = None,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder; return the summary.
 
     A picture or page that cannot be made is warned of, recorded in the summary and left out.
-    ``beside``: process that draws the figures while all else is written.
     """
-    pictures = pictures and len(run.log) > 1
-    if pictures:
-        (directory / FIGURES_FOLDER).mkdir()
-        finish_drawing = begin_drawing(run, directory / FIGURES_FOLDER, beside)
     files = store_files(files_of(run.experiment), directory)
     resolved = resolved_document(run.experiment, document, versions(), files)
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
@@ -82,9 +74,9 @@ def write_run(
     if accuracy is not None:
         summary["accuracy"] = accuracy
     write_json(directory / SUMMARY_FILE, summary)
-    if pictures:
+    if pictures and len(run.log) > 1:
         failed = _write_page(StoredRun(run, summary), directory / ANIMATION_FILE)
-        record = failed_pictures(finish_drawing() | failed)
+        record = failed_pictures(_draw(run, directory / FIGURES_FOLDER) | failed)
         if record:
             summary |= record
             write_json(directory / SUMMARY_FILE, summary)
@@ -94,12 +86,25 @@ def write_run(
 def _write_page(stored: StoredRun, path: Path) -> dict[str, str]:
     """Write the page that plays a run; return the reason by the name of the file if that is not possible."""
     try:
-        from twin_gait.runs.run_page import page_of  # the import takes time while the figures are drawn
+        from twin_gait.runs.run_page import page_of
 
         write_atomically(path, page_of([stored]))
     except Exception as error:
         return {path.name: reason_of(error)}
     return {}
+
+
+def _draw(run: Run, folder: Path) -> dict[str, str]:
+    """Draw the first figures of a run into a folder; return the reason by the name of each that failed.
+
+    The reason of all of them, such as a matplotlib that cannot be imported, is named after the folder.
+    """
+    try:
+        from twin_gait.report.figures import first_figures, write_figures
+
+        return write_figures(run, folder, first_figures(run))
+    except Exception as error:
+        return {folder.name: reason_of(error)}
 
 
 def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:

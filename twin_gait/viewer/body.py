@@ -124,7 +124,7 @@ def draw_ropes(
 
     ``hooks``: lower ends in the frame of the joint in [m]; ``height`` of the upper ones in [m].
     """
-    ends = [figure.world_point(pin.neutral(figure.model), joint, hook) for hook in hooks]
+    ends = [figure.world_point(joint, hook) for hook in hooks]
     uppers = np.array([[x, y, height] for x, y, _ in ends])
     for number in range(len(hooks)):  # of 1 m along z; its length is the scale
         draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), MATERIALS["rope"])
@@ -134,7 +134,7 @@ def draw_ropes(
     def state(motion: Motion, frame: int) -> State:
         found: State = {}
         for number, (hook, upper) in enumerate(zip(hooks, uppers, strict=True)):
-            lower = figure.world_point(motion.q[frame], joint, hook)
+            lower = figure.world_point(joint, hook)
             span = (np.array([lower[0], *upper[1:]]) if on_rail else upper) - lower
             found |= _spanned(f"{ROPES}/{number}", lower, span)
         return found
@@ -201,7 +201,7 @@ def draw_crutches(
             columns = (motion.columns[f"{side}_crutch_{name}"] for name in _COLUMNS)
             forward, upward, *force = (float(values[frame]) for values in columns)
             tip = np.array([forward, left * outside, upward])
-            shoulder = figure.world_point(motion.q[frame], joint, shoulders[side])
+            shoulder = figure.world_point(joint, shoulders[side])
             sagittal = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], upper, lower)
             elbow = np.insert(sagittal, 1, shoulder[1] + upper / (upper + lower) * (tip[1] - shoulder[1]))
             found |= {

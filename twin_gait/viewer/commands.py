@@ -12,8 +12,8 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import msgpack
 import numpy as np
-import umsgpack
 
 from twin_gait.viewer.shapes import Shape
 
@@ -118,7 +118,7 @@ def pack(command: Command) -> bytes:
 
     Numbers are single precision, which the viewer draws with anyway.
     """
-    block = bytes(umsgpack.packb(command, force_float_precision="single"))
+    block = bytes(msgpack.packb(command, use_single_float=True))
     return struct.pack("<I", len(block)) + block
 
 
@@ -138,7 +138,7 @@ def _array(rows: np.ndarray) -> Command:
     """A typed array, by the name of three.js and the code of msgpack-lite, which meshcat's viewer reads."""
     whole = rows.dtype.kind == "i"
     name, code, kind = ("Uint32Array", 0x16, "<u4") if whole else ("Float32Array", 0x17, "<f4")
-    packed = umsgpack.Ext(code, rows.astype(kind).tobytes())
+    packed = msgpack.ExtType(code, rows.astype(kind).tobytes())
     return {"itemSize": rows.shape[1], "type": name, "array": packed, "normalized": False}
 
 

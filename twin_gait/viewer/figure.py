@@ -142,13 +142,17 @@ class Figure:
         motion = np.asarray(data.S).reshape(6, -1)[:, 0]  # linear and angular velocity per joint velocity
         return motion[3:] if np.any(motion[3:]) else motion[:3]
 
+    def move(self, q: np.ndarray) -> None:
+        """Move the figure to the coordinates ``q``, shape ``(nq,)``; it starts at the neutral ones."""
+        pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
+
     def posture(self, q: np.ndarray) -> State:
-        """Where every joint group is in the group of the joint before it.
+        """Move the figure, and return where every joint group is in the group of the joint before it.
 
         ``q``: coordinates, shape ``(nq,)``. Returns by the place of the group its ``position`` in [m] and its
         ``quaternion`` (x, y, z, w).
         """
-        pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
+        self.move(q)
         found: State = {}
         for name, transform in zip(list(self.model.names)[1:], list(self._data.liMi)[1:], strict=True):
             path = self.paths[str(name)]
@@ -166,21 +170,17 @@ class Figure:
             points.append(shapes.moved(part.shape, place.homogeneous).vertices)
         return np.concatenate(points) @ self.base[:3, :3].T
 
-    def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:
-        """Position of a point on a joint in the scene, whose vertical is z.
+    def world_point(self, joint: str, point: np.ndarray | None = None) -> np.ndarray:
+        """Return the position of a point on a joint in the scene, whose vertical is z.
 
-        ``q``: coordinates, shape ``(nq,)``; ``point`` in the frame of the joint in [m], shape ``(3,)``; its
-        origin if None. Returned in [m], shape ``(3,)``.
+        ``point`` in the frame of the joint in [m], shape ``(3,)``; its origin if None. Returned in [m], shape
+        ``(3,)``.
         """
-        pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         placement = self._data.oMi[self.model.getJointId(joint)]
         return np.asarray(self.base[:3, :3] @ placement.act(np.zeros(3) if point is None else point))
 
-    def frame_point(self, q: np.ndarray, frame: str) -> np.ndarray:
-        """Position of a frame of the model in the scene.
-
-        ``q``: coordinates, shape ``(nq,)``. Returned in [m], shape ``(3,)``.
-        """
+    def frame_point(self, frame: str) -> np.ndarray:
+        """Return the position of a frame of the model in the scene in [m], shape ``(3,)``."""
         found = self.model.frames[self.model.getFrameId(frame)]
         joint = str(self.model.names[found.parentJoint])
-        return self.world_point(q, joint, np.asarray(found.placement.translation))
+        return self.world_point(joint, np.asarray(found.placement.translation))

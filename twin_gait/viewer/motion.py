@@ -65,7 +65,7 @@ class Motion:
     modes: PhaseSpells | None = None  # operating modes by their codes, or None
 
 
-# What is drawn beside the figure and moves or changes: properties of it in a frame of a motion.
+# Something that moves beside the figure: its properties in the frame to which the figure has moved.
 Element = Callable[[Motion, int], State]
 
 

@@ -90,7 +90,7 @@ class Scene:
             strides = zip(entries, entries[1:], [*entries[2:], math.inf], strict=False)
             for number, (start, end, following) in enumerate(islice(strides, MOST_STRIDES)):
                 frames = np.flatnonzero((motion.times >= start) & (motion.times <= end))
-                points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
+                points = np.array([self._foot_point(side, q) for q in motion.q[frames]])
                 shape = trail_shape(motion.times[frames], points, leg.phases, motion.phase_names)
                 if shape is not None:
                     path = f"{TRAILS}/{side}_{number}"
@@ -99,22 +99,23 @@ class Scene:
                     self.trails.append(StrideTrail(path, end, following))
 
     def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
-        """End of the leg that leaves the trail: the middle of the sole, or the end of its last segment."""
+        """Move the figure, and return the middle of a sole, or the end of the last segment of a leg."""
+        self.figure.move(q)
         leg = self.legs[side]
         if leg.contact_frames:
-            point = np.mean([self.figure.frame_point(q, frame) for frame in leg.contact_frames], axis=0)
+            point = np.mean([self.figure.frame_point(frame) for frame in leg.contact_frames], axis=0)
             return np.asarray(np.maximum(point, [-np.inf, -np.inf, LOWEST_TRAIL]))
         last = leg.items()[-1][1]
-        return self.figure.world_point(q, last, self.figure.segment(last))
+        return self.figure.world_point(last, self.figure.segment(last))
 
     def _force_state(self, side: Side, motion: Motion, frame: int) -> State:
-        """Arrow of the force of the ground on a foot, in the axes of the ground."""
+        """Return the arrow of the force of the ground on a foot, in the axes of the ground."""
         names = [f"{side}_foot_{name}_force_N" for name in ("friction", "normal")]
         if side not in self.arrows or any(name not in motion.columns for name in names):
             return {}
         force = np.nan_to_num([motion.columns[name][frame] for name in names])
         share = float(motion.columns[f"{side}_foot_pressure_place"][frame])
-        ends = [self.figure.frame_point(motion.q[frame], name) for name in self.legs[side].contact_frames]
+        ends = [self.figure.frame_point(name) for name in self.legs[side].contact_frames]
         along, left, _ = (ends[0] + share * (ends[-1] - ends[0])) @ self.ground
         return arrow_state(self.arrows[side], force, np.array([along, left, 0.0]))
 
@@ -200,10 +201,10 @@ def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> 
     trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
-    first, neutral = next(iter(model.legs)), pin.neutral(model.model)
+    first = next(iter(model.legs))
     hip, end = model.legs[first].hip, model.legs[first].items()[-1][1]
-    top = scene.figure.world_point(neutral, hip)
-    bottom = float(scene.figure.world_point(neutral, end, scene.figure.segment(end))[2])
+    top = scene.figure.world_point(hip)
+    bottom = float(scene.figure.world_point(end, scene.figure.segment(end))[2])
     height = float(top[2]) - bottom
     if around is Surroundings.STAND:
         _surround_bench_leg(window, scene, first, top, height)

@@ -1,0 +1,179 @@
+"""Inputs that excite the guards of a gait table, in the gait controller and in the exoskeleton as one unit.
+
+A walk takes few of the transitions of its table. Here each signal of a guard is put just below and just above
+the thresholds that it is compared with.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from twin_gait.control.gait_controller import PER_JOINT, PER_LEG
+from twin_gait.core.guards import OP_COMPARE, Comparison
+from twin_gait.core.safety import Bounds
+from twin_gait.firmware.excitation import (
+    BESIDE,
+    SEED,
+    BoardInputs,
+    Rows,
+    Values,
+    closing_angles,
+    device_inputs,
+    field_names,
+    standing,
+)
+from twin_gait.firmware.python_unit import PythonUnit
+from twin_gait.gait.signals import DEVICE_SIGNALS
+
+LONGEST_HOLD = 1300  # Ticks for which the signals of the guards stay the same.
+CONTROLLER_TICKS, EXOSKELETON_TICKS = 9000, 5000  # Ticks in which guards are excited.
+
+
+class Guards:
+    """Inputs that put every comparison of a gait table just below and just above its threshold.
+
+    The phases of the legs decide which transition is excited next, so that the unit runs along. Its joints
+    follow by ramps if it is the exoskeleton, whose monitor allows no jump.
+    """
+
+    def __init__(
+        self, unit: PythonUnit, state: Any, dtype: np.dtype[Any], boards: Sequence[BoardInputs]
+    ) -> None:
+        """Keep a unit, its gait controller at tick 0, the layout of its inputs, and boards if it has them."""
+        self.unit, self.state, self.dtype, self.boards = unit, state, dtype, boards
+        self.legs, self.per_leg = len(state.legs), len(state.joints) // len(state.legs)
+        self.block, self.random = PER_JOINT * self.per_leg + PER_LEG, np.random.default_rng(SEED)
+        self.uses: dict[tuple[int, int], float] = defaultdict(float)  # By transition and node.
+
+    def episodes(self, ticks: int, requests: int) -> Iterator[tuple[Rows, Rows]]:
+        """Yield inputs with outputs until there are ``ticks``; ``requests``: of the operating modes."""
+        while ticks > 0:
+            rows, outputs = list[Rows](), list[Rows]()
+            self.angles = np.array([board.middle for board in self.boards])
+            phases, tripped = [leg.phase for leg in self.state.legs], False
+            with self.unit:
+                while ticks > 0 and not tripped:
+                    rows.append(self._hold(phases))
+                    if requests and self.random.random() < 0.2:
+                        rows[-1]["surroundings"]["request"][0] = self.random.integers(0, requests + 1)
+                    outputs.append(self.unit.exchange(rows[-1]))
+                    decision = outputs[-1]["decision"][-1]
+                    phases, tripped = decision["phases"].tolist(), bool(decision["trip_cause"])
+                    ticks -= len(rows[-1])
+            yield np.concatenate(rows), np.concatenate(outputs)
+
+    def _hold(self, phases: Sequence[int]) -> Rows:
+        """Return rows that excite the least used comparison of a leg, below its threshold, then above."""
+        low = self.random.uniform(-0.2, 0.6, self.legs * self.block + len(DEVICE_SIGNALS))
+        low[self.legs * self.block + 1 :] = 1.0
+        program, choices = self.state.program, list[tuple[float, int, int, int]]()
+        for leg, phase in enumerate(phases):
+            for index, rule in enumerate(program.transitions[: program.n_transitions]):
+                if rule.source == phase:
+                    nodes = range(rule.first_node, rule.end_node)
+                    self._put(leg, nodes, -1.0, low)  # Closed, if it is not the chosen one.
+                    choices += [(self.uses[index, k] + self.random.random(), leg, index, k) for k in nodes]
+        if not choices:
+            return self._rows(low, 9)
+        _, leg, index, chosen = min(choices)
+        rule = program.transitions[index]
+        nodes = range(rule.first_node, rule.end_node)
+        self._put(leg, nodes, 1.0, low)
+        high, ticks = low.copy(), rule.debounce_ticks + 2
+        self._put(leg, [chosen], -BESIDE, low)
+        self._put(leg, [chosen], BESIDE, high)
+        for item in self._comparisons(nodes):
+            if (
+                item.factor_b == 0.0 and item.signal_a % self.block == self.block - 1
+            ):  # The time in the phase.
+                ticks += round(1000.0 * abs(item.threshold))
+        first = min(max(ticks, rule.time_out_ticks + 3), LONGEST_HOLD)
+        self.uses[index, chosen] += 1.0 + first / 200.0
+        last = self.random.choice([ticks, 150], p=[0.9, 0.1])  # Some last until parameters have faded.
+        return np.concatenate([self._rows(low, first), self._rows(high, int(last))])
+
+    def _comparisons(self, nodes: Iterable[int]) -> list[Comparison]:
+        program = self.state.program
+        compared = (program.nodes[k] for k in nodes if program.nodes[k].operation == OP_COMPARE)
+        return [program.comparisons[node.operand] for node in compared]
+
+    def _put(self, leg: int, nodes: Iterable[int], side: float, values: Values) -> None:
+        """Set first signals of comparisons above their thresholds, or below; clearly with a side of ±1."""
+        for item in self._comparisons(nodes):
+            gap = self.random.uniform(0.01, 0.2) if abs(side) == 1.0 else abs(item.threshold) + 1e-4
+            wanted, places = item.threshold + side * gap, list[int]()
+            for signal in (item.signal_a, item.signal_b):
+                device = signal - 2 * self.block  # Behind both legs; otherwise of this leg or the other one.
+                own = (leg * self.block + signal) % (self.legs * self.block)
+                places.append(self.legs * self.block + device if device >= 0 else own)
+            if item.factor_b != 0.0:
+                wanted -= item.factor_b * values[places[1]]
+            values[places[0]] = wanted / item.factor_a
+
+    def _rows(self, values: Values, ticks: int) -> Rows:
+        """Return rows with signals of all legs and of the device; behind a ramp for the exoskeleton."""
+        joints, behind = PER_JOINT * self.per_leg, self.legs * self.block
+        own = values[:behind].reshape(self.legs, self.block)
+        angles = own[:, 0:joints:PER_JOINT].ravel()
+        if self.boards:
+            lowest, highest = (
+                np.array([getattr(board.bounds, name) for board in self.boards])
+                for name in ("lower", "upper")
+            )
+            most = np.array([0.6 * board.bounds.highest_speed * board.period for board in self.boards])
+            start, self.angles = self.angles, np.clip(angles, lowest + 0.2, highest - 0.2)
+            count = max(1, math.ceil(np.max(np.abs(self.angles - start) / most)))
+            path = start + (self.angles - start) * np.minimum(np.arange(count + ticks) / count, 1.0)[:, None]
+            rows = standing(len(path) - 1, self.state, self.dtype)
+            for place, board in enumerate(self.boards):
+                rows["boards"][:, place] = board.moving(path[:, place])[1:]
+        else:
+            rows = standing(ticks, self.state, self.dtype)
+            measured = rows["measurements"]
+            measured["angle"] = measured["last_angle"] = angles
+            measured["velocity"] = own[:, 1:joints:PER_JOINT].ravel()
+        rows["surroundings"]["loads"] *= np.abs(own[:, joints]) / 0.4
+        for name, value in zip(("trunk_pitch", "walk", "step"), values[behind:], strict=True):
+            if name in field_names(device_inputs(rows)):
+                device_inputs(rows)[name] = value
+        return rows
+
+
+def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) -> Iterator[tuple[Rows, Rows]]:
+    """Yield inputs of all boards and the gait controller in one unit, with its outputs."""
+    state, boards, seen = sample.controller, list[BoardInputs](), list[Bounds]()
+    for number, (board, joint) in enumerate(zip(sample.boards, state.joints, strict=True)):
+        middle = joint.setpoints[state.legs[number * len(state.legs) // len(state.joints)].phase].equilibrium
+        boards.append(BoardInputs(board.bounds, sample.settings.rates.period, dtype["boards"].base, middle))
+    resting = [
+        BoardInputs(board.bounds, board.period, board.dtype, angle)
+        for board, angle in zip(boards, closing_angles(state, 0.0), strict=True)
+    ]
+    for number, own in enumerate(boards):
+        if own.bounds in seen:  # Equal bounds are printed as one table.
+            continue
+        seen.append(own.bounds)
+        for used, episodes in ((boards, own.monitored()), (resting, resting[number].heated())):
+            for one in episodes:
+                rows = standing(len(one), state, dtype)
+                for place, other in enumerate(used):
+                    rows["boards"][:, place] = one if place == number else other.held(len(one) - 2)
+                if used is resting:
+                    rows["surroundings"]["loads"] = math.nan
+                    for name in field_names(device_inputs(rows)):
+                        device_inputs(rows)[name] = 0.0
+                with unit:
+                    yield rows, unit.exchange(rows)
+    for side in (1.0 - BESIDE, 1.0 + BESIDE):
+        turning = boards[0].travelling(side * state.legs[0].frozen_speed, boards[0].middle)
+        rows = standing(len(turning), state, dtype)
+        for place, other in enumerate(boards):
+            rows["boards"][:, place] = turning if place == 0 else other.held(len(rows) - 2)
+        rows["surroundings"]["loads"] = 0.4
+        rows["surroundings"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
+        with unit:
+            yield rows, unit.exchange(rows)
+    yield from Guards(unit, state, dtype, boards).episodes(EXOSKELETON_TICKS, 0)
