@@ -1,4 +1,4 @@
-"""The command line: the only place that prints, draws progress and decides the exit status."""
+"""Command line: the only package that prints, shows progress and sets the exit status."""
 
 from twin_gait.cli.program import main
 

@@ -1,4 +1,4 @@
-"""``twin-gait firmware``."""
+"""``twin-gait firmware``: the controller as C."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
 
-WALK = 3.0  # [s] of the vectors: every phase of both legs
+WALK = 3.0  # [s], duration of the walk in the test vectors, which contains every phase of both legs
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = options.add_command(commands, "firmware", run)
-    options.add_experiment(parser, seconds="that of the experiment")
+    options.add_experiment(parser, seconds="duration of the experiment")
     options.add_out(parser, "DIR", "folder to write")
-    text = "compare the C with the simulation over the walk and faults, on this machine and a Cortex-M4F"
+    text = "compare the C with the simulation on the walk and on faults, on this machine and a Cortex-M4F"
     parser.add_argument("--verify", action="store_true", help=text)
     options.add(parser, "--json")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the controller as C for the device, and prove it.
+    """Write the controller as C, and verify it.
 
-    Print gait table, drives and laws of an experiment as readable C99: the board of a joint, the gait
-    controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to compare them with.
-    Exits with 1 if --verify finds a difference.
+    Write gait table, drives and laws of an experiment as readable C99: the board of a joint, the gait
+    controller, both as one unit, and the CAN frames; with a Makefile and a short walk as test vectors. The
+    exit status is 1 if --verify finds a difference.
     """
     from twin_gait.files import write_json
     from twin_gait.firmware.project_folder import MANIFEST
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, Any]:
-    """Print the project into a folder; its manifest."""
+    """Write the project to a folder, and return its manifest."""
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project

@@ -1,4 +1,4 @@
-"""``twin-gait bench`` and ``identify``: the joint test bench, and the friction that logs of one give."""
+"""``twin-gait bench`` and ``identify``: joint test bench, and identification of friction from its logs."""
 
 from __future__ import annotations
 
@@ -16,63 +16,63 @@ from twin_gait.cli.terminal import DONE, answer, progress_bar
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.vocabulary import JointName
 
-_PROTOCOL = "the thesis's falls, or driven by the motor to ±2.5 rad/s (drop)"
-# Numbers of the bench on which logs were made, by their field of a BenchSetup.
+_PROTOCOL = "drops as in the thesis, or motion driven by the motor to ±2.5 rad/s (drop)"
+# Options for the parameters of the bench that recorded the logs, by field of BenchSetup.
 _BENCH = {
-    "mass": ("--mass", "KG", "weight, where the name of a file does not say"),
-    "lever": ("--lever-m", "B", "from the axis to the weight (0.30)"),
-    "link_inertia": ("--link-inertia-kgm2", "J", "about the axis (0.02)"),
-    "link_moment": ("--link-moment-kgm", "S", "mass of the link times its arm (0)"),
+    "mass": ("--mass", "KG", "mass of the weight, if the name of a file does not state it"),
+    "lever": ("--lever-m", "B", "distance of the weight from the axis (0.30)"),
+    "link_inertia": ("--link-inertia-kgm2", "J", "inertia of the link about the axis (0.02)"),
+    "link_moment": ("--link-moment-kgm", "S", "mass of the link times the lever of its centre of mass (0)"),
 }
-# Numbers of the motor on the bench, by their field of ActuatorParameters; those of --joint without them.
+# Options for the parameters of the motor, by field of ActuatorParameters; --joint gives their defaults.
 _MOTOR = {
-    "torque_constant": ("--torque-constant", "NM_PER_A", "torque constant of the motor (that of --joint)"),
-    "gear_ratio": ("--gear-ratio", "N", "turns of the motor in one turn of the joint (that of --joint)"),
-    "rotor_inertia": ("--rotor-inertia", "KGM2", "rotor and gear, at the motor (that of --joint)"),
+    "torque_constant": ("--torque-constant", "NM_PER_A", "torque constant of the motor (value of --joint)"),
+    "gear_ratio": ("--gear-ratio", "N", "turns of the motor per turn of the joint (value of --joint)"),
+    "rotor_inertia": ("--rotor-inertia", "KGM2", "inertia of rotor and gear at the motor (value of --joint)"),
 }
 
 
 def add_parser(commands: Any) -> None:
     """Add the commands to the parser."""
-    about = "Simulate the joint test bench of the thesis. All data that it writes are synthetic."
+    about = "Simulate the joint test bench of the thesis. All written data are synthetic."
     parser = commands.add_parser("bench", help="simulate the joint test bench", description=about)
     actions = parser.add_subparsers(required=True, parser_class=type(parser), metavar="campaign")
     add = options.add_command(actions, "campaign", run_campaign_command).add_argument
-    add("--joint", choices=("knee", "hip"), required=True, help="whose motor and friction")
-    add("--out", type=Path, metavar="DIR", required=True, help="folder to make")
+    add("--joint", choices=("knee", "hip"), required=True, help="joint with motor and friction to simulate")
+    add("--out", type=Path, metavar="DIR", required=True, help="folder to write")
     add("--protocol", choices=("drop", "two-way"), default="drop", help=_PROTOCOL)
     add("--seed", **options.SHARED["--seed"])
 
     parser = options.add_command(commands, "identify", identify)
     add = parser.add_argument
-    add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its .log files")
-    options.add_out(parser, "DIR", "folder to make", required=True)
-    text = "columns by name, such as time=t,velocity=dq2,friction_torque=tau2; -NAME turns the sign"
+    add("logs", nargs="+", type=Path, metavar="LOG", help="text table, or a folder with .log files")
+    options.add_out(parser, "DIR", "folder to write", required=True)
+    text = "names of columns, such as time=t,velocity=dq2,friction_torque=tau2; -NAME inverts the sign"
     add("--columns", default="", metavar="Q=NAME,…", help=text)
-    text = "units of columns that do not say theirs, such as velocity=deg/s,time=ms (SI)"
+    text = "units of columns whose names do not state them, such as velocity=deg/s,time=ms (SI)"
     add("--units", default="", metavar="Q=UNIT,…", help=text)
-    add("--model", action="append", default=[], metavar="NAME,…", help="models to fit (all)")
-    add("--joint", choices=("hip", "knee"), help="whose motor and gear it is (for currents)")
-    text = "smoothing of logs with a current (zero_phase)"
+    add("--model", action="append", default=[], metavar="NAME,…", help="friction models to fit (all)")
+    add("--joint", choices=("hip", "knee"), help="joint with the motor and gear of logs with a current")
+    text = "filter of logs with a current (zero_phase)"
     add("--processing", choices=("zero_phase", "thesis"), default="zero_phase", help=text)
-    add("--physical", action="store_true", help="no negative friction, break-away at least Coulomb")
-    add("--no-cross-validation", action="store_true", help="do not leave files out in turn")
+    add("--physical", action="store_true", help="fit no negative friction, and break-away at least Coulomb")
+    add("--no-cross-validation", action="store_true", help="skip the fits that leave out one file each")
     bench = parser.add_argument_group("test bench, for logs with a current")
     for field, (flag, unit, text) in {**_BENCH, **_MOTOR}.items():
         bench.add_argument(flag, dest=field, type=float, metavar=unit, help=text)
-    bench.add_argument("--start-angle-deg", type=float, metavar="A", help="first angle of every log (90)")
-    text = "time by which the current leads the angle in the logs in ms; negative if it lags (0)"
+    bench.add_argument("--start-angle-deg", type=float, metavar="A", help="start angle of every log (90)")
+    text = "time by which the current in the logs leads the angle; negative if it lags (0)"
     bench.add_argument("--current-delay-ms", type=float, metavar="MS", help=text)
-    bench.add_argument("--unwrap", action="store_true", help="the encoder starts again at each turn")
-    bench.add_argument("--angles-as-logged", action="store_true", help="leave the angles as they are")
+    bench.add_argument("--unwrap", action="store_true", help="unwrap angles that restart at each turn")
+    bench.add_argument("--angles-as-logged", action="store_true", help="keep the offset of the logged angles")
     options.add(parser, "--seed", "--no-pictures", "--json")
 
 
 def run_campaign_command(arguments: argparse.Namespace) -> int:
-    """Five weights, nine tests each, as log files.
+    """Simulate a campaign: five weights, nine tests each.
 
-    Simulate a testing campaign: 45 .log files in the thesis's columns, and campaign.json with the true
-    friction.
+    Simulate a testing campaign and write 45 .log files with the thesis's columns, and campaign.json with the
+    true friction.
     """
     joint, protocol, out = JointName(arguments.joint), studies.Protocol(arguments.protocol), arguments.out
     campaign = studies.Campaign(joint=joint, protocol=protocol, seed=arguments.seed)
@@ -93,7 +93,7 @@ def identify(arguments: argparse.Namespace) -> int:
     """Identify the friction of a joint from logs.
 
     Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each file is
-    one test. Written: identification.json (models best first), parameter files that simulate takes, and
+    one test. The command writes identification.json (best model first), parameter files for simulate, and
     figures.
     """
     from twin_gait.identification.writing import IDENTIFICATION, PARAMETER_FILES, write_identification
@@ -114,7 +114,7 @@ def identify(arguments: argparse.Namespace) -> int:
 
 
 def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
-    """Turn arguments into options."""
+    """Convert arguments to options of the identification."""
     from twin_gait.parameters.quantities import SEEDS
 
     def by_quantity(flag: str, text: str) -> dict[of.Quantity, str]:
@@ -134,7 +134,10 @@ def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
 
 
 def _bench_of_logs(arguments: argparse.Namespace) -> of.BenchSetup | None:
-    """Return the bench; None without a joint and a motor, because the torque constant would be unknown."""
+    """Return the bench, or None if neither joint nor motor is given, so that the torque constant is unknown.
+
+    Raises :class:`ParameterError` if the motor is given only in part and ``--joint`` is missing.
+    """
     motor: dict[str, Any] = options.given(**{field: getattr(arguments, field) for field in _MOTOR})
     if arguments.joint is None:
         if not motor:
@@ -150,12 +153,12 @@ def _bench_of_logs(arguments: argparse.Namespace) -> of.BenchSetup | None:
         stated["current_delay"] = 1e-3 * arguments.current_delay_ms
     actuator = parameters.HIP_ACTUATOR if arguments.joint == "hip" else parameters.KNEE_ACTUATOR
     if "rotor_inertia" in motor:
-        motor["gear_inertia"] = 0.0  # It is part of the inertia that is given.
+        motor["gear_inertia"] = 0.0  # It is included in the given inertia.
     return of.BenchSetup(actuator=replace(actuator, **motor), **stated)
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:
-    """Files as given, and the logs of folders by name."""
+    """Yield the given files, and the ``.log`` files of each folder in the order of their names."""
     for path in (path.expanduser() for path in paths):
         found = sorted(path.glob("*.log")) if path.is_dir() else [path]
         if not found:

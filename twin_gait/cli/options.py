@@ -1,4 +1,4 @@
-"""Options that commands share, each declared once, and what they stand for."""
+"""Options that several commands share, each declared once, and functions that read them."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ FIRST_PORT = 7000
 _ENDINGS = {"csv", "parquet", "mot", "sto", "log", "asc", "html", "png", "jpg", "jpeg", "svg", "pdf"}
 _FLAG: dict[str, Any] = {"action": "store_true"}
 _PORT = f"first port to try ({FIRST_PORT}; 0: any)"
-SEED = "of every random draw (0)"
+SEED = "seed of every random draw (0)"
 SHARED: dict[str, dict[str, Any]] = {
-    "--json": {**_FLAG, "help": "print the answer as one JSON document"},  # see terminal.answer
+    "--json": {**_FLAG, "help": "print the result as one JSON document"},  # see terminal.answer
     "--no-pictures": {**_FLAG, "help": "leave out figures and animations"},
     "--unchecked": {**_FLAG, "help": "run a gait table in which 'twin-gait check' finds errors"},
     "--seed": {"type": int, "default": 0, "metavar": "N", "help": SEED},
     "--port": {"type": int, "default": FIRST_PORT, "metavar": "N", "help": _PORT},
-    "--no-browser": {**_FLAG, "help": "only say where the page is"},
-    "--workers": {"type": int, "metavar": "N", "help": f"processes on this machine ({PROCESSORS})"},
+    "--no-browser": {**_FLAG, "help": "print the address of the page and open no browser"},
+    "--workers": {"type": int, "metavar": "N", "help": f"number of processes on this machine ({PROCESSORS})"},
     "--scheduler": {"metavar": "ADDRESS", "help": "Dask scheduler, such as tcp://127.0.0.1:8786"},
 }
-# What is changed most: a number of the experiment by a short name, its unit, key and meaning.
+# Options for the values of an experiment that are changed most often: metavar, key and meaning of each.
 _SHORTHANDS = {
     "--mass": ("KG", "patient.mass_kg", "mass of the wearer in kg"),
     "--height": ("M", "patient.height_m", "height of the wearer in m"),
     "--speed": ("KM_PER_H", "scenario.belt_speed_km_per_h", "belt speed in km/h"),
-    "--support": ("SHARE", "scenario.support.share", "share of the body weight that is supported"),
+    "--support": ("SHARE", "scenario.support.share", "supported share of the body weight, 0 to 1"),
 }
 
 
@@ -48,7 +48,10 @@ Command = Callable[[argparse.Namespace], int]
 
 
 def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentParser:
-    """Add a command whose help and description are the docstring of what runs it."""
+    """Add a command whose help and description are the docstring of the function that runs it.
+
+    The first line becomes the help, the rest the description.
+    """
     summary, _, rest = docstring_of(run).partition("\n\n")
     text, about = summary[:1].lower() + summary[1:].rstrip("."), " ".join(rest.split()) or summary
     parser: argparse.ArgumentParser = commands.add_parser(name, help=text, description=about)
@@ -59,25 +62,25 @@ def add_command(commands: Any, name: str, run: Command) -> argparse.ArgumentPars
 def add_out(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:
     """Add ``--out`` and ``--force``."""
     parser.add_argument("--out", type=Path, metavar=metavar, required=required, help=text)
-    parser.add_argument("--force", action="store_true", help="replace what stands at --out")
+    parser.add_argument("--force", action="store_true", help="replace an existing file or folder at --out")
 
 
 def add(parser: argparse.ArgumentParser, *flags: str) -> None:
-    """Add options of :data:`SHARED`."""
+    """Add options of :data:`SHARED` by their flags."""
     for flag in flags:
         parser.add_argument(flag, **SHARED[flag])
 
 
 def check_port(port: int) -> None:
-    """Refuse what is no port."""
+    """Raise :class:`ParameterError` if a number is not a port (0 to 65535)."""
     if not 0 <= port <= 65535:
         raise ParameterError(f"--port: expected 0 to 65535, got {port}")
 
 
 def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> None:
-    """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them.
+    """Add the experiment, the options that change it, and ``--unchecked``; :func:`experiment_of` reads them.
 
-    ``seconds`` says how long a run lasts without ``--duration``; None leaves that option out.
+    ``seconds`` is the text that states the duration of a run without ``--duration``; None omits that option.
     """
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
@@ -87,10 +90,10 @@ def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> N
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add ``--set`` and shorter names for some of its keys; ``settings`` holds them in their order."""
-    text = "change any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated"
+    """Add ``--set`` and shorter options for some of its keys; ``settings`` holds all in their order."""
+    text = "set any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help=text)
-    text = "wearer: a person that ships (twin-gait presets), or a YAML file"
+    text = "wearer: a packaged person (see twin-gait presets), or a YAML file"
     add_shorthand(parser, "--patient", "NAME", "patient", text, json.dumps)
     for flag, (unit, key, text) in _SHORTHANDS.items():
         add_shorthand(parser, flag, unit, key, text)
@@ -100,7 +103,7 @@ def add_shorthand(
     parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str,
     read: Callable[[str], Any] = float,
 ) -> None:  # fmt: skip
-    """Add a shorter ``--set`` of a key, whose value is read as told."""
+    """Add an option that sets one key; ``read`` converts its value, and raises ValueError if it cannot."""
 
     def setting(given: str) -> str:
         return f"{key}={read(given)}"
@@ -109,7 +112,10 @@ def add_shorthand(
 
 
 def experiment_of(arguments: argparse.Namespace, *defaults: str) -> configuration.LoadedExperiment:
-    """The experiment that the user asked for, its gait table checked."""
+    """Load the experiment of the arguments, and check its gait table unless ``--unchecked`` is given.
+
+    ``defaults`` are settings ``KEY=VALUE`` that those of the user override.
+    """
     loaded = configuration.load_experiment(arguments.experiment, [*defaults, *arguments.settings])
     loaded.experiment.build_world()
     if not arguments.unchecked:
@@ -118,7 +124,7 @@ def experiment_of(arguments: argparse.Namespace, *defaults: str) -> configuratio
 
 
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
-    """Stop at errors of the gait table, and say on one line how many warnings there are."""
+    """Raise :class:`GaitTableError` if the gait table has errors; print the number of warnings in a line."""
     from twin_gait.checking.check import check_before_run, counts
     from twin_gait.cli.tables import counted, heading
 
@@ -137,7 +143,7 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
 
 
 def workers_of(arguments: argparse.Namespace) -> int:
-    """How many processes the user wants."""
+    """Return the number of processes to use; raise :class:`ParameterError` for a bad ``--workers``."""
     if arguments.workers is None:
         return PROCESSORS
     if getattr(arguments, "scheduler", None) is not None:
@@ -148,9 +154,10 @@ def workers_of(arguments: argparse.Namespace) -> int:
 
 
 def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
-    """Refuse a file that cannot be written, before any work is done for it.
+    """Raise an error if a file cannot be written, before any work is done for it.
 
-    ``form``: ending of what is written; a name with that of another format is refused.
+    ``form`` is the ending of the format that will be written; a name with the ending of another format is
+    rejected.
     """
     ending = path.suffix[1:].lower()
     if form and ending in _ENDINGS and ending != form:
@@ -165,7 +172,7 @@ def check_file(flag: str, path: Path, *, force: bool, form: str = "") -> None:
 
 
 def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[str, str]:
-    """Read ``a=b,c=d``."""
+    """Parse ``a=b,c=d``; raise :class:`ParameterError` for an empty, repeated or not allowed name."""
     found: dict[str, str] = {}
     of = "" if allowed is None else f" of {', '.join(allowed)}"
     for part in filter(None, (item.strip() for item in text.split(","))):
@@ -177,5 +184,5 @@ def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[st
 
 
 def given(**values: Any) -> dict[str, Any]:
-    """Those that the user gave; the others keep their defaults."""
+    """Return the values that are not None, so that the others keep their defaults."""
     return {name: value for name, value in values.items() if value is not None}

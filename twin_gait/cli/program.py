@@ -1,4 +1,4 @@
-"""Parse the command line, run a command, turn errors into one line."""
+"""Program ``twin-gait``: parser of the command line, start of a command, and errors on one line."""
 
 import argparse
 import contextlib
@@ -19,7 +19,7 @@ from twin_gait import __version__
 from twin_gait.cli import options, terminal
 from twin_gait.exceptions import TwinGaitError
 
-# Modules of this package by the group in which --help shows their commands.
+# Modules of this package, by the group under which --help lists their commands.
 GROUPS = {
     "run and look": ("simulate", "view", "sessions"),
     "gait tables": ("tables",),
@@ -27,42 +27,42 @@ GROUPS = {
     "the device": ("firmware",),
     "many runs": ("studies",),
 }
-# New objects until Python looks for cycles among them; its own 700 cost a twentieth of
-# a command, most of it while modules are imported, of which nothing is ever thrown away.
+# Number of new objects after which Python searches them for cycles. Its default of 700 takes 5 % of the
+# time of a command, most of it during imports, although no imported module is ever freed.
 COLLECT_AFTER = 50_000
-NO_HOME = "Could not determine home directory."  # pathlib's words, which raises nothing more special
+NO_HOME = "Could not determine home directory."  # message of pathlib, which raises a plain RuntimeError
 
 _ABOUT = "Gait simulation of the TWIN leg exoskeleton. Not a medical device."
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Parser whose errors are one line with the way out."""
+    """Parser whose errors are one line that names the help of the command."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        """Add what every command takes; arguments are those of the base class."""
+        """Add the options that every command has; the arguments are those of the base class."""
         super().__init__(*arguments, **options)
-        # Without a default, because the parser of a sub-command would overwrite what stands before its name.
+        # There is no default, because the parser of a sub-command would overwrite a --debug before its name.
         self.add_argument(
-            "--debug", action="store_true", default=argparse.SUPPRESS, help="show the trace of errors"
+            "--debug", action="store_true", default=argparse.SUPPRESS, help="print the traceback of an error"
         )
 
     def add_argument(self, *arguments: Any, **options: Any) -> argparse.Action:
-        """Add an argument; where a path is expected, shells complete the names of files and folders."""
+        """Add an argument; shells complete the names of files and folders if it is a path."""
         action = super().add_argument(*arguments, **options)
         if action.type is Path or action.metavar in ("FILE", "LOG", "TABLE"):
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         return action
 
     def error(self, message: str) -> NoReturn:
-        """Print one line and leave with status 2."""
+        """Print one line and exit with status 2."""
         self.exit(terminal.BAD_INPUT, f"twin-gait: {message}; see '{self.prog} --help'\n")
 
 
 class ProgramParser(OneLineParser):
-    """Parser of the program, whose help shows the commands in groups.
+    """Parser of the program; its help lists the commands in groups.
 
     Attributes:
-        groups: Help of each command by group and name.
+        groups: Help text of each command, by group and by name.
     """
 
     def __init__(self) -> None:
@@ -87,12 +87,12 @@ class ProgramParser(OneLineParser):
                 import_module(f"twin_gait.cli.{name}").add_parser(self)
 
     def add_parser(self, name: str, *, help: str, **options: Any) -> argparse.ArgumentParser:
-        """Add a command to the last group; parameters of the method of a sub-parsers action."""
+        """Add a command to the last group; the parameters are those of a sub-parsers action's method."""
         self.groups[next(reversed(self.groups))][name] = help
         return self._commands.add_parser(name, help=help, **options)
 
     def format_help(self) -> str:
-        """Return the help with the commands in groups, then the options of the program itself."""
+        """Return the help: the commands in groups, then the options of the program itself."""
         width, listed = shutil.get_terminal_size().columns - 2, self._commands.help
         shown: list[str] = []
         for title, commands in self.groups.items():
@@ -111,23 +111,27 @@ class ProgramParser(OneLineParser):
 
 
 def build_parser() -> ProgramParser:
-    """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
+    """Build the parser of all commands.
+
+    Commands import heavy modules only when they run, so that ``--help`` is fast.
+    """
     return ProgramParser()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command with arguments without the program name, those of the process if None.
+    """Run a command with arguments without the program name; None takes the arguments of the process.
 
-    Returns exit status: 0 done, 1 failed or diverged, 2 bad input, 70 an error that nobody foresaw, 130
-    interrupted.
+    Returns the exit status: 0 done, 1 failed or diverged, 2 bad input, 70 internal error, 130 interrupted.
     """
     terminal.prepare_streams()
     terminal.warn_on_one_line()
     terminal.print_log()
     gc.set_threshold(COLLECT_AFTER)
-    # Before NumPy is loaded: with two threads a fit takes half as long again, and twice the processor time.
+    # This must be set before NumPy is loaded. With two threads a fit takes 1.5 times as long, and twice the
+    # processor time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # matplotlib refuses to be imported with a backend that it does not have, and pictures are only written.
+    # Figures are only written to files, and matplotlib cannot be imported if the user's setting names a
+    # backend that it does not have.
     os.environ["MPLBACKEND"] = "agg"
     arguments = build_parser().parse_args(argv)
     command: options.Command = arguments.run
@@ -141,7 +145,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("twin-gait: interrupted", file=sys.stderr)
         return terminal.INTERRUPTED
     except BrokenPipeError:
-        # The reader of our output has gone (a pager that was closed): not an error of ours.
+        # The process that reads the output has ended (such as a pager that was closed); this is not an error.
         terminal.discard_output()
         return terminal.DONE
     except terminal.OutputError as error:
@@ -156,7 +160,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _tell(error: Exception, arguments: Sequence[str]) -> int:
-    """One line on an error, and the exit status."""
+    """Print one line on an error, and return the exit status."""
     status, line = terminal.BAD_INPUT, str(error)
     if isinstance(error, OSError) and error.filename is not None:  # a path that the system refuses
         line = f"{error.filename}: {error.strerror}"
@@ -169,7 +173,7 @@ def _tell(error: Exception, arguments: Sequence[str]) -> int:
 
 
 def _describe_defect(error: Exception, arguments: Sequence[str]) -> str:
-    """Keep a report of an unforeseen error, and say in one line what happened and where the report is."""
+    """Write a report of an internal error, and return one line with the cause and the path of the report."""
     import platform
     import tempfile
 
@@ -177,7 +181,7 @@ def _describe_defect(error: Exception, arguments: Sequence[str]) -> str:
     try:
         with tempfile.NamedTemporaryFile(
             "w", prefix="twin_gait_report_", suffix=".txt", delete=False, encoding="utf-8", errors="replace"
-        ) as file:  # 0600: arguments may name people
+        ) as file:  # mode 0600, because arguments may contain names of people
             file.write(f"twin_gait {__version__}, Python {sys.version}, {platform.platform()}\n")
             file.write(f"arguments: {list(arguments)!r}\n\n")
             file.writelines(traceback.format_exception(error))

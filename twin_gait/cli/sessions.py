@@ -1,4 +1,4 @@
-"""``twin-gait sessions``: the record of live sessions, and what killed runs have left behind."""
+"""``twin-gait sessions``: the record of live sessions, and the incomplete folders of killed runs."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from twin_gait.exceptions import RunDirectoryError
 from twin_gait.report.pages import lines
 from twin_gait.runs import folders
 
-_ABOUT = "The record of twin-gait live: who changed what, when, and where the run is."
+_ABOUT = "Manage the record of twin-gait live: user, time and value of every change, and the run folders."
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser("sessions", help="manage live sessions and killed runs", description=_ABOUT)
-    parser.add_argument("--records", type=Path, metavar="DIR", help="record to read (that of this user)")
+    parser.add_argument("--records", type=Path, metavar="DIR", help="folder of the record (the user's own)")
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
     action = options.add_command(actions, "list", list_sessions)
     action.add_argument("--user", metavar="NAME", help="only the sessions of this user")
@@ -31,10 +31,12 @@ def add_parser(commands: Any) -> None:
         action = options.add_command(actions, name, act)
         action.add_argument("session", type=int, help="number of the session")
     action = options.add_command(actions, "complete", complete_run)
-    action.add_argument("folder", type=Path, metavar="DIR", help="the run directory to be")
+    action.add_argument("folder", type=Path, metavar="DIR", help="run directory of the session")
     action = options.add_command(actions, "clean", clean)
-    action.add_argument("folder", nargs="?", type=Path, default=Path("runs"), metavar="DIR", help="(runs)")
-    action.add_argument("--yes", action="store_true", help="remove them")
+    action.add_argument(
+        "folder", nargs="?", type=Path, default=Path("runs"), metavar="DIR", help="folder (runs)"
+    )
+    action.add_argument("--yes", action="store_true", help="remove the folders instead of listing them only")
 
 
 def _records(arguments: argparse.Namespace) -> Path:
@@ -42,16 +44,16 @@ def _records(arguments: argparse.Namespace) -> Path:
 
 
 def list_sessions(arguments: argparse.Namespace) -> int:
-    """One line per session, the newest first."""
+    """List the sessions, one line each, the newest first."""
     entries = live.session_records.list_sessions(_records(arguments), arguments.user)
     answer(arguments, [line_of(entry) for entry in entries] or ["no sessions"], entries)
     return DONE
 
 
 def line_of(entry: Mapping[str, Any]) -> str:
-    """One line on a session: number, time, user, experiment, status, changes and folders.
+    """Format one line on a session: number, time, user, experiment, status, changes and folders.
 
-    Whatever stands in the record, nothing in it moves the cursor of a terminal.
+    Characters of the record that cannot be printed are replaced, so that none can control the terminal.
     """
     who, began = entry["user"] or "(nobody named)", entry["began"][:16].replace("T", " ")
     counted = "{changes} changes, {refusals} refused, {versions} table versions".format_map(entry)
@@ -63,35 +65,35 @@ def line_of(entry: Mapping[str, Any]) -> str:
 
 
 def show_session(arguments: argparse.Namespace) -> int:
-    """One session with every change."""
+    """Show one session with every change."""
     found = live.session_records.read_session(_records(arguments), arguments.session)
     print("\n".join(lines("session.txt", {"head": line_of(found), "log": found["log"]})))
     return DONE
 
 
 def export_session(arguments: argparse.Namespace) -> int:
-    """Print one session as JSON, table versions included."""
+    """Print one session as JSON, including table versions."""
     found = live.session_records.read_session(_records(arguments), arguments.session)
     print(json.dumps(found, indent=2, ensure_ascii=False))
     return DONE
 
 
 def delete_session(arguments: argparse.Namespace) -> int:
-    """Take a session out of the record; its run folders stay."""
+    """Delete a session from the record; its run folders stay."""
     live.session_records.delete_session(_records(arguments), arguments.session)
     print(f"session {arguments.session} deleted; its run folders stay")
     return DONE
 
 
 def complete_run(arguments: argparse.Namespace) -> int:
-    """Make the run directory of a session that was killed, up to its last second."""
+    """Write the run directory of a killed session, up to its last second."""
     done = live.journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
     print("\n".join(map(str, done)) or "nothing had been simulated")
     return DONE
 
 
 def clean(arguments: argparse.Namespace) -> int:
-    """List and remove the incomplete folders that killed runs have left behind."""
+    """List or remove the incomplete folders of killed runs."""
     folder = arguments.folder.expanduser()
     if not folder.is_dir():
         raise RunDirectoryError(f"{folder}: no such folder")

@@ -1,4 +1,4 @@
-"""``twin-gait simulate`` and ``twin-gait live``."""
+"""``twin-gait simulate`` and ``twin-gait live``: one run, as a batch job or in real time."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ def add_parser(commands: Any) -> None:
     """Add the commands to the parser."""
     parser = options.add_command(commands, "simulate", simulate)
     add = parser.add_argument
-    options.add_experiment(parser, seconds="that of the experiment")
+    options.add_experiment(parser, seconds="duration of the experiment")
     options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>)")
-    text = "compiled, or pinocchio, the reference implementation"
+    text = "compiled, or pinocchio for the reference implementation (compiled)"
     options.add_shorthand(parser, "--engine", "NAME", "engine", text, str)
-    text = "what fails, and when, such as encoder_freeze:left_knee@4.2s; may be repeated"
+    text = "fault and its time, such as encoder_freeze:left_knee@4.2s; may be repeated"
     add("--fault", action="append", default=[], metavar="KIND:SIDE_JOINT@TIMEs", dest="faults", help=text)
-    add("--view", action="store_true", help="play the run in the browser afterwards")
+    add("--view", action="store_true", help="show the run in the browser afterwards")
     options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
-    add("--accuracy", action="store_true", help="run again at a tenth of the step and print the difference")
+    add("--accuracy", action="store_true", help="repeat the run at a tenth of the step, print the difference")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "live", walk_live)
@@ -47,9 +47,9 @@ def add_parser(commands: Any) -> None:
     options.add_experiment(parser, seconds="until Ctrl-C")
     options.add_shorthand(parser, "--seed", "N", "seed", options.SEED, int)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>-live)")
-    add("--user", default="", metavar="NAME", help="whose session it is in the record")
+    add("--user", default="", metavar="NAME", help="name of the user in the record of the session")
     options.add(parser, "--port", "--no-browser")
-    text = "put the walk on a CAN bus, and take its monitor's commands: udp_multicast:239.74.163.2, "
+    text = "send the walk on a CAN bus, and execute a monitor's commands on it: udp_multicast:239.74.163.2, "
     add("--can", metavar="BUS", help=f"{text}socketcan:vcan0, …")
     options.add(parser, "--no-pictures")
     add("--no-record", action="store_true", help="keep no record of the session")
@@ -99,7 +99,7 @@ def simulate(arguments: argparse.Namespace) -> int:
 
 
 def note_inherited(loaded: LoadedExperiment) -> None:
-    """Print the inherited values of device components of which the user gave others, on one line."""
+    """Print the inherited values of device components that the user changed only in part, on one line."""
     from twin_gait.configuration.inheritance import inherited_values
 
     found = inherited_values(loaded.document, loaded.given)
@@ -113,14 +113,14 @@ def note_inherited(loaded: LoadedExperiment) -> None:
 
 
 def default_folder(name: str) -> Path:
-    """Where a run goes without ``--out``, two of the same second into two folders."""
+    """Return the folder of a run without ``--out``; two runs of the same second get two folders."""
     first = Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
     others = (first.with_name(f"{first.name}-{number}") for number in itertools.count(2))
     return next(path for path in itertools.chain([first], others) if not path.exists())
 
 
 def report(summary: Mapping[str, Any], *folders: Path) -> list[str]:
-    """Return the results of a run in a few lines, its folders, and the command that draws more figures."""
+    """Return a few lines: the results of a run, its folders, and the command that draws more figures."""
     from twin_gait.report import pages, walk_words
 
     drawn = [shlex.quote(str(folder)) for folder in folders if (folder / pages.FIGURES_FOLDER).is_dir()]
@@ -132,9 +132,9 @@ def report(summary: Mapping[str, Any], *folders: Path) -> list[str]:
 def walk_live(arguments: argparse.Namespace) -> int:
     """Simulate in real time, tuned in the browser.
 
-    Simulate in real time, with a page in the browser that shows the gait and changes it: gait table, belt,
-    support, the thesis's three controls, pushes and faults. On this machine only. Ctrl-C ends it and writes
-    the run directory.
+    Simulate in real time with a page in the browser that shows the gait and changes gait table, belt,
+    support, the thesis's three controls, pushes and faults. The page is served on this machine only. Ctrl-C
+    ends the session and writes the run directory.
     """
     import asyncio
 
@@ -142,7 +142,7 @@ def walk_live(arguments: argparse.Namespace) -> int:
 
     options.check_port(arguments.port)
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
-    # What a terminal that closes or a system that stops sends ends it in order, as Ctrl-C does.
+    # The signals of a terminal that closes and of a system that stops end the session in order, like Ctrl-C.
     with private_files(), terminal.stop_on_interrupt(signal.SIGTERM, signal.SIGHUP) as should_stop:
         session = live.session.LiveSession(
             loaded=loaded,
@@ -162,7 +162,7 @@ def walk_live(arguments: argparse.Namespace) -> int:
 async def _serve(
     session: live.session.LiveSession, arguments: argparse.Namespace, should_stop: Callable[[], bool]
 ) -> None:
-    """Serve the pages until the run ends or somebody ends it."""
+    """Serve the pages until the run ends or is ended."""
     import asyncio
 
     page = live.page.LivePage(session, port=arguments.port)
@@ -176,7 +176,7 @@ async def _serve(
             page.update()
             await asyncio.sleep(live.page.PERIOD)
         page.update()
-        await asyncio.sleep(live.page.PERIOD)  # so that the pages hear how it ended
+        await asyncio.sleep(live.page.PERIOD)  # so that the pages receive the last state
     finally:
         await page.close()
         terminal.note_line("writing the run directory")

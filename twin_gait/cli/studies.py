@@ -1,4 +1,4 @@
-"""``twin-gait sweep``, ``compare``, ``tune`` and ``faults``: many runs."""
+"""``twin-gait sweep``, ``compare``, ``tune`` and ``faults``: commands that simulate many runs."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.runs.folders import check_target
 
-# [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
+# [s], duration of each run of a comparison; assistance that adapts with each stride settles in 20 strides.
 COMPARED = 60.0
-FAULTY = 8.0  # [s] of each run: the gait is under way after one, and a fault shows within two
+# [s], duration of each run with a fault; the gait starts within 1 s, and a fault shows effects within 2 s.
+FAULTY = 8.0
 COMPARISONS = Path("compare")
 NAMES = "table, position, assist_as_needed, twincare, transparent, gravity, constant"
 
@@ -29,29 +30,29 @@ def add_parser(commands: Any) -> None:
 
     parser = options.add_command(commands, "compare", compare)
     options.add_experiment(parser, seconds=f"{COMPARED:g}")
-    text = f"names with commas between them (all that suit: {NAMES})"
+    text = f"names of controllers, separated by commas (all that suit the experiment, of {NAMES})"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
     parser.add_argument(
-        "--seeds", type=int, default=1, metavar="N", help="days that differ in mass, friction, speed (1)"
+        "--seeds", type=int, default=1, metavar="N", help="runs that differ in mass, friction and speed (1)"
     )
-    options.add_out(parser, "DIR", f"folder to make ({COMPARISONS}/NAME)")
+    options.add_out(parser, "DIR", f"folder to write ({COMPARISONS}/NAME)")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "tune", tune)
     add = parser.add_argument
     options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
-    add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
-    add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
-    add("--keep-thresholds", action="store_false", dest="thresholds", help="leave the transitions")
-    add("--keep-blending", action="store_false", dest="blending", help="leave the blend")
-    add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
-    add("--everyone", action="store_true", help="a table for other wearers, supports and belts too")
+    add("--minutes", type=float, default=3.0, metavar="M", help="time limit of the whole command (3)")
+    add("--generations", type=int, metavar="N", help="number of generations, instead of a time limit")
+    add("--keep-thresholds", action="store_false", dest="thresholds", help="do not tune the transitions")
+    add("--keep-blending", action="store_false", dest="blending", help="do not tune the blending")
+    add("--per-side", action="store_true", help="tune each leg separately (hemiparesis)")
+    add("--everyone", action="store_true", help="tune for other wearers, supports and belt speeds, too")
     options.add(parser, "--seed", "--workers", "--scheduler", "--json")
 
     parser = options.add_command(commands, "faults", faults)
     options.add_experiment(parser, seconds=f"{FAULTY:g}")
-    parser.add_argument("--count", type=int, default=100, metavar="N", help="faults (100)")
+    parser.add_argument("--count", type=int, default=100, metavar="N", help="number of faults (100)")
     options.add(parser, "--seed", "--workers", "--json")
 
 
@@ -59,7 +60,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     """Simulate an experiment over any of its parameters.
 
     Simulate a grid, a Latin hypercube or a list of episodes, on this machine or a Dask cluster. The same
-    command goes on with a sweep that was stopped or killed.
+    command resumes a sweep that was stopped or killed.
     """
     from twin_gait.report.pages import lines
 
@@ -83,9 +84,9 @@ def sweep(arguments: argparse.Namespace) -> int:
 
 
 def compare(arguments: argparse.Namespace) -> int:
-    """Compare controllers on one wearer: one report.
+    """Compare controllers on one wearer in a report.
 
-    Simulate one wearer on the ground with several controllers and write a folder with one HTML page, its
+    Simulate one wearer on the ground with several controllers, and write a folder with an HTML page, its
     figure, and the numbers as CSV and JSON.
     """
     from twin_gait.studies.compare import comparing, writing
@@ -112,8 +113,8 @@ def compare(arguments: argparse.Namespace) -> int:
 def tune(arguments: argparse.Namespace) -> int:
     """Tune a gait table to one person.
 
-    Search for the numbers of a gait table, try the best tables on a robust set, and write the best with a
-    report.
+    Optimise the parameters of a gait table, test the best tables on a robustness set, and write the best one
+    with a report.
     """
     from twin_gait.report.tune import summary
     from twin_gait.report.walk_words import wearer_in_words
@@ -146,8 +147,8 @@ def faults(arguments: argparse.Namespace) -> int:
     """Inject seeded faults and tabulate the outcomes.
 
     Simulate an experiment once for each of many seeded faults of encoders, motors, controller, load sensors
-    and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, a value is empty, a
-    trip did not end in the hold, or the experiment does not walk without a fault.
+    and supply, and print a table of the outcomes. The exit status is 1 if a limit was exceeded, a value is
+    empty, a trip did not end in the hold, or the experiment does not walk without a fault.
     """
     from twin_gait.studies.fault_campaign import violations
 

@@ -1,4 +1,4 @@
-"""``twin-gait presets``, ``diagram``, ``check`` and ``replay``: gait tables, looked at and tried on logs."""
+"""``twin-gait presets``, ``diagram``, ``check`` and ``replay``: commands for gait tables."""
 
 from __future__ import annotations
 
@@ -23,38 +23,38 @@ def add_parser(commands: Any) -> None:
     """Add the commands to the parser."""
     parser = options.add_command(commands, "presets", show_presets)
     add = parser.add_argument
-    add("name", nargs="?", help="preset, person or table to print as YAML")
-    add("--as-table", action="store_true", help="print the gait table where a preset has its name")
+    add("name", nargs="?", help="name of the preset, person or table to print as YAML")
+    add("--as-table", action="store_true", help="print the gait table if a preset has the same name")
     add("--schema", choices=["experiment", "table", "modes"], help="print the JSON Schema of a kind of file")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "diagram", draw_diagram)
     add = parser.add_argument
-    add("table", metavar="TABLE", help="packaged table of gait or of modes, or YAML file")
-    add("--format", choices=DIAGRAMS, default=DIAGRAMS[0], help="what to print (transitions)")
+    add("table", metavar="TABLE", help="packaged gait table or table of modes, or a YAML file")
+    add("--format", choices=DIAGRAMS, default=DIAGRAMS[0], help="form of the output (transitions)")
 
     parser = options.add_command(commands, "check", check_table)
     add = parser.add_argument
-    add("table", nargs="?", metavar="TABLE", help="packaged table, YAML file, or a preset for its own")
-    add("--experiment", metavar="FILE", help="preset, file or run directory that it drives")
+    add("table", nargs="?", metavar="TABLE", help="packaged table, YAML file, or preset with a table")
+    add("--experiment", metavar="FILE", help="preset, file or run directory of the experiment that uses it")
     options.add_settings(parser)
     options.add(parser, "--json")
-    add("--rules", action="store_true", help="list the rules and end")
-    add("--waived", action="store_true", help="list the findings that the table waives, too")
+    add("--rules", action="store_true", help="list the rules of the check and exit")
+    add("--waived", action="store_true", help="also list the findings that the table waives")
 
     parser = options.add_command(commands, "replay", replay_walk)
     add = parser.add_argument
     add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
-    add("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
-    add("--convention", metavar="NAME", help="names and signs of the angles in the log")
-    text = "columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state; -NAME turns the sign"
+    add("--table", metavar="T", help="packaged gait table or file (table of the run; treadmill)")
+    add("--convention", metavar="NAME", help="convention of the names and signs of the angles in the log")
+    text = "names of columns, such as time=t,left_hip_angle=hip_l,left_phase=state; -NAME inverts the sign"
     add("--columns", default="", metavar="Q=NAME,…", help=text)
     add("--units", choices=["deg", "rad"], help="unit of angles whose names do not state it")
     add("--time-unit", metavar="UNIT", help="unit of the time, if its name does not state it (s)")
-    add("--cycle-time-s", type=float, metavar="S", help="the log is one stride of S, its time a share of it")
-    add("--max-gap-s", type=float, metavar="S", help="longest gap that is interpolated (0.1)")
-    add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
-    add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
+    add("--cycle-time-s", type=float, metavar="S", help="duration of a stride whose log has time as a share")
+    add("--max-gap-s", type=float, metavar="S", help="longest gap in the log that is interpolated (0.1)")
+    add("--speed", type=float, metavar="KM_PER_H", help="belt speed to which the table is scaled")
+    add("--total-mass", type=float, metavar="KG", help="mass of wearer and device, for foot.load_bw")
     options.add_out(parser, "DIR", "folder for phases, transitions and figure")
     options.add(parser, "--no-pictures", "--json")
 
@@ -62,7 +62,8 @@ def add_parser(commands: Any) -> None:
 def show_presets(arguments: argparse.Namespace) -> int:
     """List experiments, people and gait tables, or print one.
 
-    List what ships, or print a preset with every value, a person or a table, ready to be edited.
+    List the packaged experiments, people and tables, or print one as a file that can be edited: a preset with
+    every value, a person or a table.
     """
     from twin_gait.configuration.schema import json_schema
     from twin_gait.report.pages import lines
@@ -113,8 +114,8 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
 def check_table(arguments: argparse.Namespace) -> int:
     """Check a gait table without a run.
 
-    Check a gait table: exits that contend, follow at once or never open, phases that cannot be reached or
-    left, both legs in swing, and more. Ends with 1 if there is an error.
+    Check a gait table by static analysis: transitions that conflict, follow immediately or never fire, phases
+    that cannot be reached or left, both legs in swing, and more. The exit status is 1 if there is an error.
     """
     from twin_gait.checking.check import check, counts, load_case, report, rules
     from twin_gait.report.pages import lines
@@ -135,13 +136,13 @@ def check_table(arguments: argparse.Namespace) -> int:
 
 
 def heading(finding: Finding) -> str:
-    """Severity, rule and place of a finding."""
+    """Return the severity and rule of a finding, and the transition or phase and the leg that it concerns."""
     parts = [str(part) for part in (finding.transition or finding.phase, finding.side) if part is not None]
     return f"{finding.severity} {finding.rule}" + (f": {' · '.join(parts)}" if parts else "")
 
 
 def counted(numbers: Mapping[str, int]) -> str:
-    """Numbers of findings in words, by the plurals that name them."""
+    """Return numbers of findings as text, such as "1 error, 2 warnings"; their keys are plural nouns."""
     words = (plural.removesuffix("s") if number == 1 else plural for plural, number in numbers.items())
     return ", ".join(f"{number} {word}" for number, word in zip(numbers.values(), words, strict=True))
 
@@ -149,7 +150,7 @@ def counted(numbers: Mapping[str, int]) -> str:
 def replay_walk(arguments: argparse.Namespace) -> int:
     """Run recorded joint angles through a gait table.
 
-    Run the gait state machine over recorded angles and print which phases and switches the table gives. LOG
+    Run the gait state machine on recorded angles and print the phases and transitions that follow. LOG
     is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, or normative gait:
     koopman@1.5 (speed in km/h) or winter.
     """

@@ -1,4 +1,4 @@
-"""What the commands share: exit statuses, the answer, the terminal, progress bars, Ctrl-C."""
+"""Functions that the commands share: exit statuses, printed results, the terminal, progress bars, Ctrl-C."""
 
 import argparse
 import io
@@ -22,9 +22,9 @@ _STDERR = 2  # the last of the standard descriptors
 
 
 def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Any) -> None:
-    """Print the result: lines for a reader or, with ``--json``, one document for a program.
+    """Print the result: lines for a person or, with ``--json``, one document for a program.
 
-    In the document numbers that are not finite become null.
+    Numbers of the document that are not finite become null.
     """
     if arguments.json:
         lines = [json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)]
@@ -32,21 +32,21 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Any) -
 
 
 class OutputError(TwinGaitError):
-    """Standard output cannot be written."""
+    """Error: standard output cannot be written."""
 
 
 class _Output(io.TextIOWrapper):
-    """Standard output whose errors are told from those of other files."""
+    """Standard output that raises :class:`OutputError`, unlike other files."""
 
-    replaced: io.TextIOWrapper  # kept, because it would close the buffer that both share
+    replaced: io.TextIOWrapper  # original stream; referenced, because its deletion closes the shared buffer
 
     def write(self, text: str, /) -> int:
-        """Write a text; OutputError if that is not possible."""
+        """Write a text; raise :class:`OutputError` if that is not possible."""
         with _output_errors():
             return super().write(text)
 
     def flush(self) -> None:
-        """Write what is in the buffer; OutputError if that is not possible."""
+        """Write the content of the buffer; raise :class:`OutputError` if that is not possible."""
         with _output_errors():
             super().flush()
 
@@ -74,9 +74,9 @@ def prepare_streams() -> None:
 
 
 def _open_closed_streams() -> None:
-    """Open closed standard streams on the null device.
+    """Connect closed standard streams to the null device.
 
-    Otherwise the next file that is opened takes their descriptors, and what is printed ends in it.
+    Otherwise the next file that is opened gets one of their descriptors, and printed text is written to it.
     """
     descriptor = os.open(os.devnull, os.O_RDWR)
     while descriptor <= _STDERR:
@@ -89,12 +89,12 @@ def _open_closed_streams() -> None:
 
 
 def discard_output() -> None:
-    """Send everything that is still printed to the null device."""
+    """Discard the rest of standard output: redirect it to the null device."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def note_abandoned(out: Path | None) -> None:
-    """Offer to remove what killed runs have left in the folder of ``out``, or in runs without it."""
+    """Print how to remove incomplete folders of killed runs next to ``out``, or in ``runs`` if it is None."""
     from twin_gait.runs.folders import abandoned
 
     parent = Path("runs") if out is None else out.expanduser().absolute().parent
@@ -107,7 +107,10 @@ def note_abandoned(out: Path | None) -> None:
 
 @contextmanager
 def stop_on_interrupt(*others: int) -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C, or one of other signals, into a request to stop; a second ends at once."""
+    """Turn the first Ctrl-C, or one of other signals, into a request to stop; the second ends the program.
+
+    Yields a function that returns whether the stop was requested.
+    """
     asked = False
 
     def handle(number: int, frame: object) -> None:
@@ -126,7 +129,7 @@ def stop_on_interrupt(*others: int) -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """Progress bar on a terminal, nothing in a pipe."""
+    """Show a progress bar on a terminal, nothing in a pipe; yield the function that updates it."""
     from tqdm import tqdm
 
     with tqdm(desc=title, unit=unit, leave=False, disable=not sys.stderr.isatty()) as bar:
@@ -140,30 +143,30 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def watched(title: str, unit: str) -> Iterator[dict[str, Any]]:
-    """Yield a progress bar and a request to stop as the arguments of a function that takes long."""
+    """Yield ``progress`` and ``should_stop``, the keyword arguments of every function that takes long."""
     with stop_on_interrupt() as should_stop, progress_bar(title, unit) as progress:
         yield {"progress": progress, "should_stop": should_stop}
 
 
 def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> int:
-    """Say why the work ended early, and what is kept; gives the exit status."""
+    """Print why the work ended early and how to go on; return the exit status."""
     print(f"twin-gait: {why}; {hint}", file=sys.stderr)
     return status
 
 
 def note_line(line: str) -> None:
-    """Replace the last note on a terminal."""
+    """Replace the last note by a line, if standard error is a terminal."""
     if sys.stderr.isatty():
         print(f"\r\033[K{line}", end="", file=sys.stderr, flush=True)
 
 
 def clear_line() -> None:
-    """Take the last note away again."""
+    """Clear the last note."""
     note_line("")
 
 
 def warn_on_one_line() -> None:
-    """Print warnings of Python on one line, each once, however often a model is built."""
+    """Print each Python warning on one line and only once, even if a model is built several times."""
     shown: set[str] = set()
 
     def line(message: Warning | str, *_: object, **__: object) -> str:
@@ -177,7 +180,7 @@ def warn_on_one_line() -> None:
 
 
 class _Notes(logging.Handler):
-    """Handler that prints what the package logs, such as compilations, on lines of standard error."""
+    """Handler that prints messages of the package, such as compilations, on lines of standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a message in place of the last note."""

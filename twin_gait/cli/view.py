@@ -1,4 +1,4 @@
-"""``twin-gait view``, ``plot`` and ``export``: a run looked at, drawn for a paper, and for other programs."""
+"""``twin-gait view``, ``plot`` and ``export``: a run in the browser, as figures, and for other programs."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 
 PRINT_RESOLUTION = 600  # [dots per inch], required by journals for pictures with lines and letters
-COLUMN = 85.0  # [mm], width of a column of a paper
+COLUMN = 85.0  # [mm], width of one column of a paper
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
-# What each format is called in a run directory.
+# File name of each format in a run directory.
 NAMES = {
     "csv": "log.csv", "mot": "log.mot", "sto": "log.sto", "opensim": "opensim", "candump": "can.log",
     "asc": "can.asc",
@@ -31,35 +31,35 @@ def add_parser(commands: Any) -> None:
     parser = options.add_command(commands, "view", view)
     add = parser.add_argument
     add("targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF")
-    options.add_out(parser, "FILE.html", "write the page and open nothing")
-    add("--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing")
-    add("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
-    add("--up", choices=("x", "y", "z"), help="vertical of a URDF (z)")
+    options.add_out(parser, "FILE.html", "write the page to a file and open no browser")
+    add("--png", type=Path, metavar="FILE", help="write a picture, made with Chromium, and open no browser")
+    add("--at", type=float, metavar="S", help="time in s of the picture, or at which the page opens")
+    add("--up", choices=("x", "y", "z"), help="vertical axis of a URDF (z)")
     options.add(parser, "--port", "--no-browser")
 
     parser = options.add_command(commands, "plot", plot)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
-    add("--figure", action="append", metavar="NAME", dest="figures", help="such as gait_cycle (all)")
-    add("--format", choices=("pdf", "svg", "png"), default="pdf", help="format (pdf)")
-    text = "85 for one column of a paper, 174 for two (85; png: for a screen, as in a run directory)"
+    add("--figure", action="append", metavar="NAME", dest="figures", help="figure, such as gait_cycle (all)")
+    add("--format", choices=("pdf", "svg", "png"), default="pdf", help="format of the files (pdf)")
+    text = "width: 85 for one column of a paper, 174 for two (85; png: for a screen, as in a run directory)"
     add("--width", type=float, metavar="MM", help=text)
     options.add_out(parser, "DIR", "folder for the files NAME-WIDTHmm.FORMAT or NAME.png (RUN/figures)")
 
     parser = options.add_command(commands, "export", export)
     add = parser.add_argument
     add("directory", type=Path, metavar="RUN", help="run directory")
-    add("--format", choices=tuple(NAMES), help="(by the name of --out; mot with --convention, else csv)")
+    add("--format", choices=tuple(NAMES), help="format (ending of --out; mot with --convention, else csv)")
     add("--convention", choices=MODELS, help=f"names and signs of a motion ({DEFAULT_CONVENTION})")
-    add("--of", choices=("wearer", "device"), default="wearer", help="whose angles are written (wearer)")
+    add("--of", choices=("wearer", "device"), default="wearer", help="source of the angles (wearer)")
     options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
 
 
 def view(arguments: argparse.Namespace) -> int:
     """Show runs or a URDF in the browser, or draw a picture.
 
-    Show a run directory, two of them side by side, or any URDF with a slider for each joint in the browser
-    until Ctrl-C; or write the page or a picture of it.
+    Show a run directory, two of them next to each other, or any URDF with a slider for each joint in the
+    browser until Ctrl-C; or write the page or a picture of it to a file.
     """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.record import read_run
@@ -98,7 +98,7 @@ def view(arguments: argparse.Namespace) -> int:
 
 
 def serve(page: str, port: int = options.FIRST_PORT, *, fragment: str = "", browser: bool = True) -> int:
-    """Serve a page until Ctrl-C; gives the exit status."""
+    """Serve a page until Ctrl-C, and return the exit status."""
     import asyncio
 
     async def serving() -> None:
@@ -115,9 +115,9 @@ def serve(page: str, port: int = options.FIRST_PORT, *, fragment: str = "", brow
 
 
 def announce(url: str, *, browser: bool = True) -> None:
-    """Say where the page is, and open it where there is a screen."""
+    """Print the address of a page, and open it in a browser if there is a screen."""
     print(f"open {url} in a browser; Ctrl-C ends", flush=True)
-    # Without a screen Python would start a text browser in this terminal.
+    # Without a screen, Python would start a text browser in this terminal.
     screen = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if browser and screen:
         import webbrowser
@@ -126,16 +126,17 @@ def announce(url: str, *, browser: bool = True) -> None:
 
 
 def _signpost(url: str) -> Path:
-    """A page of the user's own that leads to the address, until the program ends.
+    """Write a page that redirects to the address, readable by this user only; it is deleted at exit.
 
-    Every user of the machine can read what a browser is started with, and the address holds the token.
+    Every user of the machine can read the arguments with which a browser is started, and the address contains
+    the token.
     """
     import atexit
     import html
     import shutil
     import tempfile
 
-    folder = tempfile.mkdtemp(prefix="twin_gait_")  # nobody else may look into it
+    folder = tempfile.mkdtemp(prefix="twin_gait_")  # with mode 0700: readable by this user only
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     path = Path(folder) / "open.html"
     path.write_text(f'<meta http-equiv="refresh" content="0;url={html.escape(url)}">', encoding="utf-8")
@@ -145,9 +146,9 @@ def _signpost(url: str) -> Path:
 def plot(arguments: argparse.Namespace) -> int:
     """Draw figures of a run for a paper or a screen.
 
-    Draw figures of a run directory for print, one or two columns wide, with letters on the panels and no
-    title inside; with --format png and no --width for a screen, with their titles. A file that already has
-    the same content is left.
+    Draw figures of a run directory for print, one or two columns wide, with letters on the panels and without
+    titles; with --format png and no --width for a screen, with titles. A file that already has the same
+    content is not written again.
     """
     from twin_gait.report.canvas import RESOLUTION, picture_bytes
     from twin_gait.report.figures import plot_run, screen_figures
@@ -166,7 +167,7 @@ def plot(arguments: argparse.Namespace) -> int:
     }
     folder.mkdir(parents=True, exist_ok=True)
     changed = {path for path, content in drawn.items() if not path.is_file() or path.read_bytes() != content}
-    for path in changed:  # before any of them is written
+    for path in changed:  # before any file is written
         options.check_file("--out", path, force=arguments.force)
     for path, content in drawn.items():
         if path in changed:
@@ -176,12 +177,12 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Write the log of a run: CSV, for OpenSim or CAN tools.
+    """Export a log as CSV, for OpenSim or for CAN tools.
 
-    Write the log of a run directory as CSV (every column), its joint angles as a motion of OpenSim (.mot in
-    degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a folder with model, motion,
-    external loads, set-up, and the joint moments to compare with; or the frames of its CAN network (candump's
-    .log, Vector's .asc), which twin.dbc decodes.
+    Write the log of a run directory as CSV with every column; its joint angles as a motion of OpenSim (.mot
+    in degrees, .sto in radians); a folder for OpenSim's inverse dynamics with model, motion, external loads,
+    set-up, and the joint moments to compare with; or the frames of its CAN network (candump's .log, Vector's
+    .asc), which twin.dbc decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
     from twin_gait.export import export_csv, export_inverse_dynamics, export_motion

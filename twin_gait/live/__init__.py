@@ -1,4 +1,4 @@
-"""A gait that is simulated in real time and changed while it walks."""
+"""Live sessions: a gait that is simulated in real time and can be changed while it runs."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""A live walk on a CAN bus: its frames at their cycle, and the commands of the thesis's board monitor (2.4).
+"""Live walk on a CAN bus: its frames at their cycle, and the commands of the thesis's board monitor (2.4).
 
-One thread has the bus. Frames come in blocks of 10 ms and go out one block later, each at its own time in the
-clock of the walk; commands become messages of the session, as if a page had moved its sliders.
+One thread uses the bus. Frames are computed in blocks of 10 ms and sent one block later, each at its own time
+in the clock of the walk. Commands become messages of the session, like those of the sliders of a page.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ MODE = "mode"
 USER = "CAN"
 # Frames of udp_multicast stay on this machine.
 OPTIONS: Mapping[str, Mapping[str, Any]] = {"udp_multicast": {"hop_limit": 0}}
-FARTHEST = 3 * PERIOD  # [s] between a frame and its time, before the times are set anew
-SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
-LISTENING = NetworkParameters.cycle  # [s] for a frame of the monitor, while nothing is due
+FARTHEST = 3 * PERIOD  # [s], largest deviation of a frame from its time before the clock is set again
+SEND_TIME = 1e-3  # [s], timeout of the driver for a frame
+LISTENING = NetworkParameters.cycle  # [s], timeout for a frame of the monitor if no frame is due
 
 
 Commands = dict[str, Value]  # values of controls in their units, by name
 
 
 def commands_of(message: BusMessage, data: bytes) -> Commands:
-    """Read a command.
+    """Decode a command of the monitor.
 
-    Returns what it asks for by the name of the control; a signal that says that there is no number asks
-    nothing. Raises MessageRefused if the frame has another length.
+    Returns the commanded values by the name of the control; a signal without a number (NaN) is omitted.
+    Raises MessageRefused if the frame has another length.
     """
     if len(data) != message.length:
         raise MessageRefused(f"{message.name}: expected {message.length} bytes, got {len(data)}")
@@ -67,10 +67,10 @@ def commands_of(message: BusMessage, data: bytes) -> Commands:
 def open_bus(name: str) -> can.BusABC:
     """Open a bus of python-can.
 
-    ``name``: ``INTERFACE:CHANNEL``, such as ``udp_multicast:239.74.163.2`` or ``socketcan:vcan0``; what else
-    a driver needs (a bit rate) stands in python-can's own configuration file. Raises ParameterError if there
-    is no such interface, or it cannot be opened. Raises MissingOptionalDependency if python-can is not
-    installed.
+    ``name``: ``INTERFACE:CHANNEL``, such as ``udp_multicast:239.74.163.2`` or ``socketcan:vcan0``; further
+    settings of a driver (a bit rate) are in python-can's own configuration file. Raises ParameterError if
+    there is no such interface, or if it cannot be opened. Raises MissingOptionalDependency if python-can is
+    not installed.
     """
     try:
         import can
@@ -79,35 +79,35 @@ def open_bus(name: str) -> can.BusABC:
     interface, _, channel = name.partition(":")
     try:
         return can.Bus(channel, interface, **OPTIONS.get(interface, {}))
-    except Exception as error:  # drivers raise what they like
+    except Exception as error:  # drivers raise errors of any type
         wanted = "expected INTERFACE:CHANNEL, such as udp_multicast:239.74.163.2, of a channel that is up"
         raise ParameterError(f"CAN bus {name!r}: cannot be opened ({one_line(error)}); {wanted}") from error
 
 
 def leaves_machine(name: str) -> bool:
-    """Whether frames on a bus may reach other devices than this machine."""
+    """Return whether frames on a bus may reach devices other than this machine."""
     interface, _, channel = name.partition(":")
     return interface not in ("virtual", "udp_multicast") and not channel.startswith("vcan")
 
 
 class CanLink:
-    """Puts a live walk on a bus, and takes commands from it."""
+    """Link of a live walk to a bus: it sends frames of the walk and receives commands."""
 
     def __init__(self, name: str, session: LiveSession) -> None:
-        """Open the bus, and begin to send and to listen.
+        """Open the bus, and begin to send and to receive.
 
-        ``name``: as in :func:`open_bus`; ``session``: takes messages as from a page, and hears what is wrong.
+        ``name``: as in :func:`open_bus`; ``session`` receives messages as from a page, and notes on errors.
         """
         problem = session.panel.problem
         self._messages = messages_of(problem.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
-        self._commands = {item.identifier: item for item in asked}  # what a monitor sends
+        self._commands = {item.identifier: item for item in asked}  # commands of a monitor by identifier
         self._body_weight = problem.world.body_weight
         self._book, self._submit = session.book, session.submit
         self._blocks: deque[Block] = deque()
-        self.take = self._blocks.append  # takes a block of the walk; returns at once
+        self.take = self._blocks.append  # accepts a block of the walk; returns immediately
         self._due: deque[tuple[float, can.Message]] = deque()
-        self._start = 0.0  # of the walk, in the time of this machine
+        self._start = 0.0  # start of the walk in the time of this machine
         self._heard: dict[int, Commands] = {}
         self._wanted: Commands = {}
         self._pending: list[Future[bool]] = []
@@ -118,7 +118,7 @@ class CanLink:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop, and let the bus go."""
+        """Stop the thread, and release the bus."""
         self._closed.set()
         self._thread.join()
         self._bus.shutdown()
@@ -128,12 +128,12 @@ class CanLink:
             while not self._closed.is_set():
                 self._serve()
                 self._ask()
-        except Exception:  # drivers raise what they like; the terminal has the rest
+        except Exception:  # drivers raise errors of any type; the terminal shows the traceback
             self._note("the link to the CAN bus has ended, no frame is sent or heard; start the walk anew")
             raise
 
     def _serve(self) -> None:
-        """Send what is due, and wait for a frame until more is."""
+        """Send the frames that are due, and wait for a received frame until the next one is due."""
         import can
 
         try:
@@ -151,7 +151,7 @@ class CanLink:
             self._closed.wait(PERIOD)
 
     def _note(self, text: str) -> None:
-        """Tell once what may happen with every frame."""
+        """Emit a note only once, because its cause may occur with every frame."""
         if text not in self._notes:
             self._notes.add(text)
             self._book.emit("note", text, user=USER)
@@ -159,14 +159,14 @@ class CanLink:
     # ------------------------------------------------------------------ sending
 
     def _lay_out(self, block: Block) -> None:
-        """Give every frame of a block its time."""
+        """Schedule the frames of a block."""
         import can
 
         weight, tripped = self._body_weight, block.tripped
         columns, messages = block.columns, self._messages
         frames = bus_frames(columns, messages, first=block.first, body_weight=weight, tripped=tripped)
         now = time.monotonic()
-        # A block is ready when its time begins, now and then a little later: it goes out one block after it.
+        # A block is ready at the start of its time or a little later; it is therefore sent one block later.
         if frames and abs(self._start + frames[0].time - now - PERIOD) > FARTHEST:
             self._start = now + PERIOD - frames[0].time  # after a pause, a restart, a stall
         for frame in frames:
@@ -178,7 +178,7 @@ class CanLink:
     # ------------------------------------------------------------------ listening
 
     def _hear(self, message: can.Message) -> None:
-        """Understand a frame; what the one before has said too is nothing new."""
+        """Decode a frame, and store the commands that differ from those of the previous frame."""
         known = self._commands.get(message.arbitration_id)
         if known is None or message.is_extended_id or message.is_error_frame:
             return
@@ -191,10 +191,10 @@ class CanLink:
         self._wanted |= dict(commands.items() - before.items())
 
     def _ask(self) -> None:
-        """Ask for what is wanted, as soon as what was asked before is answered."""
+        """Submit the stored commands as soon as the previous ones have been answered."""
         if not self._wanted or not all(coming.done() for coming in self._pending):
             return
         commands, self._wanted = self._wanted, {}
-        ordered = sorted(commands, key=MODE.__eq__)  # the mode last, after what it is to begin with
+        ordered = sorted(commands, key=MODE.__eq__)  # the mode is last, after its initial values
         asked = [SetControl(id=USER, user=USER, control=name, value=commands[name]) for name in ordered]
         self._pending = [coming for coming in map(self._submit, asked) if coming is not None]

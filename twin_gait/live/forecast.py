@@ -1,7 +1,7 @@
-"""What is said of a change before it is applied: by the rules of ``twin-gait check``, and by a look ahead.
+"""Assessment of a change before it is applied: by the rules of ``twin-gait check``, and by a forecast.
 
-For that the present moment of the walk is run ahead, outside of its process. The numbers of the change fade
-in as they would in the walk, which knows nothing of it.
+The forecast simulates the walk ahead from a snapshot, outside of its process and without an effect on it. The
+numbers of the change fade in over the same time as in the walk.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,15 +24,15 @@ from twin_gait.simulation.settings import WALK, Settings, loop_numbers
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.vocabulary import Outcome
 
-HORIZON = 10_000  # ticks that are looked ahead: five strides; a change that fells does so by then
-HELD_TICKS = 2_000  # ticks of a hold that are looked at: a wearer who falls in it has fallen by then
-PIECE_TICKS = 250  # that are run at a time
+HORIZON = 10_000  # ticks of a forecast: five strides, within which a change that causes a fall does so
+HELD_TICKS = 2_000  # ticks of a forecast after a trip, within which a wearer who falls in the hold has fallen
+PIECE_TICKS = 250  # ticks that are simulated at a time
 ENDINGS = {EventKind.TRIP: "trips", EventKind.FALL: "falls", EventKind.DIVERGENCE: "diverges"}
 
-# Rules that k, b, θ0 and G can break; an error of one of them refuses a change. The phases of the monitor's
-# controls are all alike: there is nothing to leave, and no switch to jump at.
+# Rules that k, b, θ0 and G can break; an error of one of them rejects a change. The phases of the monitor's
+# controls are all alike, so that no phase must be left and no torque jumps at a switch.
 GATE: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
-# Rules whose findings the forecast of a change repeats.
+# Rules whose findings are warnings of the forecast.
 WARNED: tuple[Rule, ...] = (
     sense.unusual_stiffness,
     sense.equilibrium_beyond_limits,
@@ -45,12 +45,12 @@ Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transitio
 
 @once
 def _case_of(settings: Settings) -> CheckCase:
-    """Lay settings out for the check."""
+    """Build the case of the check from settings."""
     return build_case(settings.driving.table, settings.driving, settings.driving_problem)
 
 
 def errors_of(settings: Settings) -> dict[Place, str]:
-    """Errors of the check that make settings unsafe: what tells each from others, and a sentence."""
+    """Return the errors of the check that make settings unsafe: the identity of each and a sentence."""
     case = _case_of(settings)
     rules = GATE if settings.mode == WALK else GATE[:1]
     found = [item for rule in rules for item in rule(case) if item.severity is Severity.ERROR]
@@ -72,25 +72,25 @@ def warnings_of(settings: Settings) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Forecast:
-    """What comes."""
+    """Forecast of a change."""
 
-    text: str  # in one sentence
+    text: str  # result in one sentence
     bad: bool  # whether the wearer falls or hangs, the monitor trips, the walk stalls or the state diverges
-    # mean deviation of both sides from the reference by joint in [deg] RMS, from the second stride on; None
-    # where there is no reference or no stride
+    # RMSE from the reference by joint in [deg], mean of both sides, from the second stride on; null without a
+    # reference or a stride
     rmse_deg: Mapping[str, float | None]
     # share of the time in which the most loaded joint is at a limit of torque, current or voltage
     saturated_share: float
-    warnings: tuple[str, ...] = ()  # of the check about unusual values that the change brings
+    warnings: tuple[str, ...] = ()  # warnings of the check about unusual values in the change
 
 
 def foresee(
     run: SteppedRun, moment: Mapping[str, Any], settings: Settings, warnings: tuple[str, ...] = ()
 ) -> Forecast:
-    """Run a moment ahead with other settings.
+    """Predict a walk from a snapshot with other settings.
 
-    ``run`` of the same experiment; what it did before is forgotten; ``moment`` of another one; ``warnings``
-    of the forecast. Returns the forecast; of a walk that is over, that of a new start.
+    ``run`` of the same experiment, whose previous state is overwritten; ``moment``: snapshot of another run;
+    ``warnings`` for the forecast. Returns the forecast; if the walk is over, the forecast of a restart.
     """
     run.go_on_from(moment)
     over = run.trip is not None or run.status is not RunStatus.COMPLETED
@@ -103,7 +103,7 @@ def foresee(
             break
         run.advance(PIECE_TICKS)
     switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
-    # Whatever tripped: the legs are looked at to the end.
+    # The trip is omitted, so that the legs are measured to the end.
     walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
     ahead = replace(settings.experiment, duration=round(len(walk.rows) * TICK, 3), faults=())
     shown = walked_run(walk, run.problem, ahead)
@@ -126,7 +126,7 @@ def foresee(
 
 
 def _told(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[str, bool]:
-    """What becomes of a walk after a first tick, in one sentence, and whether that is bad."""
+    """Return the result of a walk after its first tick in one sentence, and whether it is bad."""
     endings = [event for event in run.events if event.kind in ENDINGS]
     if endings:
         times = (f"{ENDINGS[event.kind]} after {event.time - first * TICK:.1f} s" for event in endings)
@@ -143,7 +143,7 @@ def _told(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[st
 
 
 def _records(shown: Run, first: int) -> list[LegRecord]:
-    """Both legs, with the time of even walking counted from the first tick."""
+    """Return the records of both legs, with the steady part counted from the first tick."""
     begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.scenario.steady)
     steady = ((begin, end),) if shown.experiment.modes is None else shown.steady
     names = shown.table.phase_names

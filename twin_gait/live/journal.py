@@ -1,11 +1,11 @@
-"""Live walks in pieces, their journal, a stream of Arrow batches, and the run folders that become of it.
+"""Journal of live walks, a stream of Arrow batches, and the run directories that are made from it.
 
-The loop keeps nothing of a walk but its last rows. After every block it hands over a piece that is complete
-in itself (rows, switches, events, how the walk stands), so that the pieces up to any moment are the walk up
-to it. Those of half a second are one batch: the rows of the log as columns, the rest as its own metadata.
-The set-up stands in the schema, so that the file is all that is needed to make the run folders, whoever
-is left to do so; a batch that a kill has cut short is left out. Whoever writes or completes a journal holds a
-lock on it, which the system takes back from the dead.
+The loop stores only the last rows of a walk. After every block it passes on a chunk that is complete in
+itself (rows, switches, events, state of the walk), so that the chunks up to any time are the walk up to that
+time. The chunks of half a second are one batch: the rows of the log as columns, the rest as its metadata. The
+schema contains the set-up, so that the file is sufficient to make the run directories, by any process; a
+batch that was truncated by a kill is ignored. The process that writes or completes a journal holds a lock on
+it, which the system releases if the process dies.
 """
 
 from __future__ import annotations
@@ -40,25 +40,25 @@ from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.worlds.faults import parse_fault
 
-BATCH_TICKS = 500  # in a batch: a kill loses no more than this and what waits to be written
-# Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
-LONGEST_PICTURES = 120.0  # [s]
+BATCH_TICKS = 500  # ticks of a batch: a kill loses at most one batch and the data that wait to be written
+# Drawing takes about a tenth of the duration of the walk, which would be minutes for an hour.
+LONGEST_PICTURES = 120.0  # [s], longest walk that is drawn
 
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """What a walk has added since the piece before."""
+    """Chunk of a walk since the previous chunk."""
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
 
-    rows: np.ndarray  # of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
-    switches: tuple[PhaseSwitch, ...] = ()  # of the phases
-    events: tuple[Mapping[str, Any], ...] = ()  # what was done to it, as an experiment file has it
-    status: RunStatus = RunStatus.COMPLETED  # how the walk stands
-    reason: str = ""  # why it has ended; empty before that
-    trip: Trip | None = None  # what the safety monitor tripped on, or None
-    wall_s: float = 0.0  # time since the start of the walk in [s], pauses included
-    over: bool = False  # whether it is the last one
+    rows: np.ndarray  # rows of the log, shape ``(n_ticks, n_columns)`` in the order of the layout
+    switches: tuple[PhaseSwitch, ...] = ()  # switches of the phases
+    events: tuple[Mapping[str, Any], ...] = ()  # events in the form of an experiment file
+    status: RunStatus = RunStatus.COMPLETED  # status of the walk
+    reason: str = ""  # reason why the walk has ended; empty before its end
+    trip: Trip | None = None  # trip of the safety monitor, or None
+    wall_s: float = 0.0  # time since the start of the walk in [s], including pauses
+    over: bool = False  # whether this is the last chunk of the walk
 
 
 _PIECE = TypeAdapter(Piece)
@@ -66,7 +66,7 @@ _SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
 
 
 def joined(pieces: Sequence[Piece]) -> Piece:
-    """Several pieces as one."""
+    """Join several chunks into one."""
     return replace(
         pieces[-1],
         rows=np.concatenate([piece.rows for piece in pieces]),
@@ -76,9 +76,10 @@ def joined(pieces: Sequence[Piece]) -> Piece:
 
 
 def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
-    """Put pieces together: one piece for every walk of which there is a tick.
+    """Join chunks, and yield one chunk for every walk with at least one tick.
 
-    One that nothing has ended before its time is marked as interrupted, with the reason.
+    A walk that is shorter than ``longest`` in ticks without having ended is marked as interrupted, with the
+    reason.
     """
     parts: list[list[Piece]] = [[]]
     for piece in pieces:
@@ -100,9 +101,9 @@ def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
 
 @contextlib.contextmanager
 def locked(journal: Path) -> Iterator[None]:
-    """Hold a journal, so that nobody else writes or completes it.
+    """Lock a journal, so that no other process writes or completes it.
 
-    Raises RunDirectoryError if it cannot be opened, or is held.
+    Raises RunDirectoryError if it cannot be opened, or if it is locked.
     """
     try:
         held = hold(journal)
@@ -117,17 +118,18 @@ def locked(journal: Path) -> Iterator[None]:
 
 
 class Journal:
-    """Keeps the walks of a session, in a thread of its own: the loop never waits for the disk.
+    """Writer of the walks of a session, in its own thread, so that the loop never waits for the disk.
 
     Attributes:
-        path: The file.
+        path: Path of the journal.
     """
 
     def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], lost: Callable[[str], None]) -> None:
-        """Make the file, and its folder if there is none; nobody but this user may read it.
+        """Create the file, readable by this user only, and its folder if it does not exist.
 
-        ``setup``: what the run folders need beside the log, as JSON takes it; ``lost``: called once if
-        nothing can be written any more, with the reason. Raises RunDirectoryError if the file cannot be made.
+        ``setup``: data of the run directories in addition to the log, as values for JSON; ``lost``: called
+        once if nothing can be written any more, with the reason. Raises RunDirectoryError if the file cannot
+        be created.
         """
         self.path = journal_of(Path(setup["folder"]))
         self._columns, self._lost, self._held = list(columns), lost, contextlib.ExitStack()
@@ -145,20 +147,20 @@ class Journal:
         self._thread = ThreadPoolExecutor(1, "journal")
 
     def keep(self, piece: Piece) -> None:
-        """Take a piece; returns at once."""
-        # What the writer does not expect is an error of the program: it is printed, not lost.
+        """Store a chunk; the call returns immediately."""
+        # An unexpected error in the writer is an internal error, which is printed.
         self._thread.submit(self._write, piece).add_done_callback(Future.result)
 
     def close(self) -> None:
-        """Wait until all pieces are written, and let the file go."""
+        """Wait until all chunks are written, and release the file."""
         self._thread.shutdown()
         with contextlib.suppress(OSError, pa.ArrowException):
             self._held.close()
 
     def _write(self, piece: Piece) -> None:
-        """Write pieces if they are a batch, or the time stands still.
+        """Write the waiting chunks if they are a batch, or if simulated time has stopped.
 
-        What cannot be written any more is told once, and the session goes on.
+        If nothing can be written any more, ``lost`` is called once, and the session continues.
         """
         if self._stream is None:
             return
@@ -177,10 +179,10 @@ class Journal:
 
 
 def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[Piece]]:
-    """Read a journal, whatever has become of its writer.
+    """Read a journal, even if its writer was killed.
 
-    Returns the set-up, the columns of the log, and the pieces up to the last complete one. Raises
-    RunDirectoryError if not even its beginning can be read.
+    Returns the set-up, the columns of the log, and the chunks up to the last complete one. Raises
+    RunDirectoryError if the header of the file cannot be read.
     """
     try:
         require_regular(path)
@@ -195,23 +197,28 @@ def _pieces(stream: Any) -> Iterator[Piece]:
     while True:
         try:
             batch, metadata = stream.read_next_batch_with_custom_metadata()
-        except (StopIteration, OSError, pa.ArrowException):  # the end, or where the writer was killed
+        except (
+            StopIteration,
+            OSError,
+            pa.ArrowException,
+        ):  # the end of the file, or of the part that was written before a kill
             return
         rows = np.column_stack([column.to_numpy() for column in batch.columns])
         yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})
 
 
 def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, Any]]:
-    """Make the run folders of walks out of their journal, which then goes, and list them in the record.
+    """Make the run directories of walks from their journal, delete it, and list them in the record.
 
-    ``journal``: the file; its walk has ended or its process is dead; ``pictures``: whether to draw figures
-    and animation of the last walk, if that is short. Returns the summaries by folder. Raises
-    RunDirectoryError if the journal cannot be read or is still being written, or a folder cannot be made.
+    ``journal``: the file, whose walk has ended or whose process is dead; ``pictures``: whether to draw
+    figures and animation of the last walk, if it is short. Returns the summaries by run directory. Raises
+    RunDirectoryError if the journal cannot be read or is still being written, or if a run directory cannot be
+    made.
     """
     with locked(journal):
         setup, columns, pieces = read_journal(journal)
         experiment = experiment_from_mapping(setup["document"], "experiment", Path())
-        # The log does not depend on a controller of the user's own, whose module may be gone.
+        # The columns of the log do not depend on a user's controller, whose module may have been deleted.
         problem = replace(build_problem(replace(experiment, controller=None)), experiment=experiment)
         if columns != log_layout(problem).names:
             raise RunDirectoryError(
@@ -226,23 +233,23 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
                 done[folder] = plain(write_run(run, staging, document=document, pictures=drawn))
         journal.unlink()
     if setup.get("records") is not None:
-        with contextlib.suppress(SessionError):  # the run folders count more than their list
+        with contextlib.suppress(SessionError):  # the run directories are more important than their list
             add_folders(Path(setup["records"]), Path(setup["folder"]), done)
     return done
 
 
 def _names(folder: Path, force: bool) -> Iterator[Path]:
-    """Run folders of the walks of a session: this one, then ``folder-2`` …, which nothing has yet."""
-    if force or not folder.exists():  # else it is somebody else's; what was walked is not lost for it
+    """Yield the free run directories of the walks of a session: ``folder``, then ``folder-2`` …."""
+    if force or not folder.exists():  # otherwise it belongs to another run, and the walk gets another name
         yield folder
     numbered = (folder.with_name(f"{folder.name}-{number}") for number in itertools.count(2))
     yield from (path for path in numbered if not path.exists())
 
 
 def walked_document(walk: Piece, document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the file of the experiment that gives a live walk again: what was done to it are its events.
+    """Return the experiment file that reproduces a live walk, with all changes of the walk as events.
 
-    ``document``: that of the session. Faults and events after the last tick are left out.
+    ``document``: experiment file of the session. Faults and events after the last tick are omitted.
     """
     duration = round(len(walk.rows) * TICK, 3)
     events = [item for item in walk.events if item["time_s"] < duration]
@@ -252,7 +259,7 @@ def walked_document(walk: Piece, document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def walked_run(walk: Piece, problem: Problem, experiment: Experiment) -> Run:
-    """Return a live walk as a run like any other, of an experiment that is as long as the walk."""
+    """Return a live walk as a run of an experiment that is as long as the walk."""
     names, weight = log_layout(problem).names, problem.world.body_weight
     log = LogArrays(walk.rows.T, names, problem.table.phase_names)
     ended = {name: getattr(walk, name) for name in ("switches", "status", "reason", "wall_s", "trip")}

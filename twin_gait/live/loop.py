@@ -1,7 +1,7 @@
-"""The walk in real time: blocks of 10 ms against a clock, commands between them, news after each.
+"""Walk in real time: blocks of 10 ms paced by a clock, commands between them, telemetry after each.
 
-Nothing here waits for anybody: commands are taken if there are some, and what is sent is handed to a function
-that must return at once. The clock and the sleep are passed in.
+The loop waits for nothing except its clock: it reads commands without blocking, and sends through a function
+that must return immediately. The functions for time and sleep are arguments.
 """
 
 import base64
@@ -26,35 +26,34 @@ from twin_gait.worlds.faults import parse_fault
 BLOCK_TICKS = 10
 PERIOD = BLOCK_TICKS * TICK  # [s]
 LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
-CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
+CATCH_UP = 5 * PERIOD  # [s]; a loop that is further behind skips the time instead of catching up
 
-# Characters of the events of a walk. With more, changes are refused, so that its experiment file can be read.
+# Characters of the events of a walk. Beyond it, changes are rejected: its experiment file must be readable.
 LONGEST_SCRIPT = 500_000
 
-# Commands that add to the events; the stop, which comes once, is never refused for that.
+# Commands that are recorded as events; the stop, which occurs once, is never rejected for this reason.
 RECORDED = ("settings", "push", "fault", "step", "request")
 
 Command = Mapping[str, Any]
 
 
 class BlockClock:
-    """When the next block is to begin, and how late the blocks so far were finished.
+    """Clock of the blocks: the start of the next block, and the lateness of the blocks so far.
 
-    A block is to be finished a period after its time, when that of the next begins. The caller asks the time;
-    nothing here does.
+    The deadline of a block is one period after its start, which is the start of the next block. The caller
+    passes the time in.
     """
 
     def __init__(self) -> None:
         """Begin without any block."""
-        self.statistics = DeadlineStatistics()  # of all blocks so far
-        self._due: float | None = None  # time of the next block; None for as soon as it is waited for
+        self.statistics = DeadlineStatistics()  # statistics of all blocks so far
+        self._due: float | None = None  # start of the next block; None starts it at the next call of wait()
 
     def wait(self, now: float) -> float:
-        """Time until the next block may begin.
+        """Return the time until the next block may begin.
 
-        ``now``: present time in [s]. Returns time in [s]; 0 if the block is due. A loop that is more than
-        ``CATCH_UP`` behind goes on from now; the time that it gives up is counted as lost, and the blocks
-        that belonged there as late.
+        ``now``: present time in [s]. Returns the time in [s], 0 if the block is due. A loop that is more than
+        ``CATCH_UP`` behind continues from now; the skipped time is counted as lost, and its blocks as late.
         """
         behind = 0.0 if self._due is None else now - self._due
         if behind > CATCH_UP:
@@ -66,7 +65,7 @@ class BlockClock:
 
     def finished(self, now: float) -> None:
         """Count a block. ``now``: time in [s] at which it was finished."""
-        assert self._due is not None  # a block is waited for before it is finished
+        assert self._due is not None  # wait() is called before a block is finished
         self._due += PERIOD
         self._count(max(0.0, now - self._due), 1)
 
@@ -77,40 +76,42 @@ class BlockClock:
         counted.worst_ms = max(counted.worst_ms, 1e3 * lateness)
 
     def pause(self) -> None:
-        """Let the next block begin whenever it is waited for: time until then is nobody's loss."""
+        """Start the next block at the next call of :meth:`wait`; the time until then is not lost."""
         self._due = None
 
 
 @dataclass(kw_only=True)
 class LiveLoop:
-    """Runs one walk after the other until it is told to end; :meth:`walk` starts it."""
+    """Loop that runs one walk after the other until a command ends it; :meth:`walk` starts it."""
 
     run: SteppedRun  # the walk at tick 0
-    now: Callable[[], float]  # time in [s] of a clock that never goes back
+    now: Callable[[], float]  # returns the time in [s] of a monotonic clock
     sleep: Callable[[float], None]  # waits for a time in [s]
-    commands: Callable[[], Command | None]  # gives the next command, or None; returns at once
-    send: Callable[[Mapping[str, Any]], None]  # takes news or an answer; returns at once
-    keep: Callable[[Piece], None]  # takes what is new in the walk, its last piece marked; returns at once
+    commands: Callable[[], Command | None]  # returns the next command, or None, immediately
+    send: Callable[[Mapping[str, Any]], None]  # sends telemetry or an answer; returns immediately
+    keep: Callable[
+        [Piece], None
+    ]  # stores the next chunk of the walk, the last one marked; returns immediately
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
-        """Begin with nothing handed over."""
+        """Begin the first walk."""
         self._longest = self.run.problem.experiment.n_ticks
         self._ended = self.paused = False
-        self._whole: Mapping[str, Any] = {}  # all that differs from the preset, as ``set`` of an event
+        self._whole: Mapping[str, Any] = {}  # all changes from the preset, in the form of an event's ``set``
         self._begin()
 
     def _begin(self) -> None:
         """Begin a walk."""
         self._began = self.now()
-        self._told = self._switches = 0  # ticks and switches handed over
-        self._events: list[Mapping[str, Any]] = []  # that have not been handed over
-        self._script = 0  # characters of the events of this walk
+        self._told = self._switches = 0  # numbers of ticks and switches that have been sent
+        self._events: list[Mapping[str, Any]] = []  # events that have not been stored
+        self._script = 0  # number of characters of the events of this walk
 
     # ------------------------------------------------------------------ the loop
 
     def walk(self) -> None:
-        """Walk until a command ends it, or the longest time is over."""
+        """Run until a command ends the loop, or a walk reaches its longest duration."""
         while not self._ended:
             self._take_commands()
             if self._moving:
@@ -118,13 +119,13 @@ class LiveLoop:
             else:
                 self.clock.pause()
                 self.sleep(PERIOD)
-                self.send({"kind": "beat"})  # else the news of a block is the heartbeat
+                self.send({"kind": "beat"})  # otherwise, the telemetry of a block is the heartbeat
             self._ended = self._ended or self.run.tick >= self._longest
         self._hand_over(over=True)
 
     @property
     def status(self) -> str:
-        """What the walk does at present, as a :class:`~twin_gait.live.protocol.Frame` has it."""
+        """Present status of the walk, as in a :class:`~twin_gait.live.protocol.Frame`."""
         if self._ended:
             return "ended"
         if self.run.status is not RunStatus.COMPLETED:
@@ -137,22 +138,22 @@ class LiveLoop:
 
     @property
     def _moving(self) -> bool:
-        """Whether time goes on: in a hold it does, so that the legs are lowered even in a pause."""
+        """Whether simulated time advances: also in a hold, so that the legs are lowered even in a pause."""
         return self.status in ("walking", "waiting", "held")
 
     def _one_block(self) -> None:
-        """Wait for the next block, or run it if its time has come."""
+        """Wait for the next block, or run it if it is due."""
         wait, run = self.clock.wait(self.now()), self.run
         if wait > 0.0:
             self.sleep(wait)
-            return  # for commands that came meanwhile
+            return  # so that commands are read first
         run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self._longest - run.tick))
         self.clock.finished(self.now())
         self._hand_over()
-        run.forget_rows(self._told - 1)  # a look at the last row is always possible
+        run.forget_rows(self._told - 1)  # the last row stays available
 
     def _hand_over(self, *, over: bool = False) -> None:
-        """Keep what is new in the walk, and send it with how the walk stands."""
+        """Store the next chunk of the walk, and send it with the state of the walk."""
         run, first, trip = self.run, self._told, self.run.trip
         piece = Piece(
             rows=run.rows(first), switches=run.switches(self._switches), events=tuple(self._events),
@@ -171,20 +172,20 @@ class LiveLoop:
     # ------------------------------------------------------------------ commands
 
     def _take_commands(self) -> None:
-        """Execute the commands that have come, and answer them."""
+        """Execute the received commands, and answer them."""
         while (command := self.commands()) is not None:
             answer: dict[str, Any] = {"kind": "answer", "refused": "", "text": ""}
             try:
                 answer |= self._obey(command)
             except TwinGaitError as error:
                 answer["refused"] = one_line(error)
-            answer.setdefault("tick", self.run.tick)  # after a restart it is that of the new walk
+            answer.setdefault("tick", self.run.tick)  # after a restart, the tick of the new walk
             self.send(answer)
-            if not self._moving:  # else the next block tells how it stands
+            if not self._moving:  # otherwise, the next block sends the state
                 self._hand_over()
 
     def _obey(self, command: Command) -> dict[str, Any]:
-        """Execute a command, and record it as an event; gives the fields of its answer, ``text`` in words."""
+        """Execute a command, and record it as an event; return the fields of its answer, such as ``text``."""
         name, run = command["command"], self.run
         if name in RECORDED and self._script > LONGEST_SCRIPT:
             raise ParameterError(f"{name}: too many events in one walk; start again")
@@ -208,7 +209,7 @@ class LiveLoop:
             case "moment":
                 return {"moment": run.moment()}
             case "request":
-                answer = run.request(command["request"])  # in the next tick, which it runs
+                answer = run.request(command["request"])  # this runs the next tick, in which it is handled
                 self._record(command, answer.time, request=answer.request)
                 if answer.refused:
                     raise ParameterError(answer.refused)
@@ -233,20 +234,20 @@ class LiveLoop:
         return {"text": name}
 
     def _record(self, command: Command, time: float | None = None, **action: Any) -> None:
-        """Record an event, as an experiment file has it, at a time in [s] or before the next tick."""
+        """Record an event in the form of an experiment file, at ``time`` in [s] or before the next tick."""
         time = self.run.tick * TICK if time is None else time
         by = {"by": command["user"]} if command.get("user") else {}
         self._events.append({"time_s": round(time, 3), **action, **by})
         self._script += len(dump(self._events[-1]))
 
     def _require_going(self, name: str) -> None:
-        """Refuse what a walk that is over cannot do; in a hold the supervisor still answers."""
+        """Raise ParameterError if the walk is over; in a hold, the supervisor still handles requests."""
         held = self.run.trip is not None and name != "request"
         if held or self.run.status is not RunStatus.COMPLETED:
             raise ParameterError(f"{name}: the walk is over; start again")
 
     def _restart(self, command: Command) -> None:
-        """Begin a new walk, whose first event has all that has been changed."""
+        """Begin a new walk, whose first event contains all changes from the preset."""
         if self.run.tick > 0:
             self._hand_over(over=True)
         self.run.restart()

@@ -1,4 +1,4 @@
-"""Events of a live session, and the process of its walk as its parent holds it."""
+"""Events of a live session, and the parent's interface to the process of its walk."""
 
 import base64
 import contextlib
@@ -22,32 +22,32 @@ from twin_gait.live.session_records import SessionRecorder
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import Problem
 
-MOST_EVENTS = 1_000  # that are kept for pages that come late
-MOST_BLOCKS = 800  # that are kept for pages: eight seconds, which is what a page remembers
-END_TIME = 30.0  # [s] in which the process closes its journal
-SILENCE = 0.5  # [s] without a message of the process after which it counts as hung
+MOST_EVENTS = 1_000  # number of events that are stored for pages that are opened later
+MOST_BLOCKS = 800  # number of blocks that are stored for pages: eight seconds, as much as a page shows
+END_TIME = 30.0  # [s], timeout of the process for closing its journal
+SILENCE = 0.5  # [s], time without a message after which the process counts as hung
 
 Answer = Mapping[str, Any]
 
 
 class EventBook:
-    """The events of one session; its methods may be called from any thread.
+    """Events of one session; its methods may be called from any thread.
 
     Attributes:
         serial: Number of the last event.
-        tick: Last tick that is known of the walk.
-        recorder: Record of the session, or None if there is none.
+        tick: Last known tick of the walk.
+        recorder: Record of the session, or None.
     """
 
     def __init__(self) -> None:
-        """Begin with no events."""
+        """Begin without events."""
         self.serial = self.tick = 0
         self.recorder: SessionRecorder | None = None
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._lock = threading.Lock()
 
     def emit(self, response: Response, text: str, *, tick: int | None = None, **rest: Any) -> None:
-        """Add an event. ``tick`` of the event, if it is not the last that is known."""
+        """Add an event. ``tick`` of the event; None is the last known tick."""
         with self._lock:
             self.serial += 1
             at = self.tick if tick is None else tick
@@ -60,7 +60,7 @@ class EventBook:
                 self.emit("note", f"the session is no longer recorded: {failure}")
 
     def answer(self, message: Message, response: Response, text: str, **rest: Any) -> None:
-        """Add an event that tells what became of a message."""
+        """Add an event with the result of a message."""
         if isinstance(message, SetControls):
             subject = next(iter(message.changes)) if len(message.changes) == 1 else ""
         else:
@@ -69,25 +69,25 @@ class EventBook:
         self.emit(response, text, **(about | rest))
 
     def after(self, serial: int) -> list[Event]:
-        """Events since one of them; 0 gives all that are kept."""
+        """Return the stored events after one of them; 0 returns all."""
         with self._lock:
             return [item for item in self._events if item.serial > serial]
 
 
 class Block(NamedTuple):
-    """Some ticks of the walk."""
+    """Consecutive ticks of the walk."""
 
-    first: int  # of them
-    end: int  # the one after the last
-    columns: Mapping[str, np.ndarray]  # of the log by name, one row per tick; phases are names
-    tripped: str  # board that the monitor tripped on, such as ``left_knee``; empty for none
+    first: int  # first tick
+    end: int  # tick after the last one
+    columns: Mapping[str, np.ndarray]  # columns of the log by name, one row per tick; phases are names
+    tripped: str  # board at which the monitor tripped, such as ``left_knee``; empty for none
 
 
 _ENDINGS = ("held", "fell", "diverged")
 
 
 class WalkNews:
-    """The process of the walk and what is known of its walks; told by the thread that reads, asked by any."""
+    """Process of the walk, and the state of its walks; one thread reads it, any thread may use it."""
 
     def __init__(
         self,
@@ -97,16 +97,16 @@ class WalkNews:
         on_compile: Callable[[], None],
         on_unkept: Callable[[str], None],
     ) -> None:
-        """Prepare it.
+        """Prepare the interface, without starting the process.
 
         ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`; ``on_unkept``: called once if the
         process can no longer write its journal, with the reason.
         """
-        # The newest news.
+        # Newest telemetry of the walk.
         self.frame: Mapping[str, Any] = {"status": "starting", "tick": 0, "deadlines": {}, "events": []}
-        self.death = ""  # how the process died
-        self.on_block: Callable[[Block], None] = lambda block: None  # takes the walk, block by block
-        self.unkept = ""  # why the walk is no longer kept
+        self.death = ""  # description of the death of the process, or empty
+        self.on_block: Callable[[Block], None] = lambda block: None  # receives the walk, block by block
+        self.unkept = ""  # reason why the walk is no longer stored, or empty
         self._book, self._on_compile, self._on_unkept = book, on_compile, on_unkept
         self._layout, self._phases = log_layout(problem), np.array(problem.table.phase_names)
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
@@ -115,11 +115,11 @@ class WalkNews:
         self._last_message = self._last_look = time.monotonic()
         self._hung_since: float | None = None  # time of the last message before a silence that was noted
         self._answers: SimpleQueue[Answer] = SimpleQueue()
-        self._lock = threading.Lock()  # one asks at a time
+        self._lock = threading.Lock()  # one command at a time
 
     def start(self, setup: Mapping[str, Any]) -> None:
-        """Start the process and wait until it walks; MessageRefused if it cannot."""
-        # -P: what lies in the present folder is not ours to import.
+        """Start the process and wait until it walks; raise MessageRefused if it cannot."""
+        # -P: modules in the present folder must not be imported.
         command = [sys.executable, "-P", "-m", "twin_gait.live.process"]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
@@ -129,20 +129,20 @@ class WalkNews:
 
     @property
     def status(self) -> str:
-        """What the walk does."""
+        """Status of the walk."""
         return str(self.frame["status"])
 
     @property
     def alive(self) -> bool:
-        """Whether the process is there, and how it ended has not been told yet."""
+        """Whether the process runs, or its end has not been processed yet."""
         return self._thread.is_alive()
 
     def silence(self) -> float:
         """Return the time in [s] since the last message of the process; call it at least every ``SILENCE``.
 
-        The loop of the process sends one at least every 0.1 s, whatever the walk does. An event notes when it
-        has hung, and when it sends again. None is added by a call that comes late: then this program itself
-        stood still, and messages may wait to be read.
+        The loop of the process sends a message at least every 0.1 s in every state of the walk. An event is
+        added when it hangs, and when it sends again. A late call adds none, because this program itself was
+        suspended then, and messages may be waiting to be read.
         """
         now = time.monotonic()
         silent, late, self._last_look = now - self._last_message, now - self._last_look > SILENCE, now
@@ -158,7 +158,7 @@ class WalkNews:
         return silent
 
     def close(self) -> None:
-        """End the process and wait until it is gone."""
+        """End the process and wait until it has exited."""
         if self.process is None:
             return
         assert self.process.stdin is not None and self.process.stdout is not None  # start() opened them
@@ -172,10 +172,10 @@ class WalkNews:
         self.process.stdout.close()
 
     def ask(self, command: Mapping[str, Any]) -> Answer:
-        """Send a command and wait for the answer, which comes within a block.
+        """Send a command and wait for its answer, which is sent within a block.
 
-        Raises ParameterError if the process is gone, or has not been started. Raises MessageRefused if it
-        refuses the command.
+        Raises ParameterError if the process has ended or has not been started. Raises MessageRefused if it
+        rejects the command.
         """
         if self.process is None or self.process.stdin is None:
             raise ParameterError("the walk has not begun yet")
@@ -190,7 +190,7 @@ class WalkNews:
             raise MessageRefused(answer["refused"])
         return answer
 
-    # ------------------------------------------------------------------ what it says
+    # ------------------------------------------------------------------ messages of the process
 
     def _read(self) -> None:
         assert self.process is not None and self.process.stdout is not None  # start() opened them
@@ -198,7 +198,7 @@ class WalkNews:
             self._last_message = time.monotonic()
             self._hear(json.loads(line))
         self._note_end(self.process.wait())
-        self._answers.put({"refused": "the walk has ended"})  # for who waits for one
+        self._answers.put({"refused": "the walk has ended"})  # for a caller that waits for an answer
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         match message["kind"]:
@@ -213,7 +213,7 @@ class WalkNews:
                 self._on_unkept(self.unkept)
 
     def _note_news(self, news: Mapping[str, Any]) -> None:
-        """Keep the rows, and tell what the walk does by itself; the rest is for the pages."""
+        """Store rows and state of the walk for the pages, and emit a note if the walk has ended."""
         names = self._layout.names
         rows = np.frombuffer(base64.b64decode(news["rows"])).reshape(-1, len(names))
         if len(rows):
@@ -232,7 +232,7 @@ class WalkNews:
             self._book.emit("note", "; ".join([*told, f"{self.status}: start again to walk"]))
 
     def _note_end(self, status: int) -> None:
-        """Take the exit status of the process, which is gone; negative: killed by that signal."""
+        """Process the exit status of the process; a negative one is the signal that killed it."""
         if status != 0:
             how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
             self.death = f"the process of the walk died at {self._book.tick * TICK:.1f} s ({how})"
@@ -240,5 +240,5 @@ class WalkNews:
             self._book.emit("note", f"{self.death}; the walk is kept up to its last second")
 
     def blocks(self) -> list[Block]:
-        """The walk since the last call, in order; of a long time the last eight seconds."""
+        """Return the blocks since the last call in their order, at most those of the last eight seconds."""
         return [self._blocks.popleft() for _ in range(len(self._blocks))]

@@ -1,8 +1,8 @@
-"""The process of the live loop: ``python -m twin_gait.live.process``.
+"""Process of the live loop: ``python -m twin_gait.live.process``.
 
-It reads one JSON object per line from its standard input, commands of which the first is the set-up, and
-writes news and answers likewise. The end of the input is the end of the process: however the parent dies, the
-loop stops, closes its journal and is gone. Nothing that it is sent is ever executed or unpickled.
+It reads one JSON object per line from its standard input, the set-up and then commands, and writes telemetry
+and answers in the same form. The process ends when its input ends: if the parent dies in any way, the loop
+stops, closes its journal and exits. Received data are never executed or unpickled.
 """
 
 import contextlib
@@ -28,14 +28,14 @@ from twin_gait.live.protocol import one_line
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
 
-SWITCH_INTERVAL = 1e-3  # [s], after which a thread must let another one go on
-REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
+SWITCH_INTERVAL = 1e-3  # [s], time after which a thread must yield to another one
+REAL_TIME_PRIORITY = 1  # the lowest real-time priority is above all other priorities
 
 
 def commands_from(stream: IO[str]) -> Callable[[], Mapping[str, Any] | None]:
-    """Read commands in a thread; the end of the input, and SIGTERM, are commands to end.
+    """Read commands in a thread; the end of the input and SIGTERM are commands to end.
 
-    Returns a function that gives the next command that has come, or None.
+    Returns a function that returns the next received command, or None.
     """
     waiting, end = deque[Mapping[str, Any]](), {"command": "end"}
 
@@ -50,28 +50,28 @@ def commands_from(stream: IO[str]) -> Callable[[], Mapping[str, Any] | None]:
 
 
 def main() -> None:
-    """Read the set-up and walk; a thread of its own writes, so that the loop never waits for a pipe."""
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to the parent too, which ends us
+    """Read the set-up and run the walk; a separate thread writes, so that the loop never waits for a pipe."""
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal also sends them to the parent, which ends us
         signal.signal(number, signal.SIG_IGN)
     stream = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # whatever else is printed must not run into the messages
+    os.dup2(2, 1)  # other printed text must not be mixed with the messages
     with ThreadPoolExecutor(1, "sender") as sender:
 
         def send(message: Mapping[str, Any]) -> None:
-            # What is not expected is printed.
+            # An unexpected error is printed.
             sender.submit(_write, stream, message).add_done_callback(Future.result)
 
         _walk(json.loads(sys.stdin.readline()), send)
 
 
 def _write(stream: IO[str], message: Mapping[str, Any]) -> None:
-    with contextlib.suppress(OSError, ValueError):  # the reader has gone
+    with contextlib.suppress(OSError, ValueError):  # the reader has ended
         stream.write(dump(message) + "\n")
         stream.flush()
 
 
 def _walk(setup: Mapping[str, Any], send: Callable[[Mapping[str, Any]], None]) -> None:
-    """Walk; the answer to the set-up says that the walk can begin, or why it cannot."""
+    """Run the walk; the answer to the set-up states that the walk can begin, or why it cannot."""
     try:
         experiment = experiment_from_mapping(setup["document"], "experiment", Path())
         run = SteppedRun(build_problem(experiment), on_compile=lambda: send({"kind": "compiling"}))
@@ -89,12 +89,12 @@ def _walk(setup: Mapping[str, Any], send: Callable[[Mapping[str, Any]], None]) -
 
 
 def go_before_others() -> None:
-    """Keep garbage collection, other threads and other processes out of the way of this one."""
+    """Prevent interruptions by garbage collection, other threads and other processes."""
     sys.setswitchinterval(SWITCH_INTERVAL)
     gc.collect()
     gc.disable()
     if sys.platform == "linux":
-        with contextlib.suppress(OSError):  # not for every user: see ulimit -r
+        with contextlib.suppress(OSError):  # not allowed for every user: see ulimit -r
             for thread in threading.enumerate():
                 priority = os.sched_param(REAL_TIME_PRIORITY)
                 os.sched_setscheduler(thread.native_id or 0, os.SCHED_RR, priority)

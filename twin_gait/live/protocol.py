@@ -1,12 +1,12 @@
-"""What a page says to the simulation and what it hears back, as plain values.
+"""Messages between a page and the simulation, as plain values.
 
-Everything that comes from a page is JSON text and becomes one of three messages, or a refusal; nothing else
-is ever read from the network. Everything that goes to a page is a mapping with a ``kind``:
+A message from a page is JSON text, which is parsed to one of three types or rejected; nothing else is ever
+read from the network. A message to a page is a mapping with a ``kind``:
 
 * ``state``: the panel: all controls and actions with ranges, units and present values;
-* ``frame``: one moment of the walk, some thirty times a second; the newest is the one that counts;
-* ``beat``: the heartbeat, ten times a second, also while no frame comes;
-* ``event``: what became of a message, or what the simulation did by itself; none of them is dropped.
+* ``frame``: state of the walk at one time, about thirty times a second; a newer frame replaces an older one;
+* ``beat``: heartbeat, ten times a second, also if there is no frame;
+* ``event``: result of a message, or an action of the simulation itself; no event is dropped.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from twin_gait.configuration.validation import Strict, short, validate
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 from twin_gait.files import plain
 
-LARGEST_MESSAGE = 4096  # characters; the longest sensible message has some 300
+LARGEST_MESSAGE = 4096  # characters of a message; the longest reasonable one has about 300
 LONGEST_NAME = 64  # characters of an id, a user, a control
 LONGEST_TEXT = 200  # characters of any other text
-LONGEST_REASON = 400  # characters of an error that is sent to a page; the longest of the check has some 350
+LONGEST_REASON = 400  # characters of an error that is sent to a page; the longest of the check has about 350
 
 
 class MessageRefused(TwinGaitError, ValueError):
-    """A message of a page cannot be understood, or asks for something that is not allowed."""
+    """Error: a message of a page is invalid, or requests something that is not allowed."""
 
 
 def one_line(error: Exception) -> str:
@@ -41,16 +41,16 @@ def one_line(error: Exception) -> str:
 
 
 class RateLimit:
-    """Token bucket: limits how often something is done, and counts the times beyond the limit."""
+    """Token bucket: it limits the rate of an operation, and counts the operations beyond the limit."""
 
     def __init__(self, rate: float, burst: int) -> None:
-        """Start with a full bucket. ``rate``: times per second; ``burst``: times at once."""
-        self.dropped = 0  # times beyond the limit since the last one within it
+        """Start with a full bucket; ``rate``: operations per second; ``burst``: operations at once."""
+        self.dropped = 0  # number of operations beyond the limit since the last one within it
         self._rate, self._burst = rate, burst
         self._left, self._last = float(burst), -math.inf
 
     def allows(self, now: float) -> bool:
-        """Return whether one more time is within the limit. ``now``: present time in [s]."""
+        """Return whether one more operation is within the limit; ``now``: present time in [s]."""
         self._left = min(self._burst, self._left + self._rate * (now - self._last))
         self._last = now
         if self._left < 1.0:
@@ -60,8 +60,8 @@ class RateLimit:
         return True
 
 
-ControlKind = Literal["number", "choice", "switch", "text"]  # how a control is drawn
-Response = Literal["applied", "refused", "note", "forecast"]  # what an event tells
+ControlKind = Literal["number", "choice", "switch", "text"]  # types of input for a control
+Response = Literal["applied", "refused", "note", "forecast"]  # types of an event
 Value = float | str | bool
 
 
@@ -85,7 +85,7 @@ Said = Annotated[Value, BeforeValidator(_value)]
 
 
 def user_name(name: str) -> str:
-    """Return the name of a user if a message could have it; MessageRefused otherwise."""
+    """Return the name of a user if it is valid in a message; raise MessageRefused otherwise."""
     try:
         return _text(name)
     except ValueError as error:
@@ -93,33 +93,33 @@ def user_name(name: str) -> str:
 
 
 class SetControl(Strict):
-    """A page sets a control."""
+    """Message of a page that sets a control."""
 
-    kind: Literal["set", "try"] = "set"  # ``try`` if only a forecast is wanted
-    id: Name  # by which the page recognises the answer
-    user: User = ""  # who
+    kind: Literal["set", "try"] = "set"  # ``try`` for a forecast only
+    id: Name  # id of the message, which its answer repeats
+    user: User = ""  # name of the user
     control: Name  # name of the control
-    value: Said  # in the unit of the control
+    value: Said  # new value in the unit of the control
 
 
 class SetControls(Strict):
-    """A page sets several controls in one tick, or none of them."""
+    """Message of a page that sets several controls in one tick, or none of them."""
 
-    kind: Literal["set", "try"] = "set"  # ``try`` if only a forecast is wanted
-    id: Name  # by which the page recognises the answer
-    user: User = ""  # who
-    # values by control, in the units of the controls; null sets a control back to the preset
+    kind: Literal["set", "try"] = "set"  # ``try`` for a forecast only
+    id: Name  # id of the message, which its answer repeats
+    user: User = ""  # name of the user
+    # new values by control in the units of the controls; null reverts a control to the preset
     changes: Mapping[Name, Said | None]
 
 
 class DoAction(Strict):
-    """A page asks for an action."""
+    """Message of a page that requests an action."""
 
-    kind: Literal["do"] = "do"  # there is no other
-    id: Name  # by which the page recognises the answer
-    user: User = ""  # who
-    action: Name  # what to do, of those of the state
-    # of the fields of the action; those left out take their defaults
+    kind: Literal["do"] = "do"  # only value
+    id: Name  # id of the message, which its answer repeats
+    user: User = ""  # name of the user
+    action: Name  # name of an action in the state
+    # values of the fields of the action; missing fields have their defaults
     values: Mapping[Name, Said] = {}
 
 
@@ -127,10 +127,10 @@ Message = SetControl | SetControls | DoAction
 
 
 def read_message(text: str | bytes) -> Message:
-    """Read a message of a page.
+    """Parse a message of a page.
 
-    ``text``: JSON of :class:`SetControl`, :class:`SetControls` or :class:`DoAction`. Raises MessageRefused if
-    it is anything else; the text says why.
+    ``text``: JSON of :class:`SetControl`, :class:`SetControls` or :class:`DoAction`. Raises MessageRefused
+    with the reason for any other text.
     """
     if len(text) > LARGEST_MESSAGE:
         raise MessageRefused(f"message: {len(text)} characters, at most {LARGEST_MESSAGE} are read")
@@ -150,112 +150,112 @@ def read_message(text: str | bytes) -> Message:
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """A control, or a field of an action, with all that is needed to draw it."""
+    """A control or a field of an action, with all data that are needed to draw it."""
 
-    name: str  # by which it is set, such as ``late_stance.hip.stiffness``
-    kind: ControlKind  # how it is drawn
-    label: str = ""  # what a page writes beside it, if not the name
-    group: str = ""  # tab of the panel: ``walk``, ``table``, ``monitor``; of no field of an action
-    value: Value = 0.0  # present value; for a field of an action the one that it begins with
+    name: str  # unique name of the control, such as ``late_stance.hip.stiffness``
+    kind: ControlKind  # type of the input
+    label: str = ""  # label on the page; empty to use the name
+    group: str = ""  # tab of the panel: ``walk``, ``table``, ``monitor``; empty for a field of an action
+    value: Value = 0.0  # present value; initial value for a field of an action
     default: Value = 0.0  # value of the preset
-    unit: str = ""  # of the value; empty for a pure number or a word
-    least: float | None = None  # least number allowed
-    largest: float | None = None  # largest number allowed
-    step: float | None = None  # from one number to the next
-    choices: tuple[str, ...] = ()  # words of a choice
-    # words that fit, by the word of another field of the action, which ``choices_by`` names
+    unit: str = ""  # unit of the value; empty for a pure number or a word
+    least: float | None = None  # smallest allowed number
+    largest: float | None = None  # largest allowed number
+    step: float | None = None  # increment of the number
+    choices: tuple[str, ...] = ()  # options of a choice
+    # options that are valid for each value of another field of the action, which ``choices_by`` names
     choices_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    choices_by: str = ""  # that field, such as ``kind``; empty if all words always fit
+    choices_by: str = ""  # name of that field, such as ``kind``; empty if all options are always valid
     phase: str | None = None  # phase of gait of a table's control
-    joint: str | None = None  # joint of a control that has one
-    side: str | None = None  # leg of a control that has one
-    help: str = ""  # one sentence
-    changed: bool = False  # whether it has been set
+    joint: str | None = None  # joint of the control, or null
+    side: str | None = None  # leg of the control, or null
+    help: str = ""  # explanation in one sentence
+    changed: bool = False  # whether the control has been set
 
 
 @dataclass(frozen=True)
 class ActionSpec:
     """An action with its fields."""
 
-    action: str  # its name
+    action: str  # name of the action
     group: str  # tab of the panel
-    label: str  # what the button says
-    help: str  # one sentence
-    fields: tuple[Control, ...] = ()  # what goes with it
+    label: str  # label of the button
+    help: str  # explanation in one sentence
+    fields: tuple[Control, ...] = ()  # inputs of the action
 
 
 class ToPage:
-    """What a page is told: a dataclass, as JSON a mapping with the name of its class as ``kind``."""
+    """Message to a page: a dataclass, which is in JSON a mapping with the name of its class as ``kind``."""
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields as JSON takes them; numbers that are not finite become null."""
+        """Return the fields as values for JSON; numbers that are not finite become null."""
         fields: Any = self
         return dict(plain({"kind": type(self).__name__.lower(), **asdict(fields)}))
 
 
 @dataclass
 class DeadlineStatistics:
-    """How well the blocks kept to the clock."""
+    """Statistics of the deadlines of the blocks."""
 
-    blocks: int = 0  # that were due
-    late: int = 0  # of them, finished more than 10 ms after their time, or never
+    blocks: int = 0  # number of blocks that were due
+    late: int = 0  # number of blocks that were finished more than 10 ms after their time, or never
     worst_ms: float = 0.0  # largest lateness in [ms]
-    lost_s: float = 0.0  # time in [s] that the simulation has given up after stalls
+    lost_s: float = 0.0  # time in [s] that the simulation skipped after stalls
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame(ToPage):
-    """One moment of the walk."""
+    """State of the walk at one time."""
 
-    tick: int  # of the last row of the log
-    time_s: float  # of that tick
-    # ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or a trip), ``fell``,
-    # ``diverged``, ``ended`` or ``died`` (the process, not the wearer)
+    tick: int  # tick of the last row of the log
+    time_s: float  # time of that tick in [s]
+    # ``walking``, ``paused``, ``waiting`` (for a manual step), ``held`` (after a stop or a trip), ``fell``,
+    # ``diverged``, ``ended`` or ``died`` (the process of the simulation)
     status: str
-    phases: Mapping[str, str | None]  # of gait, by leg; null in a hold and before the first tick
-    mode: str | None  # operating mode; null in a walk without modes
-    deadlines: DeadlineStatistics  # how well the blocks kept to the clock
-    events: tuple[Mapping[str, Any], ...] = ()  # what befell the walk: kind, time in [s] and words each
+    phases: Mapping[str, str | None]  # phase of gait by leg; null in a hold and before the first tick
+    mode: str | None  # mode of operation; null in a walk without modes
+    deadlines: DeadlineStatistics  # statistics of the deadlines of the blocks
+    events: tuple[Mapping[str, Any], ...] = ()  # faults, trips and falls of the walk: kind, time in [s], text
 
 
 @dataclass(frozen=True, kw_only=True)
 class Beat(ToPage):
-    """The heartbeat: how long ago the process of the simulation sent something."""
+    """Heartbeat with the time since the last message of the process of the simulation."""
 
-    silence_s: float  # time in [s] since the last message of that process, sent at least every 0.1 s
+    silence_s: float  # time in [s] since the last message of that process, which sends at least every 0.1 s
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event(ToPage):
-    """What became of a message, or what the simulation did by itself."""
+    """Result of a message, or an action of the simulation itself."""
 
-    serial: int  # number of the event, from 1 on
-    response: Response  # applied, refused, a note of the simulation, or the forecast of a change that waits
-    text: str  # one sentence; of a refusal the reason
-    tick: int  # first tick with the change; of a refusal the last one known
-    id: str = ""  # of the message, or empty
-    user: str = ""  # who, or empty
-    subject: str = ""  # control or action that it is about, or empty
-    value: Value | None = None  # that was asked for
-    before: Value | None = None  # value that the control had
-    forecast: Mapping[str, Any] | None = None  # of a change that waits, see Forecast; else None
+    serial: int  # number of the event, starting at 1
+    response: Response  # applied, refused, a note of the simulation, or the forecast of a pending change
+    text: str  # one sentence; for a rejection the reason
+    tick: int  # first tick with the change; for a rejection the last known tick
+    id: str = ""  # id of the message, or empty
+    user: str = ""  # name of the user, or empty
+    subject: str = ""  # control or action of the message, or empty
+    value: Value | None = None  # requested value
+    before: Value | None = None  # previous value of the control
+    forecast: Mapping[str, Any] | None = None  # forecast of a pending change, see Forecast; otherwise null
 
 
 @dataclass(frozen=True, kw_only=True)
 class State(ToPage):
-    """The panel."""
+    """State of the panel."""
 
     experiment: str  # name of the preset or file
-    phases: tuple[str, ...]  # of the gait table, in order
-    joints: tuple[str, ...]  # of a leg, in order
+    phases: tuple[str, ...]  # phases of the gait table in their order
+    joints: tuple[str, ...]  # joints of a leg in their order
     controls: tuple[Control, ...]  # all controls
     actions: tuple[ActionSpec, ...]  # all actions
 
 
 def checked(control: Control, value: Value) -> Value:
-    """A value if the control can take it.
+    """Return a value if it is valid for a control.
 
-    Raises MessageRefused if it is of the wrong kind or out of range.
+    Raises MessageRefused if it has the wrong type or is out of range.
     """
     if control.kind == "switch":
         fits, wanted = isinstance(value, bool), "true or false"

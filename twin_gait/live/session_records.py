@@ -1,9 +1,9 @@
-"""The record of live sessions: who changed what, when, and where the run is.
+"""Record of live sessions: user, time and value of every change, and the run directories.
 
-A session is a file of JSON lines that is only ever appended to, by a thread that puts it on the disk as fast
-as the disk goes: neither the walk nor a page waits for it, a crash loses at most the last second, and a line
-that a kill has cut short is left out. A session holds a lock on its file, which the system takes back from
-the dead: no end and no lock means killed.
+A session is a file of JSON lines that is only appended to. A thread writes it to the disk as fast as the disk
+allows: neither the walk nor a page waits for it, a crash loses at most the last second, and a line that was
+truncated by a kill is ignored. A session holds a lock on its file, which the system releases if the process
+dies: a session without an end and without a lock was killed.
 """
 
 import contextlib
@@ -25,15 +25,15 @@ from twin_gait.runs.folders import hold, journal_of
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, GOING_ON = "killed", "going on"
-_DETAILS = frozenset({"document", "summary", "tables", "log"})  # that a list of sessions leaves out
+_DETAILS = frozenset({"document", "summary", "tables", "log"})  # keys that a list of sessions omits
 
 
 class SessionError(TwinGaitError):
-    """The record of the sessions cannot be used, or has no such session."""
+    """Error: the record of the sessions cannot be used, or it has no such session."""
 
 
 def default_records() -> Path:
-    """Folder of the record: ``$TWIN_GAIT_SESSIONS``, or twin_gait/sessions in the user's data folder."""
+    """Return the folder of the record: ``$TWIN_GAIT_SESSIONS``, or twin_gait/sessions of the user's data."""
     chosen = os.environ.get(FOLDER_VARIABLE)
     if chosen:
         return Path(chosen).expanduser()
@@ -51,16 +51,17 @@ def _unusable(path: Path, error: Exception) -> SessionError:
 
 
 class SessionRecorder:
-    """Records one session, number ``session``; every method but :meth:`close` returns at once."""
+    """Recorder of one session, number ``session``; every method except :meth:`close` returns immediately."""
 
     def __init__(
         self, records: Path, *, user: str, experiment: str, document: Mapping[str, Any], folder: Path
     ) -> None:
-        """Begin a session in the record, which is made if there is none; nobody else may read it.
+        """Begin a session in the record, which is created if it does not exist, readable by this user only.
 
-        ``folder``: run folder to come. Raises SessionError if the record cannot be written.
+        ``folder``: run directory that the session will write. Raises SessionError if the record cannot be
+        written.
         """
-        self.failure = ""  # why nothing is recorded any more
+        self.failure = ""  # reason why nothing is recorded any more
         self._waiting: deque[str] = deque()
         self._thread = ThreadPoolExecutor(1, "session recorder")
         began = {"user": user, "experiment": experiment, "document": dict(document), "began": _now()}
@@ -77,7 +78,7 @@ class SessionRecorder:
         self.session = int(path.stem)
 
     def event(self, event: Event) -> None:
-        """Record an event: what was applied or refused, or a note."""
+        """Record an event: an applied or rejected message, or a note."""
         self._put({"log": {**vars(event), "at": _now()}})
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
@@ -85,7 +86,7 @@ class SessionRecorder:
         self._put({"tables": {"tick": tick, "document": dict(document)}})
 
     def close(self, status: str, tick: int, summary: Mapping[str, Any], folders: Iterable[Path]) -> None:
-        """Record how and in which tick the last walk ended, with its summary; wait until it is written."""
+        """Record status, last tick and summary of the last walk, and wait until they are written."""
         end = {"ended": _now(), "status": status, "tick": tick, "summary": dict(summary)}
         self._put({**end, "folders": list(map(str, folders))})
         self._thread.shutdown()
@@ -97,7 +98,7 @@ class SessionRecorder:
         self._thread.submit(self._write)
 
     def _write(self) -> None:
-        """Write all that waits, which may be nothing by now."""
+        """Write all pending lines, if there are any."""
         try:
             self._file.write("".join(self._waiting.popleft() for _ in range(len(self._waiting))))
             self._file.flush()
@@ -115,13 +116,13 @@ def _file(folder: Path, session: int) -> Path:
 
 
 def _numbers(folder: Path) -> list[int]:
-    """Of the sessions that have begun."""
+    """Return the numbers of the sessions that have begun, sorted."""
     paths = [path for path in folder.glob("*.jsonl") if path.stem.isdecimal()]
     return sorted(int(path.stem) for path in paths if path.stat().st_size)
 
 
 def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]:
-    """All sessions of the record, the newest first: what :func:`read_session` gives, without the details.
+    """Return all sessions of the record, the newest first, as :func:`read_session` but without the details.
 
     Raises SessionError if the record cannot be read.
     """
@@ -133,14 +134,14 @@ def list_sessions(folder: Path, user: str | None = None) -> list[dict[str, Any]]
 
 
 def read_session(folder: Path, session: int) -> dict[str, Any]:
-    """Everything that is recorded of a session.
+    """Read the record of a session.
 
     Returns ``id``, ``user``, name of the ``experiment``, ``began`` and ``ended`` in UTC, ``status`` of the
-    last walk (or ``going on``, or ``killed`` if nobody is there to end it) and its last ``tick``, run
-    ``folders`` (without an end also those to come), those of them that are ``unfinished`` (only their
-    journal exists, of which ``twin-gait sessions complete`` makes them), how many ``changes`` were applied,
-    ``refusals`` and ``versions`` of the table there were; ``document`` of the experiment, ``summary``,
-    ``tables`` and ``log``: every event in order. Raises SessionError if there is no such session.
+    last walk (or ``going on``, or ``killed`` if its process died) and its last ``tick``; run directories
+    ``folders`` (before the end also planned ones) and those of them that are ``unfinished`` (only their
+    journal exists, which ``twin-gait sessions complete`` converts); numbers of applied ``changes``,
+    ``refusals`` and table ``versions``; ``document`` of the experiment, ``summary``, ``tables`` and ``log``
+    with every event in order. Raises SessionError if there is no such session.
     """
     path = _file(folder, session)
     try:
@@ -171,11 +172,11 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
 
 
 def add_folders(folder: Path, first: Path, folders: Iterable[Path]) -> None:
-    """Record the run folders that were made of the journal of a session after its end.
+    """Record the run directories that were made from the journal of a session after its end.
 
-    The session is the newest one with the run folder ``first``. Nothing is written if the record has none,
-    or if the session is going on: it records its folders itself. Raises SessionError if the record cannot be
-    used.
+    The session is the newest one with the run directory ``first``. Nothing is written if the record has none,
+    or if the session is still going on, because it records its directories itself. Raises SessionError if the
+    record cannot be used.
     """
     found = (entry for entry in list_sessions(folder) if str(first) in entry["folders"])
     session = next(found, None)
@@ -184,7 +185,7 @@ def add_folders(folder: Path, first: Path, folders: Iterable[Path]) -> None:
     path = _file(folder, session["id"])
     try:
         with path.open("r+b") as file:
-            file.seek(file.read().rfind(b"\n") + 1)  # over a line that a kill has cut short
+            file.seek(file.read().rfind(b"\n") + 1)  # overwrite a line that was truncated by a kill
             file.truncate()
             file.write(_line({"folders": list(map(str, folders))}).encode())
     except OSError as error:
@@ -192,9 +193,9 @@ def add_folders(folder: Path, first: Path, folders: Iterable[Path]) -> None:
 
 
 def delete_session(folder: Path, session: int) -> None:
-    """Take a session out of the record; its run folders stay.
+    """Delete a session from the record; its run directories stay.
 
-    Raises SessionError if there is no such session, or it is still going on.
+    Raises SessionError if there is no such session, or if it is still going on.
     """
     if read_session(folder, session)["status"] == GOING_ON:
         raise SessionError(f"{folder}: session {session} is going on; end it first")

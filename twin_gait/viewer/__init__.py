@@ -1,4 +1,4 @@
-"""See a run or a URDF: one page to keep, or a live page in the browser."""
+"""Viewer of a run or a URDF: a self-contained page, or a live page in the browser."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Pages that need no server and no network: a run that plays, and any URDF with a slider for every joint."""
+"""Pages that need no server and no network: a recorded run, and any URDF with a slider for every joint."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,12 +25,12 @@ from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
-_SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
-_BELT_LOOK = 40  # ticks between two looks at the belt
-_DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
-# A range wider than this is no limit: continuous joints, and files that leave the limits out.
+_SWITCH = 1e-4  # [s], time in which a colour changes or the belt marks jump back
+_BELT_LOOK = 40  # number of ticks between two keys of the belt
+_DECIMALS = 6  # decimals of positions in [m] and quaternions: 1 µm and 2 µrad
+# A wider range is not a limit: it is a continuous joint, or a file that omits the limits.
 _WIDEST_TURN, _WIDEST_WAY = 4.0 * math.pi, 10.0  # [rad], [m]
-_FREE_TURN, _FREE_WAY = math.pi, 1.0  # either way of a joint without limits, in [rad], [m]
+_FREE_TURN, _FREE_WAY = math.pi, 1.0  # [rad], [m], range in each direction of a joint without limits
 
 
 def recorded_run(
@@ -42,11 +42,11 @@ def recorded_run(
     moments: Sequence[float] = (),
     **setting: Unpack[Setting],
 ) -> dict[str, Any]:
-    """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
+    """Return the data of one run for :func:`twin_gait.viewer.page.recorded_page`, which accepts one or two.
 
-    The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
-    Each change of a phase has a frame, and so have ``moments`` in [s]. Raises ModelError if the URDF cannot
-    be read, ViewerError if the log does not fit the model.
+    The page runs from a file in any browser of 2023 or later; ``#t=3.2`` in its address opens it at that
+    time. Each change of a phase has a frame, and each of ``moments`` in [s]. Raises ModelError if the URDF
+    cannot be read, and ViewerError if the log does not match the model.
     """
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Window()
@@ -71,7 +71,7 @@ def recorded_run(
 
 
 def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, Any] | None:
-    """The leg by whose strides two runs are compared, and when they begin in [s]; None without strides."""
+    """Return the leg whose strides synchronise two runs, and their starts in [s]; None without strides."""
     side = model.sides[0]
     names = [name for name in motion.phase_names if name != HOLD]
     events = leg_record(log, side, names, TICK).stride_events
@@ -80,12 +80,12 @@ def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, An
 
 
 def _frames(motion: Motion) -> dict[str, Any]:
-    """Times in [ms], curves and phases, as the script of the page reads them."""
+    """Return times in [ms], curves and phases in the form that the script of the page reads."""
     legs = []
     for leg in motion.legs.values():
         series = {}
         for name, curve in leg.curves.items():
-            # Forces in [N] have two decimals, angles in [deg] and torques in [N m] four.
+            # Forces in [N] have two decimals; angles in [deg] and torques in [N m] have four.
             rounded = np.round(curve.values, 2 if name in ("force", "crutch") else 4) + 0.0
             known = [value if np.isfinite(value) else None for value in rounded.tolist()]
             series[name] = {"steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(), "values": known}
@@ -102,15 +102,15 @@ def _milliseconds(times: np.ndarray) -> np.ndarray:
 
 
 def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
-    """Everything that moves or changes colour; what stays as it is has no track."""
+    """Yield a track for every property that changes; constant properties have none."""
     states = [scene.state_at(motion, frame) for frame in range(len(motion.times))]
-    # What switches does so a little early: a key rounded up would come after its own frame.
+    # Switches have slightly earlier keys, because a key that is rounded up would come after its own frame.
     early = np.maximum(motion.times - _SWITCH, 0.0)
     for place, name in states[0]:
         values = np.array([state[place, name] for state in states])
         if name in _CONTINUOUS:
             track = Track(place, name, motion.times, np.round(values.astype(float), _DECIMALS) + 0.0)
-        elif name == "color":  # fades from key to key: each frame has the colour before it just before it
+        elif name == "color":  # interpolated: a key just before each frame repeats the old colour
             times = np.column_stack((early, motion.times)).ravel()[1:]
             colours = np.round(np.repeat(values[:, :3], 2, axis=0)[:-1], 4)
             track = Track(f"{place}/<object>", "material.color", times, colours)
@@ -121,8 +121,8 @@ def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
 
 
 def _thinned(track: Track) -> Track:
-    """Drop the keys inside a spell without change, which interpolation gives back exactly."""
-    if len(track.times) < 2:  # the belt in a run of a few ticks
+    """Drop the keys inside an interval without change, which interpolation restores exactly."""
+    if len(track.times) < 2:  # track of the belt in a run of a few ticks
         return track
     same = (track.values[1:] == track.values[:-1]).reshape(len(track.times) - 1, -1).all(axis=1)
     kept = ~np.concatenate(([False], same[:-1] & same[1:], [False]))
@@ -130,7 +130,7 @@ def _thinned(track: Track) -> Track:
 
 
 def _belt_track(speed: np.ndarray) -> Track:
-    """Marks that go back with the belt and jump forward by one spacing, which nobody sees.
+    """Make the track of marks that move back with the belt and jump forward by one spacing, unnoticeably.
 
     ``speed`` of the belt at every tick in [m] / [s].
     """
@@ -143,11 +143,11 @@ def _belt_track(speed: np.ndarray) -> Track:
 
 
 def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
-    """A page that shows a URDF and holds everything it needs.
+    """Return a self-contained page that shows a URDF.
 
-    Every joint is at zero, or at the limit that is nearest to it. ``path``: the file, or the name of a
-    packaged one; ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the
-    URDF cannot be read.
+    Every joint is at zero, or at the limit that is nearest to zero. ``path``: the file, or the name of a
+    packaged one; ``up_axis``: vertical axis of the URDF, ``"x"``, ``"y"`` or ``"z"``. Raises ModelError if
+    the URDF cannot be read.
     """
     urdf = find_urdf(path)
     model = build_model(urdf)
@@ -163,15 +163,16 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
 
 
 def joint_entries(figure: Figure, mimics: Mapping[str, Mimic]) -> Iterator[dict[str, Any]]:
-    """What a slider needs to know of each joint that turns about or slides along one axis.
+    """Yield the data of a slider for each joint that turns about or slides along one axis.
 
-    ``mimics``: couplings of joints that follow another one. Yields name, place in the scene, ``slides``, axis
-    in the frame of the joint, position in [m] and quaternion (x, y, z, w) at zero, and range in [rad] or [m],
-    which is ``free`` if the file has no limits; of a joint that follows another one also ``mimic``.
+    ``mimics``: couplings of joints that follow another joint. An entry has name, path in the scene,
+    ``slides``, axis in the frame of the joint, position in [m] and quaternion (x, y, z, w) at zero, and range
+    in [rad] or [m], which is ``free`` if the file has no limits; a joint that follows another one also has
+    ``mimic``.
     """
     model, rest = figure.model, figure.posture(pin.neutral(figure.model))
     for joint, name in zip(model.joints[1:], list(model.names)[1:], strict=True):
-        if joint.nq != 1:  # planar and floating ones
+        if joint.nq != 1:  # planar and floating joints
             continue
         slides = joint.shortname().startswith("JointModelP")
         limits = model.lowerPositionLimit, model.upperPositionLimit

@@ -1,4 +1,4 @@
-"""Arrows: the forces of the ground, and the torque of a motor around its joint, longer for more."""
+"""Arrows of ground forces and of motor torques around a joint; their lengths show the magnitudes."""
 
 import math
 from collections.abc import Mapping
@@ -11,18 +11,18 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_property
 from twin_gait.viewer.shapes import Shape
 
-# Scales of the arrows: the scene draws with them, the page explains them.
+# Scales of the arrows, which the scene uses and the legend of the page states.
 METRES_PER_NEWTON = 0.001  # length of the arrow of a ground force
-FULL_TORQUE = 60.0  # [N m] of the longest arrow of a motor torque: about the largest of a step of the presets
+FULL_TORQUE = 60.0  # [N m], torque of the longest arrow: about the largest torque in a step of the presets
 FORCE_ROOT = "/meshcat/forces"
 _LONGEST_ARROW = 1.2  # [m]
-LEVELS = 6  # lengths of the arrow, each way, of which there are meshes
-_ARC_RADIUS = 0.1  # of these meshes [m]
-_ARROW = ((0.0, 0.0), (0.012, 0.0), (0.012, 0.8), (0.031, 0.8), (0.0, 1.0))  # (radius, height) of 1 m
+LEVELS = 6  # number of meshes of different length for each sign of the torque
+_ARC_RADIUS = 0.1  # [m], radius of these meshes
+_ARROW = ((0.0, 0.0), (0.012, 0.0), (0.012, 0.8), (0.031, 0.8), (0.0, 1.0))  # (radius, height) for 1 m
 
 
 def draw_arrow(window: Window, name: str) -> str:
-    """Draw an arrow, hidden."""
+    """Draw a hidden arrow, and return its path in the scene."""
     path = f"{FORCE_ROOT}/{name}"
     material = Material(colour=rgb(GROUND_FORCE_COLOUR), roughness=0.8, glow=0.2)
     draw_mesh(window, path, shapes.turned(_ARROW, columns=24), material)
@@ -31,9 +31,9 @@ def draw_arrow(window: Window, name: str) -> str:
 
 
 def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> State:
-    """An arrow as long as its force, seen while there is contact.
+    """Return the state of an arrow whose length is proportional to its force; it is visible during contact.
 
-    ``force``: forward and upward in [N], shape ``(2,)``; ``point``: where it begins in [m], shape ``(3,)``.
+    ``force``: forward and upward in [N], shape ``(2,)``; ``point``: its start in [m], shape ``(3,)``.
     """
     forward, upward = float(force[0]), float(force[1])
     visible = upward > CONTACT_FORCE
@@ -49,19 +49,19 @@ def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> State:
 
 
 def arc_state(arcs: Mapping[int, str], torque: float) -> State:
-    """Which of the arrows of a joint is seen, if any.
+    """Return the visibility of the arrows of a joint, of which at most one is visible.
 
-    ``arcs``: place of each by its level, from ``-LEVELS`` to ``LEVELS`` without 0; ``torque`` of the motor on
-    the joint in [N m], positive in increasing angle.
+    ``arcs``: path of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0; ``torque`` of the
+    motor on the joint in [N m], positive in the direction of increasing angle.
     """
     seen = level(torque)
     return {(path, "visible"): number == seen for number, path in arcs.items()}
 
 
 def level(torque: float) -> int:
-    """Length of the arrow for a torque.
+    """Return the level of the arrow for a torque.
 
-    ``torque`` in [N m]. Returned from ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is
+    ``torque`` in [N m]. The level is from ``-LEVELS`` to ``LEVELS`` and has the sign of the torque; 0 means
     less than half a level.
     """
     share = torque / FULL_TORQUE if math.isfinite(torque) else 0.0
@@ -71,8 +71,8 @@ def level(torque: float) -> int:
 def arc_arrow(number: int, radius: float, placement: np.ndarray) -> tuple[Shape, Material]:
     """Make the arrow of a level.
 
-    ``radius`` of the arc in [m]; ``placement``: a positive one begins on x and turns by the right-hand rule
-    about z of this frame, shape ``(4, 4)``.
+    ``radius`` of the arc in [m]; ``placement``: frame of the arrow, shape ``(4, 4)``; the arrow of a positive
+    level begins on its x axis and turns about its z axis by the right-hand rule.
     """
     size, colour = radius / _ARC_RADIUS, FLEXION_COLOUR if number > 0 else EXTENSION_COLOUR
     sized = np.diag([size, math.copysign(size, number), size, 1.0])

@@ -1,6 +1,6 @@
-"""The wearer, sized by height, mass and segments of the model, and what holds him: harness, ropes, crutches.
+"""Wearer, scaled by height, mass and segments of the model, with harness, ropes and crutches.
 
-The meshes are of a body of 1.75 m and 70 kg, drawn by eye (``urdf/make_meshes.py``); they carry no data.
+The meshes show a body of 1.75 m and 70 kg, drawn by eye (``urdf/make_meshes.py``); they are not data.
 """
 
 import math
@@ -20,19 +20,19 @@ from twin_gait.viewer.motion import Element, Motion
 from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import Side
 
-_DRAWN_HEIGHT, _DRAWN_MASS = 1.75, 70.0  # of the body that the meshes show
-_HIP_CENTRE = 0.055  # half the distance between the hip centres, share of the body height
-# How far the limb lies inside the device at knee and ankle, share of the distance at the hip.
+_DRAWN_HEIGHT, _DRAWN_MASS = 1.75, 70.0  # [m], [kg] of the body that the meshes show
+_HIP_CENTRE = 0.055  # half the distance between the hip centres, as a share of the body height
+# Distance of the limb from the device at knee and ankle, as a share of the distance at the hip.
 _KNEE_INSIDE, _ANKLE_INSIDE = 0.62, 0.42
 
-_HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m], height over the trunk: where a rope meets its straps
+_HOOK = (0.0, 0.15, 1.12)  # hook of a rope: forward and left in [m], height as a share of the trunk length
 ROPES = "/meshcat/ropes"
 _ROPE = ((0.0, 0.0), (0.006, 0.0), (0.006, 1.0), (0.0, 1.0))  # (radius, height) [m]
 ROOT = "/meshcat/crutches"
 _COLUMNS = ("forward_m", "height_m", "friction_force_N", "normal_force_N")
 LEFT = {Side.LEFT: 1.0, Side.RIGHT: -1.0}
-_BESIDE = 0.13  # way of the tip to the outside of the hips of the device [m]
-_BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # from the tip to its arrow, which the shaft would hide [m]
+_BESIDE = 0.13  # [m], lateral distance of the crutch tip from the hip joint of the device
+_BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # [m], offset of the arrow from the tip, clear of the shaft
 
 
 def draw_wearer(
@@ -40,7 +40,7 @@ def draw_wearer(
 ) -> None:
     """Draw the wearer on a figure.
 
-    ``trunk_joint``: joint that carries the trunk, or None to draw the legs only.
+    ``trunk_joint``: joint to which the trunk is fixed, or None to draw the legs only.
     """
     for side, leg in legs.items():
         inside = _inside(figure, side, leg.hip, patient)
@@ -52,7 +52,7 @@ def draw_wearer(
         ends = (inside, _KNEE_INSIDE * inside, _ANKLE_INSIDE * inside)
         parts = ((leg.hip, "thigh", thigh), (leg.knee, "shank", shank))
         for (joint, name, segment), upper, lower in zip(parts, ends, ends[1:], strict=False):
-            # Thick by girth, as long as the segment, and leaning to the joint below.
+            # The limb is scaled by girth and by segment length, and sheared towards the joint below.
             limb = _sized(patient, float(np.linalg.norm(segment)))
             limb[1, 2:] = upper - lower, upper
             for part, look in ((name, "skin"), (f"{name}_strap", "strap")):
@@ -68,48 +68,48 @@ def draw_wearer(
 
 
 def _draw_on_trunk(figure: Figure, joint: str, patient: Patient, parts: Mapping[str, str]) -> None:
-    """Draw meshes that grow with the trunk. ``parts``: their materials by name."""
+    """Draw meshes that are scaled with the trunk. ``parts``: their materials by name."""
     placement = trunk_axes(figure) @ _sized(patient, patient.height / _DRAWN_HEIGHT)
     for part, look in parts.items():
         figure.draw(joint, f"wearer_{part}", shapes.packaged(f"wearer_{part}", placement), MATERIALS[look])
 
 
 def trunk_axes(figure: Figure) -> np.ndarray:
-    """Frame of the trunk in that of the joint that carries it: x forward, y left, z up.
+    """Return the frame of the trunk in the frame of its joint: x forward, y left, z up.
 
-    Returns homogeneous transform, shape ``(4, 4)``.
+    The result is a homogeneous transform, shape ``(4, 4)``.
     """
     return _axes(figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0]))
 
 
 def _sized(patient: Patient, length: float) -> np.ndarray:
-    """Scales of a mesh along z, and across by the girth of the wearer; shape ``(4, 4)``.
+    """Return the scaling of a mesh by ``length`` along z and by the girth of the wearer across; ``(4, 4)``.
 
-    That is 1 for the body that the meshes show: the same density in a body of other height and mass.
+    The girth is 1 for the body that the meshes show, and follows from equal density for other bodies.
     """
     girth = math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
     return np.diag([girth, girth, length, 1.0])
 
 
 def _inside(figure: Figure, side: Side, hip: str, patient: Patient) -> float:
-    """How far the wearer's hip centre lies to the left of the device's joint in [m]."""
+    """Compute the offset of the wearer's hip centre from the device's joint in [m], positive to the left."""
     placement = figure.model.jointPlacements[figure.model.getJointId(hip)].translation
     lateral = abs(float((figure.base[:3, :3] @ np.asarray(placement))[1]))
     centre = _HIP_CENTRE * patient.height
-    # A leg on the bench has no middle of the body: the device lies as far outside as on the average waist.
+    # A leg on the bench has no body midline; the device is as far outside as on an average waist.
     distance = centre if lateral == 0.0 else max(0.0, lateral - centre)
     return -LEFT[side] * distance
 
 
 def _axes(up: np.ndarray) -> np.ndarray:
-    """Frame with z along a segment, x as near to forward as it goes, and y left."""
+    """Return the frame with z along a segment, x as close to forward as possible, and y left."""
     return shapes.frame(up, np.array([1.0, 0.0, 0.0]))
 
 
 def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
     """Draw a harness on the wearer's chest.
 
-    Returns where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
+    Returns the hooks of the ropes in the frame of the trunk's joint in [m], shape ``(3,)`` each.
     """
     _draw_on_trunk(figure, trunk_joint, patient, {"vest": "vest", "harness": "strap"})
     x, y, share = _HOOK
@@ -120,13 +120,14 @@ def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.
 def draw_ropes(
     window: Window, figure: Figure, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool
 ) -> Element:
-    """Draw ropes that go straight up from a harness to the bar of a mast, or along rails, and those.
+    """Draw vertical ropes from a harness to the bar of a mast or to rails, and the mast or the rails.
 
-    ``hooks``: lower ends in the frame of the joint in [m]; ``height`` of the upper ones in [m].
+    Returns the function that moves the ropes. ``hooks``: lower ends of the ropes in the frame of the joint in
+    [m]; ``height`` of their upper ends in [m].
     """
     ends = [figure.world_point(joint, hook) for hook in hooks]
     uppers = np.array([[x, y, height] for x, y, _ in ends])
-    for number in range(len(hooks)):  # of 1 m along z; its length is the scale
+    for number in range(len(hooks)):  # a mesh of 1 m along z, scaled to its length
         draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), MATERIALS["rope"])
     draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
     draw(window, uppers)
@@ -143,7 +144,7 @@ def draw_ropes(
 
 
 def _spanned(path: str, start: np.ndarray, span: np.ndarray) -> State:
-    """Of what is 1 m long along z, so that it spans a way from a start in [m]."""
+    """Return the state that makes a part of 1 m along z extend from ``start`` by ``span``, both in [m]."""
     return {
         (path, "position"): start.tolist(),
         (path, "quaternion"): pin.Quaternion(_axes(span)[:3, :3]).coeffs().tolist(),
@@ -152,32 +153,33 @@ def _spanned(path: str, start: np.ndarray, span: np.ndarray) -> State:
 
 
 def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float) -> np.ndarray:
-    r"""Place of the elbow between shoulder and tip: the cut of two circles that lies behind their line.
+    r"""Compute the position of the elbow: the intersection of two circles behind the line shoulder–tip.
 
-    With d between the two, the foot of the elbow on the line lies at :math:`a = (u^2 - l^2 + d^2) / 2d` from
-    the shoulder and the elbow :math:`\sqrt{u^2 - a^2}` beside it. An arm that does not reach is straight, and
-    what is missing is between shoulder and elbow. ``shoulder``: forward and upward in [m], shape ``(2,)``;
-    ``tip``: likewise, shape ``(2,)``; ``upper``: shoulder to elbow in [m]; ``lower``: elbow to tip in [m].
-    Returns forward and upward in [m], shape ``(2,)``.
+    With distance d of shoulder and tip, the projection of the elbow on their line is at
+    :math:`a = (u^2 - l^2 + d^2) / 2d` from the shoulder, and the elbow at :math:`\sqrt{u^2 - a^2}` from the
+    line. An arm that is too short is straight, with the gap between shoulder and elbow. ``shoulder`` and
+    ``tip``: forward and upward in [m], shape ``(2,)`` each; ``upper``: length u from shoulder to elbow in
+    [m]; ``lower``: length l from elbow to tip in [m]. Returns forward and upward in [m], shape ``(2,)``.
     """
     distance = float(np.linalg.norm(tip - shoulder))
     ahead = (tip - shoulder) / distance
     if not abs(upper - lower) < distance < upper + lower:
         return np.asarray(tip - lower * ahead)
     along = (upper * upper - lower * lower + distance * distance) / (2.0 * distance)
-    behind = np.array([ahead[1], -ahead[0]])  # of an arm that hangs
+    behind = np.array([ahead[1], -ahead[0]])  # backwards for an arm that hangs down
     return np.asarray(shoulder + along * ahead + math.sqrt(upper * upper - along * along) * behind)
 
 
 def draw_crutches(
     window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
 ) -> Element:
-    """Draw both arms and crutches with the forces of the ground on them, the tips beside the legs.
+    """Draw both arms and crutches with the ground forces on them; the tips are next to the legs.
 
-    The forearm points along the shaft. ``joint`` carries the shoulders.
+    Returns the function that moves them. The forearm points along the shaft. ``joint``: joint to which the
+    shoulders are fixed.
     """
     aside = 0.5 * wearer.SHOULDER_BREADTH * patient.height
-    # From shoulder to elbow and from there to the tip, in the sagittal plane in [m].
+    # Lengths from shoulder to elbow and from elbow to tip in the sagittal plane in [m].
     upper = wearer.UPPER_ARM_LENGTH * patient.height
     lower = crutches.length * patient.height - upper
     outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
@@ -191,7 +193,7 @@ def draw_crutches(
             ("wearer_upper_arm", "upper_arm/skin", "skin"),
             ("wearer_forearm", "forearm/skin", "skin"),
             ("crutch", "forearm/crutch", "plastic"),
-        ):  # each of 1 m along z
+        ):  # meshes of 1 m along z
             shape, casts = shapes.packaged(name, _sized(patient, 1.0)), look == "plastic"
             draw_mesh(window, f"{ROOT}/{side}_{path}", shape, MATERIALS[look], casts=casts)
 

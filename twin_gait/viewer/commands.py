@@ -1,8 +1,8 @@
-"""The few commands of meshcat's viewer that are needed, as the plain values that it reads.
+"""Commands of meshcat's viewer that are needed, as the plain values that it reads.
 
-Commands are dictionaries that a window takes and keeps for a page, or sends to one. Building them here needs
-neither a server nor meshcat's Python package, keeps the case of property names, and names every object after
-its place in the scene, so that the same scene gives the same bytes.
+Commands are dictionaries, which a window collects for a page or sends to one. Building them here needs
+neither a server nor meshcat's Python package, keeps the case of property names, and names every object by its
+path in the scene, so that the same scene gives the same bytes.
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ import numpy as np
 
 from twin_gait.viewer.shapes import Shape
 
-_CHALK = 0.7  # surfaces at least as rough show no gloss
+_CHALK = 0.7  # roughness from which on a surface is drawn without gloss
 
 Command = dict[str, Any]
-State = dict[tuple[str, str], Any]  # values of properties, by place and name
+State = dict[tuple[str, str], Any]  # values of properties, by path and name
 Colour = Sequence[float]  # red, green and blue from 0 to 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """How a surface looks."""
+    """Appearance of a surface."""
 
     colour: Colour
     opacity: float = 1.0  # from 0 to 1
     roughness: float = 0.55  # 0 is a mirror, 1 is chalk
     glow: float = 0.0  # share of the colour that needs no light
-    two_sided: bool = False  # whether the inside is drawn too; for meshes that may have holes
+    two_sided: bool = False  # whether the inside is also drawn; for meshes that may have holes
 
 
 def rgb(colour: str) -> Colour:
-    """Red, green and blue from 0 to 1 of a colour written as ``#RRGGBB``."""
+    """Convert a colour ``#RRGGBB`` to red, green and blue from 0 to 1."""
     return [part / 255.0 for part in bytes.fromhex(colour[1:])]
 
 
 def set_object(path: str, shape: Shape, material: Material) -> Command:
-    """Command that draws a mesh. ``path``: place in the scene, for example ``/robot/left_hip/shell``."""
+    """Return the command that draws a mesh; ``path`` in the scene, such as ``/robot/left_hip/shell``."""
     geometry, surface = f"{path}:geometry", f"{path}:material"
     return {
         "type": "set_object",
@@ -58,14 +58,14 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
 def draw_mesh(
     window: Window, path: str, shape: Shape, material: Material, *, casts: bool = False, shaded: bool = False
 ) -> None:
-    """Draw a mesh. ``casts``: whether it casts a shadow; ``shaded``: whether shadows fall on it."""
+    """Draw a mesh; ``casts``: whether it casts a shadow; ``shaded``: whether it receives shadows."""
     window.send(set_object(path, shape, material))
     window.send(set_property(f"{path}/<object>", "receiveShadow", shaded))
     window.send(set_property(f"{path}/<object>", "castShadow", casts))
 
 
 def set_transform(path: str, placement: np.ndarray) -> Command:
-    """Command that places a group.
+    """Return the command that places a group.
 
     ``placement``: homogeneous transform in the parent group, shape ``(4, 4)``.
     """
@@ -73,28 +73,29 @@ def set_transform(path: str, placement: np.ndarray) -> Command:
 
 
 def set_property(path: str, name: str, value: Any) -> Command:
-    """Command that sets a property of an object of three.js, such as ``visible`` or ``castShadow``.
+    """Return the command that sets a property of an object of three.js, such as ``visible``.
 
-    ``value``: a number, a truth value, a text or a list of numbers.
+    ``value``: a number, a boolean, a text or a list of numbers.
     """
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
-_KINDS = {"quaternion": "quaternion", "visible": "bool", "material.color": "color"}  # of tracks; else vectors
+# Types of tracks by property; all others are vectors.
+_KINDS = {"quaternion": "quaternion", "visible": "bool", "material.color": "color"}
 
 
 @dataclass(frozen=True)
 class Track:
-    """One property over time."""
+    """Values of one property over time."""
 
-    path: str  # the object
+    path: str  # path of the object in the scene
     name: str  # property: ``position``, ``quaternion``, ``scale``, ``visible`` or ``material.color``
-    times: np.ndarray  # of the keys in [s], shape ``(n,)``
+    times: np.ndarray  # times of the keys in [s], shape ``(n,)``
     values: np.ndarray  # one row per key
 
 
 def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
-    """Command that hands an animation over, ready and standing still at its start."""
+    """Return the command that loads an animation, paused at its start."""
     clips: dict[str, list[Command]] = {}
     for track in tracks:
         times = (track.times * frames_per_second).tolist()
@@ -114,9 +115,9 @@ def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
 
 
 def pack(command: Command) -> bytes:
-    """A command after its length in four bytes, lowest first; several stand one after the other.
+    """Encode a command: its length in four bytes, little-endian, then the command; several are concatenated.
 
-    Numbers are single precision, which the viewer draws with anyway.
+    Numbers have single precision, which the viewer uses for drawing.
     """
     block = bytes(msgpack.packb(command, use_single_float=True))
     return struct.pack("<I", len(block)) + block
@@ -124,7 +125,7 @@ def pack(command: Command) -> bytes:
 
 def _buffers(shape: Shape) -> Command:
     # Rounded coordinates compress to about half. Points of a seam, which differ in the last bit, are made
-    # equal first: rounded apart, they would leave a crack.
+    # equal first, because a gap would be visible if they were rounded differently.
     attributes = {
         "position": _array(np.round(np.round(shape.vertices, 8), 5) + 0.0),
         "normal": _array(np.round(shape.normals, 3) + 0.0),
@@ -135,7 +136,7 @@ def _buffers(shape: Shape) -> Command:
 
 
 def _array(rows: np.ndarray) -> Command:
-    """A typed array, by the name of three.js and the code of msgpack-lite, which meshcat's viewer reads."""
+    """Encode a typed array for meshcat: the type name of three.js and the type code of msgpack-lite."""
     whole = rows.dtype.kind == "i"
     name, code, kind = ("Uint32Array", 0x16, "<u4") if whole else ("Float32Array", 0x17, "<f4")
     packed = msgpack.ExtType(code, rows.astype(kind).tobytes())
@@ -143,7 +144,7 @@ def _array(rows: np.ndarray) -> Command:
 
 
 def _surface(material: Material, shape: Shape) -> Command:
-    # Without a graphics card the gloss of a pixel costs more than everything else: chalk does without.
+    # Without a graphics card, gloss is the most expensive part of a pixel; rough surfaces have none.
     chalk = material.roughness >= _CHALK
     surface: Command = {
         "type": "MeshLambertMaterial" if chalk else "MeshStandardMaterial",
@@ -155,7 +156,7 @@ def _surface(material: Material, shape: Shape) -> Command:
     if not chalk:
         surface |= {"roughness": material.roughness, "metalness": 0.0}
     if material.opacity < 1.0 or (shape.colours is not None and shape.colours.shape[1] == 4):
-        # Only front faces, and no depth: what lies behind a translucent part must stay visible.
+        # Only front faces are drawn, and no depth is written, so that parts behind it stay visible.
         surface |= {"opacity": material.opacity, "transparent": True, "depthWrite": False, "side": 0}
     return surface
 
@@ -164,47 +165,47 @@ def _integer(colour: Colour) -> int:
     return int.from_bytes(round(255.0 * value) for value in colour)
 
 
-# Objects first, because setting one clears its properties; the animation after them, because its tracks
-# look for the objects. What a live page says stands around them: what it is, and its last numbers.
+# Objects come before properties, because setting an object clears its properties; the animation comes after
+# the objects, because its tracks refer to them. A live page has its description first and its sample last.
 _ORDER = ("page", "set_object", "set_transform", "set_property", "set_animation", "sample")
 
 
 class Window:
-    """What takes commands: it keeps the whole scene, and what has changed in it since somebody asked."""
+    """Collector of commands: it stores the whole scene, and its changes since the last call of changes()."""
 
     def __init__(self) -> None:
-        """Start empty."""
-        self._commands: dict[Hashable, Command] = {}  # the last one of each kind for each place
+        """Create an empty window."""
+        self._commands: dict[Hashable, Command] = {}  # last command of each kind for each path
         self._changes: dict[Hashable, Command] = {}
         self._samples = 0
 
     def send(self, command: Command) -> None:
-        """Take a command, unless it would change nothing."""
+        """Store a command, unless it would change nothing."""
         key = command["type"], command["path"], command.get("property", "")
         if self._commands.get(key) != command:
             self._commands[key] = self._changes[key] = command
 
     def apply(self, state: State) -> None:
-        """Set properties."""
+        """Set the properties of a state."""
         for (path, name), value in state.items():
             self.send(set_property(path, name, value))
 
     def sample(self, sample: Command) -> None:
-        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
+        """Store the numbers of one time; later samples do not replace it, because curves need all of them."""
         self._samples += 1
         command = {"type": "sample", "path": "", "sample": sample}
         self._commands["sample"] = self._changes["sample", self._samples] = command
 
     def commands(self) -> list[Command]:
-        """The whole scene, in the order in which a viewer must take it."""
+        """Return the whole scene in the order in which a viewer must receive it."""
         return sorted(self._commands.values(), key=lambda command: _ORDER.index(command["type"]))
 
     def packed(self) -> bytes:
-        """All commands, one after the other as :func:`pack` has them."""
+        """Return all commands, encoded by :func:`pack` and concatenated."""
         return b"".join(map(pack, self.commands()))
 
     def changes(self) -> list[tuple[Hashable, bytes]]:
-        """What has changed since the last call: a key each, and the packed command."""
+        """Return the changes since the last call: the key and the encoded command of each."""
         packed = [(key, pack(command)) for key, command in self._changes.items()]
         self._changes.clear()
         return packed

@@ -1,4 +1,4 @@
-"""The articulated figure: one group per joint, so that a posture is one rotation per joint."""
+"""Articulated figure: one group per joint, so that a posture is one rotation per joint."""
 
 import math
 from collections.abc import Sequence
@@ -14,35 +14,35 @@ from twin_gait.viewer.visuals import FIXED_JOINT, LinkPart
 
 ROOT = "/meshcat/figure"
 STICK_COLOUR = (0.86, 0.88, 0.91)
-_STICK_RADIUS = 0.05  # share of the segment's length
+_STICK_RADIUS = 0.05  # radius of a stick as a share of the median segment length
 _SHORTEST_SEGMENT = 0.02  # [m]
-_SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
-_ARC_CLEARANCE, _ARC_GAP = 0.033, 0.014  # of a torque's arrow around and beside its motor [m]
+_SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # [m], segment of a leg whose joints coincide
+_ARC_CLEARANCE, _ARC_GAP = 0.033, 0.014  # [m], radial and axial distance of a torque arrow from its motor
 
 
 class Figure:
-    """The moving part of the scene.
+    """Moving part of the scene.
 
-    Groups are nested like the joints: the transform of a group is that of its joint relative to the
-    joint before it, so that segments keep their length however the viewer interpolates.
+    Groups are nested like the joints: the transform of a group is the transform of its joint relative to the
+    parent joint, so that segments keep their length under any interpolation in the viewer.
 
     Attributes:
         model: The Pinocchio model.
-        paths: Place of the group of each joint, by the joint's name.
+        paths: Path of the group of each joint in the scene, by the name of the joint.
     """
 
     def __init__(
         self, window: Window, model: pin.Model, parts: Sequence[LinkPart] = (), *, up_axis: str = "z"
     ) -> None:
-        """Make the groups and draw the parts of the URDF, or without any sticks from joint to joint.
+        """Make the groups and draw the parts of the URDF, or sticks from joint to joint if there are none.
 
-        ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model.
+        ``up_axis``: vertical axis of the model, ``"x"``, ``"y"`` or ``"z"``.
         """
         self.model, self._parts = model, parts
         self._window = window
         self._data = model.createData()
         self.base = np.eye(4)
-        # From the axes of the model to those of the scene, whose vertical is z: the shortest turn.
+        # The base turns the vertical of the model to the vertical z of the scene by the shortest rotation.
         vertical = np.eye(3)["xyz".index(up_axis)]
         self.base[:3, :3] = np.round(pin.Quaternion.FromTwoVectors(vertical, np.eye(3)[2]).matrix())
         self.paths = {FIXED_JOINT: ROOT}
@@ -55,26 +55,25 @@ class Figure:
         for number, part in enumerate(parts):
             *colour, opacity = part.colour
             gloss = 0.8 if max(colour) < 0.3 else 0.42
-            # Of both sides, because it may have holes.
+            # Both sides are drawn, because the mesh may have holes.
             look = Material(colour=colour, opacity=opacity, roughness=gloss, two_sided=True)
             self.draw(part.joint, f"visual_{number}", part.shape, look)
         if not parts:
             self._draw_skeleton()
 
     def draw(self, joint: str, name: str, shape: Shape, material: Material, *, casts: bool = True) -> str:
-        """Draw a mesh on a joint.
+        """Draw a mesh on a joint, and return its path in the scene.
 
-        ``joint``: name of the joint; ``universe`` for what does not move; ``name``: name of the part, once
-        per joint; ``shape``: mesh in the frame of the joint; ``casts``: whether it casts a shadow if it is
-        opaque.
+        ``joint``: name of the joint; ``universe`` for fixed parts; ``name`` of the part, unique per joint;
+        ``shape``: mesh in the frame of the joint; ``casts``: whether the part casts a shadow if it is opaque.
         """
         path = f"{self.paths[joint]}/{name}"
-        # Shadows fall on the ground only: on curved parts they cost much and show the texels of the map.
+        # Only the ground receives shadows: on curved parts they are costly and show the texels of the map.
         draw_mesh(self._window, path, shape, material, casts=casts and material.opacity == 1.0)
         return path
 
     def _draw_skeleton(self) -> None:
-        """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
+        """Draw a ball at every joint, and sticks to its child joints or to the frames of a last link."""
         ends = [self._ends(index) for index in range(self.model.njoints)]
         lengths = [float(np.linalg.norm(end)) for tips in ends for end in tips]
         radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
@@ -87,7 +86,7 @@ class Figure:
                 self.draw(name, "sticks", shapes.merged(pieces), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
-        """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
+        """Return the positions of the child joints, or of a last link's frames, in the joint's frame [m]."""
         after = [child for child in range(1, self.model.njoints) if self.model.parents[child] == index]
         places = [self.model.jointPlacements[child] for child in after] or [
             frame.placement for frame in self.model.frames if frame.parentJoint == index
@@ -96,10 +95,10 @@ class Figure:
         return [end for end in ends if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT]
 
     def segment(self, joint: str) -> np.ndarray:
-        """From a joint to the next, or to the farthest frame that it carries.
+        """Return the vector from a joint to its farthest child joint, or to a last link's farthest frame.
 
-        A bare last link is taken to be as long as the one before it. Returned in the frame of the joint in
-        [m], shape ``(3,)``; never zero.
+        A last link without frames is assumed to be as long as its parent link. The result is in the frame of
+        the joint in [m], shape ``(3,)``, and never zero.
         """
         index = self.model.getJointId(joint)
         before = np.asarray(self.model.jointPlacements[index].translation).copy()
@@ -107,23 +106,23 @@ class Figure:
         return max(self._ends(index), key=np.linalg.norm, default=bare)
 
     def draw_cap(self, joint: str, radius: float, material: Material) -> str:
-        """Draw the cap of a motor of a radius in [m]; its colour shows the phase."""
+        """Draw the cap of a motor, whose colour shows the phase; ``radius`` in [m]."""
         placement = shapes.frame(self.axis(joint)) @ np.diag([radius, radius, radius, 1.0])
         return self.draw(joint, "motor_cap", shapes.packaged("motor_cap", placement), material)
 
     def draw_arc(self, joint: str, radius: float, outward: float) -> dict[int, str]:
-        """Draw the arrows that show the torque of a motor, all hidden.
+        """Draw the arrows that show the torque of a motor, all of them hidden.
 
-        They stand still in the link before the joint, on the outer face of the cap, and begin at the top.
-        ``radius`` of the cap in [m]; ``outward``: 1 if its outer face is its left one, -1 for the right one.
-        Returns the place of each arrow by its level.
+        They are fixed to the link before the joint, on the outer face of the cap, and begin at the top.
+        ``radius`` of the cap in [m]; ``outward``: 1 if the outer face is the left one, -1 for the right one.
+        Returns the path of each arrow by its level.
         """
         index = self.model.getJointId(joint)
         parent, before = str(self.model.names[self.model.parents[index]]), self.model.jointPlacements[index]
         axis = np.asarray(before.rotation @ self.axis(joint))
-        left, up = self.base[1, :3], self.base[2, :3]  # of the scene, in the axes of the model
+        left, up = self.base[1, :3], self.base[2, :3]  # axes of the scene in the frame of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        thick = shapes.packaged("motor_cap", np.eye(4)).vertices[:, 2].max()  # of a radius of 1
+        thick = shapes.packaged("motor_cap", np.eye(4)).vertices[:, 2].max()  # thickness for radius 1
         middle = before.translation + (thick * radius + _ARC_GAP) * face
         placement = shapes.frame(axis, up, at=middle)
         paths = {}
@@ -135,7 +134,7 @@ class Figure:
         return paths
 
     def axis(self, joint: str) -> np.ndarray:
-        """Axis of a joint that turns or slides, in its own frame, unit vector of shape ``(3,)``."""
+        """Return the axis of a revolute or prismatic joint in its frame, unit vector of shape ``(3,)``."""
         moving = self.model.joints[self.model.getJointId(joint)]
         data = moving.createData()
         moving.calc(data, pin.neutral(self.model))
@@ -147,10 +146,10 @@ class Figure:
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
 
     def posture(self, q: np.ndarray) -> State:
-        """Move the figure, and return where every joint group is in the group of the joint before it.
+        """Move the figure, and compute the transform of every joint group relative to that of its parent joint.
 
-        ``q``: coordinates, shape ``(nq,)``. Returns by the place of the group its ``position`` in [m] and its
-        ``quaternion`` (x, y, z, w).
+        ``q``: coordinates, shape ``(nq,)``. Returns the ``position`` in [m] and the ``quaternion``
+        (x, y, z, w) of each group by its path.
         """
         self.move(q)
         found: State = {}
@@ -161,7 +160,7 @@ class Figure:
         return found
 
     def points(self) -> np.ndarray:
-        """Vertices of the parts, or all frames, and all joints in the scene at zero, shape ``(n, 3)``."""
+        """Return all joints and the vertices of the parts, or all frames, at zero in [m], ``(n, 3)``."""
         pin.framesForwardKinematics(self.model, self._data, pin.neutral(self.model))
         origins = [*self._data.oMi, *(() if self._parts else self._data.oMf)]
         points = [np.array([place.translation for place in origins])]

@@ -1,6 +1,6 @@
-"""What a log shows: postures, phases and forces at the rate of a picture, and curves.
+"""Motion in a log: postures, phases and forces at the frame rate of the viewer, and curves.
 
-Curves have as few points as show them truly: corners of a recorded one, extremes of a live one.
+Curves have few points that represent them faithfully: corners of recorded curves, extremes of live ones.
 """
 
 from __future__ import annotations
@@ -23,49 +23,50 @@ from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
 _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
-_RARE_PARTS = ("inertia_compensation", "target")  # of the torque, shown only where they are used
-MODE = "mode"  # column
-FAITHFUL = 0.002  # of its range that a drawn curve may be off the log, at any tick
-EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest value: 200 spans a second
+_RARE_PARTS = ("inertia_compensation", "target")  # parts of the torque that are shown only if they are used
+MODE = "mode"  # name of the log column
+FAITHFUL = 0.002  # largest deviation of a drawn curve from the log, as a share of the curve's range
+EXTREMES_TICKS = 5  # ticks per span, in which a live curve has its minimum and maximum: 200 spans per second
 
 
 class PhaseSpells(NamedTuple):
-    """Phases of a leg."""
+    """Intervals of one phase each, in their order."""
 
-    starts: np.ndarray  # time at which each spell begins in [s], shape ``(m,)``
-    codes: np.ndarray  # which phase it is, as a position in ``Motion.phase_names``, shape ``(m,)``
+    starts: np.ndarray  # start of each interval in [s], shape ``(m,)``
+    codes: np.ndarray  # phase of each interval as an index into ``Motion.phase_names``, shape ``(m,)``
 
     def at(self, time: float) -> int:
-        """Phase at a time in [s]."""
+        """Return the code of the phase at a time in [s]."""
         return int(self.codes[max(0, int(np.searchsorted(self.starts, time, side="right")) - 1)])
 
 
 @dataclass(frozen=True)
 class LegMotion:
-    """One leg over time."""
+    """Motion of one leg over time."""
 
     phases: PhaseSpells
     # angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so on, the
     # parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal forces of foot and
-    # crutch in [N] as ``force`` and ``crutch``; each with the frames and the points between them that its
-    # shape takes
+    # crutch in [N] as ``force`` and ``crutch``; each has points at the frames, and between them where its
+    # shape needs them
     curves: Mapping[str, Curve]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A log at the rate of a picture."""
+    """Motion in a log at the frame rate of the viewer."""
 
     times: np.ndarray  # in [s], shape ``(n,)``
     q: np.ndarray  # coordinates of the model, shape ``(n, nv)``
-    legs: Mapping[Side, LegMotion]  # per side
-    phase_names: tuple[str, ...]  # phases in the order of their codes; after them a hold, if there is one
-    # numbers of the log by its columns, shape ``(n,)`` each
+    legs: Mapping[Side, LegMotion]  # motion of each leg by its side
+    phase_names: tuple[str, ...]  # phases in the order of their codes, followed by the hold if there is one
+    # numeric columns of the log by their names, shape ``(n,)`` each
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
-    modes: PhaseSpells | None = None  # operating modes by their codes, or None
+    modes: PhaseSpells | None = None  # intervals of the operating modes, or None
 
 
-# Something that moves beside the figure: its properties in the frame to which the figure has moved.
+# Function of a moving part of the scene: it returns the state of the part in the frame to which the figure
+# has moved.
 Element = Callable[[Motion, int], State]
 
 
@@ -76,11 +77,11 @@ def read_motion(
     frames_per_second: float = FRAMES_PER_SECOND,
     moments: Sequence[float] = (),
 ) -> Motion:
-    """Pick the frames to show out of a log.
+    """Select the frames of a log to show.
 
-    Returns evenly spaced frames (fewer a second if the log is very long), one at every change of a phase, and
-    the moments asked for, in [s] since the first row. Rows after a coordinate that is not finite (a run that
-    diverged) are left out. Raises ViewerError if the log is empty or lacks a coordinate of the model.
+    Returns evenly spaced frames (fewer per second if the log is very long), one at every change of a phase,
+    and one at each of ``moments`` in [s] since the first row. Rows after a coordinate that is not finite (a
+    run that diverged) are omitted. Raises ViewerError if the log is empty or lacks a coordinate of the model.
     """
     coordinates, _ = state_columns(model)
     for name in ("time_s", *coordinates, *(f"{side}_phase" for side in model.sides)):
@@ -112,19 +113,19 @@ def read_motion(
 
 
 def frame_rate(duration: float) -> float:
-    """Frames per second of a run that a page can hold. ``duration`` of the run in [s]."""
+    """Return the frame rate in [1/s] at which a run of ``duration`` in [s] fits in a page."""
     return FRAMES_PER_SECOND if duration <= 0.0 else min(FRAMES_PER_SECOND, _MOST_FRAMES / duration)
 
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
-    """Moments at which a leg changes its phase, or a hold begins, since the first row in [s], sorted."""
+    """Return the times of phase changes and of the start of a hold in [s] since the first row, sorted."""
     phases = log.filter(regex="_phase$").astype(str).assign(held=held_rows(log))
     clock, changed = log["time_s"].to_numpy(dtype=float), (phases != phases.shift()).any(axis=1).to_numpy()
     return np.asarray(clock[1:][changed[1:]] - clock[0])
 
 
 def _rows_to_show(times: np.ndarray, frames_per_second: float, moments: np.ndarray) -> np.ndarray:
-    """Rows of evenly spaced frames, of the last one, and of further moments; shape ``(n,)``."""
+    """Return the rows of evenly spaced frames, of the last one, and of ``moments`` in [s]; ``(n,)``."""
     span = float(times[-1])
     step = 1.0 / min(frames_per_second, frame_rate(span))
     inside = moments[(moments >= 0.0) & (moments <= span + 1e-9)]
@@ -144,21 +145,21 @@ def _changes(codes: np.ndarray, times: np.ndarray) -> PhaseSpells:
 
 
 def held_rows(log: pd.DataFrame) -> np.ndarray:
-    """Rows after a trip, in which the phase no longer says what the legs do; shape ``(n,)``."""
+    """Return a mask of the rows after a trip, in which the phase has no effect; shape ``(n,)``."""
     return np.asarray(log["safety_state"] == SafetyState.HOLD.code)
 
 
 def leg_values(log: Mapping[Any, Any] | pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
-    """What a page reads out of a leg, one value per row.
+    """Return the values of a leg that a page shows, one per row.
 
-    ``log``: columns by name. Returns values by the names of :class:`LegMotion`, in the unit that is shown.
+    ``log``: columns by name. The values are by the names of :class:`LegMotion`, in the displayed units.
     """
     found = {name: np.asarray(log[column], dtype=float) for name, column in leg_columns(log, side).items()}
     return {name: np.degrees(value) if name in list(JointName) else value for name, value in found.items()}
 
 
 def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
-    """Columns of a log that a page reads out of a leg, by the names of :class:`LegMotion`."""
+    """Return the columns of a log that a page shows of a leg, by the names of :class:`LegMotion`."""
     columns = {}
     for joint in driven_joints(log, side):
         columns[str(joint)] = f"{side}_{joint}_angle_rad"
@@ -169,19 +170,19 @@ def leg_columns(log: Container[str], side: Side) -> dict[str, str]:
 
 
 class Curve(NamedTuple):
-    """Straight lines between points."""
+    """Curve of straight lines between points."""
 
-    times: np.ndarray  # in [s], not falling, shape ``(n,)``
-    values: np.ndarray  # shape ``(n,)``; not a number where there is no line
+    times: np.ndarray  # in [s], in ascending order, shape ``(n,)``
+    values: np.ndarray  # shape ``(n,)``; NaN where there is no line
 
 
 def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> Curve:
-    """A curve that is nowhere off by more than 0.2 % of the range of its values.
+    """Simplify a curve so that it deviates by at most 0.2 % of the range of its values.
 
-    The row that is farthest from its line becomes a corner, until none is too far: the algorithm of Ramer
-    (1972), Douglas and Peucker (1973) on all lines at once, with distances along the value's axis.
-    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; lines end where they are not numbers;
-    ``kept``: rows that are corners in any case, sorted, with the first and the last one.
+    The row that is farthest from its line becomes a corner, until no row is too far: the algorithm of Ramer
+    (1972), Douglas and Peucker (1973) on all lines at once, with distances along the axis of the values.
+    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; lines end at NaN; ``kept``: rows that are
+    always corners, sorted, including the first and the last one.
     """
     finite = np.isfinite(values)
     tolerance = FAITHFUL * float(np.ptp(values[finite])) if finite.any() else 0.0
@@ -197,7 +198,7 @@ def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> C
 
 
 def extremes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The smallest and the largest value of every few ticks, in the order in which they came.
+    """Find the minimum and the maximum of every span of ``EXTREMES_TICKS`` ticks, in the order of time.
 
     ``values``: one row per tick, shape ``(n, m)``. Returns rows and their values, shape ``(k, m)`` each.
     """

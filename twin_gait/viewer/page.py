@@ -1,4 +1,4 @@
-"""The page: a template with style and scripts around meshcat's bundle and the data of runs."""
+"""Page of the viewer: a template with styles, scripts, meshcat's bundle and the data of runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 PAGE_FOLDER = Path(__file__).with_name("page")
 FOOTNOTE = "Simulation, not a medical device"
-_EFFORT = 6  # of packing: 9 makes a page 1 % smaller and takes four times as long
+_EFFORT = 6  # level of compression; 9 makes a page 1 % smaller and takes four times as long
 _INKS = "#ffffff", "#1b2430"
 _FORCE = f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
 _ARROW = {"label": _FORCE, "colour": palette.GROUND_FORCE_COLOUR}
@@ -40,21 +40,21 @@ _ARCS = (
 
 
 def viewer_folder() -> Path:
-    """Folder of meshcat's viewer; finding it does not import meshcat."""
+    """Return the folder of meshcat's viewer, without importing meshcat."""
     return Path(str(distribution("meshcat").locate_file("meshcat/viewer")))
 
 
 class About(TypedDict, total=False):
-    """What a page says of a run, or of a live scene.
+    """Texts of a page about a run or a live scene.
 
     Attributes:
-        title: Its heading.
-        subtitle: Parts of the line below.
-        differing: Parts of it that the other run of a pair does not have.
-        notes: What else the card is to say.
-        events: What befell the run.
-        outcome: How it ended, in a word.
-        walk: Table of the walk in texts, a head and rows.
+        title: Heading of the page.
+        subtitle: Parts of the line below the heading.
+        differing: Parts of the subtitle that the other run of a pair does not have.
+        notes: Further sentences on the card.
+        events: Events of the run, such as trips and falls.
+        outcome: Outcome of the run in one word.
+        walk: Table of the walk as texts: a header and rows.
         modes: Names of the operating modes in the order of their codes.
     """
 
@@ -74,9 +74,9 @@ Shown = Mapping[Side, Iterable[str]]  # names of the curves of each leg
 def page_data(
     about: About, *, mode: str, view: View, phases: Sequence[str] = (), shown: Shown | None = None, **own: Any
 ) -> dict[str, Any]:
-    """What the scripts of the page read of a run, or of a live scene.
+    """Return the data of a run or of a live scene for the scripts of the page.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``own``: what they read in that mode only.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``own``: further data of this mode.
     """
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],
@@ -102,26 +102,26 @@ def page_data(
         "legs": legs,
         "arrow": _ARROW if any("force" in leg["shows"] for leg in legs) else None,
         "arcs": _ARCS if legs else (),
-        "floor": FLOOR,  # what a dark page darkens
-        "duration": None,  # in [s], unless there is no end
+        "floor": FLOOR,  # object that is darkened on a dark page
+        "duration": None,  # in [s]; None if there is no end
         "footnote": FOOTNOTE,
         **own,
     }
 
 
 def event_entries(events: Iterable[RunEvent]) -> list[dict[str, Any]]:
-    """What a page needs to know of the events of a run: kind, time in [s] and words."""
+    """Return the events of a run as a page reads them: kind, time in [s] and text."""
     return [{"kind": str(event.kind), "time": event.time, "text": event.text} for event in events]
 
 
 def _unicode(text: str) -> str:
-    # File names that are not UTF-8 reach Python as lone surrogates, which browsers stumble over.
+    # File names that are not UTF-8 contain lone surrogates in Python, which browsers cannot process.
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
     shorts = ["".join(word[0] for word in name.split("_") if word)[:2].upper() for name in names]
-    if "" in shorts or len(set(shorts)) < len(names):  # letters that two phases share would tell nothing
+    if "" in shorts or len(set(shorts)) < len(names):  # letters that two phases share would be ambiguous
         shorts = [str(place) for place in range(1, len(names) + 1)]
     entries = []
     for code, (name, short) in enumerate(zip(names, shorts, strict=True)):
@@ -136,7 +136,7 @@ def _words(name: str) -> str:
 
 
 def _contrast(one: str, other: str) -> float:
-    """The contrast ratio of two colours, as WCAG 2 defines it."""
+    """Compute the contrast ratio of two colours as defined by WCAG 2."""
     shares = np.array([rgb(one), rgb(other)])
     linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
     darker, lighter = sorted(linear @ [0.2126, 0.7152, 0.0722] + 0.05)
@@ -144,10 +144,11 @@ def _contrast(one: str, other: str) -> float:
 
 
 def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
-    """A page that holds everything it needs; it may run that and load nothing.
+    """Return a self-contained page, which loads nothing from elsewhere.
 
-    ``runs``: one run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
-    both through :func:`packed`. A model, which stands alone, has a scene and ``joints`` instead of frames.
+    ``runs``: one run, or two to be shown next to each other: :func:`page_data` with ``frames`` and ``scene``,
+    both compressed by :func:`packed`. A model, which is always shown alone, has a scene, and ``joints``
+    instead of frames.
     """
     folder = viewer_folder()
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
@@ -158,13 +159,13 @@ def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
 
 
 def live_page() -> str:
-    """The page of a live walk, with a panel; its script brings the data to ``window.twinGait``."""
+    """Return the page of a live walk with its panel, whose script passes the data to ``window.twinGait``."""
     bundle = re.sub(r"<(?=/script|!--)", r"\\x3c", _bundle().decode(), flags=re.IGNORECASE)
     return _filled(live=True, title="twin_gait", data=embedded_json({"mode": "live"}), bundle=bundle)
 
 
 def _bundle() -> bytes:
-    """Script of meshcat's viewer."""
+    """Read the script of meshcat's viewer."""
     return (viewer_folder() / "dist" / "main.min.js").read_bytes()
 
 
@@ -174,10 +175,10 @@ def _filled(**content: Any) -> str:
 
 
 def packed(content: bytes) -> str:
-    """Compress bytes and write them as text that a page can hold."""
+    """Compress bytes and encode them as text that can be part of a page."""
     return base64.b64encode(zlib.compress(content, _EFFORT)).decode("ascii")
 
 
 def embedded_json(data: Mapping[str, Any]) -> str:
-    """JSON that can stand inside a script element: no text of it can end the element."""
+    """Return JSON that can be written inside a script element, because no text in it can end the element."""
     return dump(data).replace("<", "\\u003c")

@@ -1,4 +1,4 @@
-"""A page as a picture, drawn by a Chromium that is on this machine."""
+"""Picture of a page, rendered by a Chromium that is installed on this machine."""
 
 import os
 import re
@@ -17,20 +17,20 @@ BROWSERS = (
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
 )  # fmt: skip
 _READY = "ready"
-_SETTLING = 8000  # [ms] of the page's own time
+_SETTLING = 8000  # [ms], virtual time of the page before the picture is taken
 _FLAGS = (
     "--headless", "--disable-gpu", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--force-device-scale-factor=1",
-    # Software draws where there is no graphics card.
+    # Software rendering is used if there is no graphics card.
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--enable-logging=stderr", f"--virtual-time-budget={_SETTLING}",
 )  # fmt: skip
 SIZE = (1600, 1000)  # width and height of a picture in pixels
-PATIENCE = 120.0  # [s] with the browser
+PATIENCE = 120.0  # [s], timeout of the browser
 
 
 def find_browser() -> str:
-    """A Chromium on this machine: the one in ``TWIN_GAIT_BROWSER``, or the first on the search path.
+    """Find a Chromium: the one named in ``TWIN_GAIT_BROWSER``, or the first on the search path.
 
     Raises ViewerError if there is none.
     """
@@ -44,11 +44,11 @@ def find_browser() -> str:
 
 
 def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
-    """Draw a recorded page at a moment and write it as PNG.
+    """Render a recorded page at one time and write it as PNG.
 
-    ``page``: HTML of :func:`twin_gait.viewer.page.recorded_page`; ``path``: the PNG file; an existing one is
-    replaced only by a complete one; ``time``: moment to show in [s]. Raises RunDirectoryError if the file
-    cannot be written. Raises ViewerError if there is no Chromium, or it does not draw the page.
+    ``page``: HTML of :func:`twin_gait.viewer.page.recorded_page`; ``path``: the PNG file; an existing file is
+    replaced only by a complete one; ``time`` to show in [s]. Raises RunDirectoryError if the file cannot be
+    written. Raises ViewerError if there is no Chromium, or if it does not render the page.
     """
     browser, (width, height) = find_browser(), SIZE
     # The browser may still be writing into its profile when it has ended.
@@ -56,13 +56,13 @@ def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
         source, drawn = Path(folder) / "page.html", Path(folder) / "picture.png"
         source.write_text(page, encoding="utf-8")
         address = f"{source.as_uri()}#t={time:.3f}&theme=light&picture=1"
-        # Chromium refuses to start as root with its sandbox; the page it gets here is our own.
+        # Chromium does not start as root with its sandbox, which is not needed because the page is our own.
         sandbox = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
         command = [
             browser, *_FLAGS, *sandbox, f"--user-data-dir={folder}/profile",
             f"--window-size={width},{height}", f"--screenshot={drawn}", address,
         ]  # fmt: skip
-        log = Path(folder) / "said.txt"  # a file, because helpers of the browser may outlive it
+        log = Path(folder) / "said.txt"  # a file, because child processes of the browser may outlive it
         try:
             with log.open("wb") as said:
                 subprocess.run(command, stdout=subprocess.DEVNULL, stderr=said, timeout=PATIENCE, check=False)
@@ -74,6 +74,6 @@ def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
     if _READY not in notes:
         reason = notes[-1] if notes else "it did not finish the page"
         raise ViewerError(f"{browser} cannot draw the page: {reason}")
-    if content[16:24] != struct.pack(">II", width, height):  # as the head of a PNG has it
+    if content[16:24] != struct.pack(">II", width, height):  # size in the header of the PNG
         raise ViewerError(f"{browser} made no picture of {width}x{height} pixels")
     write_atomically(path, content)

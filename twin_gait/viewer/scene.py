@@ -1,4 +1,4 @@
-"""The scene: a leg model, or any URDF, with what belongs around it, and what changes in it."""
+"""Scene: a leg model or any URDF with its surroundings, and its state in each frame."""
 
 import math
 from collections.abc import Collection, Sequence
@@ -24,52 +24,52 @@ from twin_gait.viewer.visuals import FIXED_JOINT, load_visuals
 from twin_gait.vocabulary import JointName, Side, Surroundings
 
 _IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
-_CAP_SHARE = 0.16  # radius over the length of the segment; it hides the motors of the shipped device
+_CAP_SHARE = 0.16  # radius of a cap as a share of the segment length; it covers the motors of the device
 _SMALLEST_CAP = 0.045  # [m]
-RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
+RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the camera
 TRAILS = "/meshcat/trail"
-MOST_STRIDES = 20  # of a leg that are drawn, so that a page stays small
+MOST_STRIDES = 20  # number of strides of a leg that are drawn, so that a page stays small
 FEWEST_POINTS = 4
-LOWEST_TRAIL = 0.008  # height of the path over the belt [m], so that it is seen
+LOWEST_TRAIL = 0.008  # [m], minimum height of the path above the belt, so that it is visible
 _TRAIL = Material(colour=(1.0, 1.0, 1.0), roughness=0.9)
 _RADIUS = 0.006  # [m]
 _COLUMNS = 5
 _SHORTEST_STEP = 1e-3  # [m]
 _BAR_ABOVE_HEAD = 0.08  # [m]
-_TO_CRUTCHES = 0.12  # from the hips to the middle of wearer and crutches [m]
+_TO_CRUTCHES = 0.12  # [m], forward distance from the hips to the middle of wearer and crutches
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
 
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera is to look."""
+    """View of the camera."""
 
-    target: tuple[float, float, float]  # middle of what is to be seen in [m]
-    width: float  # of what is to be seen in [m]
-    height: float  # of what is to be seen in [m]
-    direction: tuple[float, float, float] = RIGHT_SIDE  # from there to the eye
-    field_of_view: float = 26.0  # vertical, in [deg]: narrow, so that both legs look the same length
+    target: tuple[float, float, float]  # centre of the visible region in [m]
+    width: float  # width of the visible region in [m]
+    height: float  # height of the visible region in [m]
+    direction: tuple[float, float, float] = RIGHT_SIDE  # direction from the target to the camera
+    field_of_view: float = 26.0  # vertical angle in [deg]: small, so that both legs appear equally long
 
 
 class Scene:
-    """A scene that has been drawn and can be moved."""
+    """Drawn scene whose parts can be moved."""
 
     def __init__(self, window: Window, model: pin.Model, urdf: Path, up_axis: str) -> None:
-        """Start a scene with what a URDF shows of a model, as :class:`Figure` draws it."""
+        """Start a scene with the figure of a model, which :class:`Figure` draws from its URDF."""
         surroundings.set_studio(window)
         self.figure = Figure(window, model, load_visuals(model, urdf), up_axis=up_axis)
-        self.caps: dict[Side, list[str]] = {}  # places of the coloured caps of motors
-        self.arrows: dict[Side, str] = {}  # place of the ground force
-        self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # of the motor torque, by joint and level
-        self.elements: list[Element] = []  # what else moves
-        self.trails: list[StrideTrail] = []  # paths of the feet per stride, once a motion is known
+        self.caps: dict[Side, list[str]] = {}  # paths of the coloured caps of the motors
+        self.arrows: dict[Side, str] = {}  # path of the arrow of the ground force
+        self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # paths of torque arrows by joint and level
+        self.elements: list[Element] = []  # functions that move further parts
+        self.trails: list[StrideTrail] = []  # paths of the feet in each stride; empty until draw_trails
         self.legs: dict[Side, LegJoints] = {}
-        self.ground = np.eye(3)  # its axes, column by column
+        self.ground = np.eye(3)  # axes of the ground, one per column
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
         self._window = window
 
     def draw_drives(self, side: Side, leg: LegJoints, drives: Collection[str]) -> None:
-        """Draw the motors of a leg: caps, which show its phase, and arrows of their torques, hidden."""
+        """Draw the motors of a leg: caps that show its phase, and hidden arrows of their torques."""
         material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
         self.legs[side], self.caps[side], self.arcs[side] = leg, [], {}
         for name, joint in leg.items():
@@ -80,9 +80,9 @@ class Scene:
                 self.arcs[side][str(name)] = self.figure.draw_arc(joint, radius, LEFT[side])
 
     def draw_trails(self, motion: Motion) -> None:
-        """Draw the path of each foot in every stride of a motion, hidden.
+        """Draw the hidden path of each foot in every stride of a motion.
 
-        A stride is from one entry into the first phase of the table to the next.
+        A stride is from one entry into the first phase of the table to the next entry.
         """
         self.trails = []
         for side, leg in motion.legs.items():
@@ -120,7 +120,7 @@ class Scene:
         return arrow_state(self.arrows[side], force, np.array([along, left, 0.0]))
 
     def state_at(self, motion: Motion, frame: int) -> State:
-        """Everything that a frame of a motion shows, but for the belt."""
+        """Return the state of the scene in a frame of a motion, without the belt."""
         time = float(motion.times[frame])
         state: State = {**self.figure.posture(motion.q[frame])}
         for side, arcs in self.arcs.items():
@@ -140,11 +140,11 @@ class Scene:
 
 
 class StrideTrail(NamedTuple):
-    """The path of a stride, shown until the next stride is complete."""
+    """Path of the foot in a stride, shown until the next stride is complete."""
 
-    path: str  # its place in the scene
-    begin: float  # time at which the stride was complete in [s]
-    end: float  # time at which the next one is, in [s]
+    path: str  # path of the mesh in the scene
+    begin: float  # end of the stride, at which its path appears, in [s]
+    end: float  # end of the next stride, at which the path disappears, in [s]
 
 
 def trail_shape(
@@ -156,7 +156,7 @@ def trail_shape(
     ``names``: phases in the order of their codes. Returns the mesh with the colour of the phase at each
     point, or None if the point hardly moves.
     """
-    # Points at the place of the one before have no direction.
+    # A point at the position of the previous one is removed, because it has no direction.
     keep = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0, prepend=np.inf), axis=1) > _SHORTEST_STEP)
     if len(keep) < FEWEST_POINTS:
         return None
@@ -168,16 +168,16 @@ def trail_shape(
 
 
 class Setting(TypedDict, total=False):
-    """What is drawn with a leg model.
+    """Options of the scene of a leg model.
 
     Attributes:
-        around: What stands around it; a treadmill if nothing is said.
-        drives: Joints with a motor; hip and knee if nothing is said.
+        around: Surroundings; by default a treadmill.
+        drives: Joints with a motor; by default hip and knee.
         patient: The wearer, or None.
-        slope: By which the treadmill rises forwards in [rad].
-        ropes: Whether a harness holds the wearer; on the ground it does if nothing is said.
-        crutches: In the hands of the wearer, or None.
-        chair: Behind the wearer, or None.
+        slope: Angle by which the treadmill rises forwards in [rad].
+        ropes: Whether the wearer has a harness on ropes; by default true.
+        crutches: Crutches of the wearer, or None.
+        chair: Chair behind the wearer, or None.
     """
 
     around: Surroundings
@@ -192,7 +192,7 @@ class Setting(TypedDict, total=False):
 def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
-    A mesh that cannot be read is left out with a warning. Raises ModelError if the URDF cannot be read.
+    A mesh that cannot be read is omitted with a warning. Raises ModelError if the URDF cannot be read.
     """
     scene = Scene(window, model.model, model.urdf_path, model.up_axis)
     for side, leg in model.legs.items():
@@ -214,7 +214,7 @@ def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> 
         scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
         return scene
     if around is Surroundings.WALKWAY:
-        assert model.forward_index is not None  # it walks
+        assert model.forward_index is not None  # a walkway needs a model with a forward coordinate
         scene.elements.append(surroundings.draw_walkway(window, model.forward_index))
     else:
         pose = surroundings.tilted(setting.get("slope", 0.0))
@@ -231,9 +231,9 @@ def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> 
 
 
 def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
-    """Draw any URDF, with all coordinates at zero; one that shows nothing gets sticks from joint to joint.
+    """Draw any URDF with all coordinates at zero; without visuals, sticks connect its joints.
 
-    ``up_axis``: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF. Raises ModelError if the URDF cannot
+    ``up_axis``: vertical axis of the URDF, ``"x"``, ``"y"`` or ``"z"``. Raises ModelError if the URDF cannot
     be read.
     """
     scene = Scene(window, model, urdf, up_axis)
@@ -247,7 +247,7 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
 
 
 def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, setting: Setting) -> None:
-    """Draw harness, crutches and chair, and see all of it, from the treadmill's foot to the bar."""
+    """Draw harness, crutches and chair, and set the view from the foot of the treadmill to the bar."""
     low, high = -0.13, _BAR_ABOVE_HEAD + patient.height + 0.07
     scene.view = View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
     if setting.get("ropes", True):
@@ -263,7 +263,7 @@ def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, se
 
 
 def _surround_bench_leg(window: Window, scene: Scene, side: Side, hip: np.ndarray, height: float) -> None:
-    """Hang the leg clear of the floor, its column on the far side of the camera."""
+    """Draw the bench with the leg clear of the floor and its column on the far side, and set the view."""
     floor, away = float(hip[2]) - 1.22 * height, -LEFT[side]
     surroundings.draw_bench(window, floor, hip, far_side=away)
     x, y, z = RIGHT_SIDE

@@ -1,8 +1,8 @@
-"""Web server of a page and of its scene: on the loopback interface, for whoever has the token of this start.
+"""Web server of a page and its scene on the loopback interface, for requests with the token of this start.
 
-The protocol work is tornado's. ``/`` is the page, complete with meshcat's viewer, and ``/socket`` brings the
-scene to it in the commands of that viewer. The name of the machine and the origin keep other sites out; the
-token keeps out the other users of this machine, who reach the port and can write any header.
+Tornado implements the protocols. ``/`` is the page, complete with meshcat's viewer, and ``/socket`` sends the
+scene to it as commands of that viewer. Host and origin are checked against other sites; the token protects
+against other users of this machine, who can reach the port and send any header.
 """
 
 from __future__ import annotations
@@ -27,54 +27,54 @@ from twin_gait.exceptions import ViewerError
 Change = tuple[Hashable, bytes]
 LOOPBACK = "127.0.0.1"
 PORTS_TRIED = 100
-BACKLOG = 1024  # connections that wait to be accepted; with fewer a burst delays the next one by a second
-MOST_CONNECTIONS = 256  # a page has three
-# [s] in which a connection shows the token in a request; a page that was opened stays as long as it likes
+BACKLOG = 1024  # connections waiting to be accepted; with fewer, a burst delays the next one by a second
+MOST_CONNECTIONS = 256  # a page uses three
+# Timeout in [s] for the first request with the token; a connection that has sent it has no time limit.
 FIRST_REQUEST = 2.0
-MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
+MOST_WAITING = 4096  # items that wait for one page; beyond it, the oldest are dropped
 LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
-# What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
-# a lower limit and answer.
+# A longer message is not read: the socket is closed with status 1009. The functions that check messages may
+# set a lower limit and reply.
 LONGEST_MESSAGE = 65536  # [B]
-PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request
+PATIENCE = 10.0  # [s], timeout for the headers of a request, for its body, and for the next request
 _LONGEST_HEADER = 16384  # [B]
 _HEADERS = {
     "Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
     "Content-Security-Policy": "frame-ancestors 'none'", "Referrer-Policy": "no-referrer",
 }  # fmt: skip
-_FAREWELL = 0.05  # [s] in which a page may answer that it has heard of the end
+_FAREWELL = 0.05  # [s], time for a page to acknowledge the close message
 
 
 def is_loopback(host: str) -> bool:
-    """Whether the ``Host`` of a request is a name of this machine.
+    """Return whether the ``Host`` of a request is a name of this machine.
 
-    Another site can point its own name at this machine, and its page then counts as of the same origin; only
-    the name tells.
+    Another site can let its own name resolve to this machine, and its page then has the same origin; only the
+    name in the request differs.
     """
     name, _ = split_host_and_port(host.lower())
     return name in LOOPBACK_NAMES
 
 
 def is_own_page(origin: str | None, host: str) -> bool:
-    """Whether a request comes from a page of this very server.
+    """Return whether a request comes from a page of this server.
 
-    ``origin``: the ``Origin`` header; None if there is none, which no browser leaves out here; ``host``: the
-    ``Host`` header.
+    ``origin``: the ``Origin`` header, or None without one (all browsers send it here); ``host``: the ``Host``
+    header.
     """
     return origin is not None and is_loopback(host) and origin.lower() == f"http://{host.lower()}"
 
 
 class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
-    """Answers only requests that name this machine and have the token; says why not."""
+    """Handler of requests with a name of this machine and the token; it rejects others with a reason."""
 
-    needs_origin = False  # of its own page; without it also what does not say where it comes from is answered
+    needs_origin = False  # if False, a request without an origin is also accepted
 
     def initialize(self, server: Any) -> None:
-        """Remember the server."""
+        """Store the server."""
         self.server = server
 
     def prepare(self) -> None:
-        """Refuse what comes from another site or another user. Raises HTTPError: with status 403."""
+        """Check that a request is from this site and this user; raise HTTPError with status 403 if not."""
         origin, host = self.request.headers.get("Origin"), self.request.host
         if not is_loopback(host):
             raise HTTPError(403, reason="this server answers under the names of this machine only")
@@ -85,48 +85,48 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         self.server.admit(self.request.connection)
 
     def set_default_headers(self) -> None:
-        """Keep the page out of other pages and out of caches."""
+        """Set the headers that prevent caching and embedding in other pages."""
         for name, value in _HEADERS.items():
             self.set_header(name, value)
 
     def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
-        """Keep what others send wrongly out of the terminal; our own mistakes are logged."""
+        """Log internal errors; rejected requests are not logged."""
         if not isinstance(error, HTTPError):
             super().log_exception(kind, error, trace)
 
 
 class NothingHandler(Guarded):
-    """Everything that is not here."""
+    """Handler of all unknown paths."""
 
     def get(self) -> None:
-        """Say so. Raises HTTPError: with status 404."""
+        """Raise HTTPError with status 404."""
         raise HTTPError(404)
 
 
 class Outbox:
-    """Sends to one page, one batch at a time.
+    """Send buffer of one page, which sends one batch at a time.
 
-    While a batch is on its way, what comes is kept under its key, and a newer item takes the place of an
-    older one of the same key. A page that has stopped reading therefore costs a bounded memory and no time.
+    New items wait under their keys while a batch is being sent, and a newer item replaces an older one of the
+    same key. A page that has stopped reading therefore needs bounded memory and no time.
     """
 
     def __init__(self, write: Callable[[list[Any]], Awaitable[None]]) -> None:
-        """Start empty.
+        """Create an empty buffer.
 
-        ``write``: writes one batch; what it returns ends when the network has taken the batch.
+        ``write``: coroutine function that writes one batch and ends when the network has accepted it.
         """
         self._write = write
         self._waiting: dict[Hashable, Any] = {}
         self._sending: asyncio.Task[None] | None = None
 
     def __len__(self) -> int:
-        """How many items wait."""
+        """Return the number of waiting items."""
         return len(self._waiting)
 
     def post(self, items: Iterable[tuple[Hashable, Any]]) -> None:
-        """Send items as soon as the page takes them; returns at once, inside of an event loop."""
+        """Schedule items to be sent as soon as the page accepts them; call it inside of an event loop."""
         for key, item in items:
-            self._waiting.pop(key, None)  # a newer one comes last
+            self._waiting.pop(key, None)  # so that the newer item is the last one
             self._waiting[key] = item
         while len(self._waiting) > MOST_WAITING:
             del self._waiting[next(iter(self._waiting))]
@@ -134,7 +134,7 @@ class Outbox:
             self._sending = asyncio.get_running_loop().create_task(self._send())
 
     async def ended(self) -> None:
-        """Wait until nothing is on its way."""
+        """Wait until no batch is being sent."""
         if self._sending is not None:
             await self._sending
 
@@ -145,18 +145,18 @@ class Outbox:
 
 
 class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
-    """A web socket of our own page; ``write_batch`` of its kinds writes what has waited."""
+    """Web socket of an own page; its subclasses define ``write_batch``, which sends the waiting items."""
 
     needs_origin = True
 
     def open(self) -> None:
-        """Be known to the server."""
+        """Register the socket with the server."""
         self.set_nodelay(True)
         self.outbox = Outbox(self.write_batch)
         self.server.sockets.add(self)
 
     def on_close(self) -> None:
-        """Be forgotten."""
+        """Remove the socket from the server."""
         self.server.sockets.discard(self)
 
     async def abandon(self) -> None:
@@ -166,7 +166,7 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         await self.outbox.ended()
 
     async def write_or_leave(self, content: str | bytes) -> bool:
-        """Write to the page; one that has gone is no error. Returns whether the page is still there."""
+        """Write to the page, and return whether it is still open; a closed page is not an error."""
         try:
             await self.write_message(content, binary=isinstance(content, bytes))
         except (WebSocketClosedError, StreamClosedError):
@@ -176,19 +176,19 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
 
 
 class CappedServer(HTTPServer):  # type: ignore[misc]  # no type information in tornado
-    """HTTP server with a limited number of connections, half of which are reserved for the token.
+    """HTTP server with a limited number of connections; half of them are reserved for those with the token.
 
-    Connections use at most half of the files of the process. Those that have not shown the token are closed
-    after ``FIRST_REQUEST``, or earlier, the oldest first, where a new one would exceed their half: a new
-    connection is always accepted, so that idle ones keep nobody out. There is no limit per address, since a
-    program of this machine connects from any address of 127.0.0.0/8.
+    Connections use at most half of the files of the process. Connections that have not sent the token are
+    closed after ``FIRST_REQUEST``, or earlier, the oldest first, if a new one would exceed their half. A new
+    connection is always accepted, so that idle ones block nobody. There is no limit per address, because a
+    program on this machine can connect from any address of 127.0.0.0/8.
     """
 
-    admitted: Sequence[IOStream] = ()  # connections that have shown the token
-    unknown: Sequence[IOStream] = ()  # other ones, the oldest first
+    admitted: Sequence[IOStream] = ()  # connections that have sent the token
+    unknown: Sequence[IOStream] = ()  # other connections, the oldest first
 
     def handle_stream(self, stream: IOStream, address: Any) -> None:
-        """Accept a connection if the token has not been shown on too many."""
+        """Accept a connection, unless too many connections have sent the token."""
         files, _ = getrlimit(RLIMIT_NOFILE)
         most = MOST_CONNECTIONS if files == RLIM_INFINITY else min(MOST_CONNECTIONS, files // 2)
         self.admitted, self.unknown = (
@@ -205,7 +205,7 @@ class CappedServer(HTTPServer):  # type: ignore[misc]  # no type information in 
         super().handle_stream(stream, address)
 
     def admit(self, stream: IOStream) -> None:
-        """Note that a connection has shown the token."""
+        """Mark a connection as one that has sent the token."""
         if stream in self.unknown:
             self.unknown = [other for other in self.unknown if other is not stream]
             self.admitted = [*self.admitted, stream]
@@ -216,10 +216,10 @@ class CappedServer(HTTPServer):  # type: ignore[misc]  # no type information in 
 
 
 def bind_loopback(first_port: int) -> socket.socket:
-    """Listen on the loopback interface.
+    """Open a listening socket on the loopback interface.
 
-    ``first_port``: if it is taken the next one is tried; 0 lets the system choose. Raises ViewerError if no
-    port is free.
+    ``first_port``: if it is in use, the next ones are tried; 0 lets the system choose. Raises ViewerError if
+    no port is free.
     """
     tried = [0] if first_port == 0 else range(first_port, min(first_port + PORTS_TRIED, 65536))
     for port in tried:
@@ -230,13 +230,13 @@ def bind_loopback(first_port: int) -> socket.socket:
 
 
 class SceneServer:
-    """Serves a page and its scene; belongs to one event loop: make it, and call it, inside of it."""
+    """Server of a page and its scene; it must be created and called inside of one event loop."""
 
     def __init__(self, page: str, *, first_port: int) -> None:
-        """Listen. ``first_port`` as in :func:`bind_loopback`, with its errors."""
+        """Start to listen; ``first_port`` and errors as in :func:`bind_loopback`."""
         self.page = page
-        self.sockets: set[GuardedSocket] = set()  # open ones
-        self._token = secrets.token_hex(24)  # of this start
+        self.sockets: set[GuardedSocket] = set()  # open sockets
+        self._token = secrets.token_hex(24)  # token of this start
         listener = bind_loopback(first_port)
         listener.setblocking(False)
         self.port = int(listener.getsockname()[1])
@@ -254,30 +254,30 @@ class SceneServer:
         self._http.add_socket(listener)
 
     def scene(self) -> Iterable[Change]:
-        """Packed commands for a scene that has just been opened; a page that holds its own needs none."""
+        """Return encoded commands for a newly opened scene; a page that contains its scene needs none."""
         return ()
 
     @property
     def views(self) -> list[SceneSocket]:
-        """Open scenes."""
+        """Sockets of the open scenes."""
         return [one for one in self.sockets if isinstance(one, SceneSocket)]
 
     def show(self, changes: Iterable[Change]) -> None:
-        """Bring changes of the scene to all pages."""
+        """Send changes of the scene to all pages."""
         changes = list(changes)
         for view in self.views:
             view.outbox.post(changes)
 
     def knows(self, token: bytes) -> bool:
-        """Whether a token is that of this start; how long it takes tells nothing of it."""
+        """Return whether a token is the token of this start, in a time that does not depend on the token."""
         return hmac.compare_digest(token, self._token.encode())
 
     def admit(self, connection: Any) -> None:
-        """Note that a request of a connection has shown the token."""
+        """Mark the connection of a request as one that has sent the token."""
         self._http.admit(connection.stream)
 
     async def close(self) -> None:
-        """Stop listening and close all sockets, those of frozen pages too."""
+        """Stop listening and close all sockets, including the sockets of pages that do not respond."""
         self._http.stop()
         open_pages = list(self.sockets)
         for page in open_pages:
@@ -288,24 +288,24 @@ class SceneServer:
         await self._http.close_all_connections()
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
-        """Paths and who answers them."""
+        """Return the paths and their handlers."""
         return [(r"/", PageHandler), (r"/socket", SceneSocket)]
 
 
 class PageHandler(Guarded):
-    """The page."""
+    """Handler of the page."""
 
     def get(self) -> None:
-        """Answer with the page."""
+        """Send the page."""
         self.set_header("Content-Type", "text/html; charset=utf-8")
         self.write(self.server.page)
 
 
 class SceneSocket(GuardedSocket):
-    """Brings the scene to a page.
+    """Web socket that sends the scene to a page.
 
-    The page says when it has drawn what came; until then it gets nothing more. The network alone would keep
-    seconds of frames for a page that draws slowly.
+    The page acknowledges each batch after drawing it; only then the next batch is sent. Otherwise the network
+    would buffer seconds of frames for a page that draws slowly.
     """
 
     def open(self) -> None:
@@ -315,16 +315,16 @@ class SceneSocket(GuardedSocket):
         self.outbox.post(self.server.scene())
 
     def on_message(self, message: str | bytes) -> None:
-        """Take it that the page has drawn what came, whatever it says."""
+        """Treat any message as the acknowledgement that the page has drawn the batch."""
         self._drawn.set()
 
     def on_close(self) -> None:
-        """Forget the page."""
+        """Remove the socket, and end the wait for the page."""
         super().on_close()
         self._drawn.set()
 
     async def write_batch(self, batch: list[bytes]) -> None:
-        """Write, and wait until it is drawn."""
+        """Write a batch, and wait until it is drawn."""
         self._drawn.clear()
         if await self.write_or_leave(b"".join(batch)):
             await self._drawn.wait()

@@ -1,4 +1,4 @@
-"""Smooth triangle meshes from a few numbers: rounded boxes, turned parts, tubes, arrows."""
+"""Smooth triangle meshes from a few numbers: rounded boxes, solids of revolution, tubes, arrows."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 
 from twin_gait.files import shipped_file
 
-_CREASE = math.cos(math.radians(40.0))  # sharper edges stay edges
+_CREASE = math.cos(math.radians(40.0))  # edges with a larger angle keep separate normals
 
 
 class Shape(NamedTuple):
@@ -18,13 +18,13 @@ class Shape(NamedTuple):
     vertices: np.ndarray  # in [m], shape ``(n, 3)``
     normals: np.ndarray  # outward unit normals, shape ``(n, 3)``
     faces: np.ndarray  # indices of three vertices each, shape ``(m, 3)``
-    # red, green, blue, and opacity where it differs, of each vertex from 0 to 1, shape ``(n, 3)`` or
-    # ``(n, 4)``; None for those of the material
+    # red, green, blue, and opacity if it varies, of each vertex from 0 to 1, shape ``(n, 3)`` or ``(n, 4)``;
+    # None to use the material's values
     colours: np.ndarray | None = None
 
 
 def rounded_box(size: Sequence[float], radius: float) -> Shape:
-    """Make a box whose edges are rounded: a ball of which each eighth is moved to its corner.
+    """Make a box with rounded edges: a ball whose eight octants are moved to the corners.
 
     ``size``: lengths along x, y and z in [m]; ``radius`` of the edges in [m], 0 or more; at most half the
     shortest side is used.
@@ -44,14 +44,14 @@ def rounded_box(size: Sequence[float], radius: float) -> Shape:
 
 
 def surface(rings: np.ndarray) -> Shape:
-    """Make a surface of closed rings, each from its first point round to it, counter-clockwise from above.
+    """Make a surface of rings of points, which are closed and counter-clockwise as seen from above.
 
-    ``rings`` from the lowest up, in [m], shape ``(n, m, 3)``.
+    ``rings`` from the lowest to the highest in [m], shape ``(n, m, 3)``.
     """
     rings = np.concatenate((rings, rings[:, :1]), axis=1)
     faces, points = _grid_faces(*rings.shape[:2]), rings.reshape(-1, 3)
     first, second, third = (points[faces[:, corner]] for corner in range(3))
-    whole = np.any(np.cross(second - first, third - first) != 0.0, axis=1)  # at a tip points coincide
+    whole = np.any(np.cross(second - first, third - first) != 0.0, axis=1)  # at a tip, points coincide
     return creased(points, faces[whole])
 
 
@@ -63,9 +63,10 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
 
 
 def turned(profile: Sequence[tuple[float, float]] | np.ndarray, columns: int = 28) -> Shape:
-    """Turn a profile about the z axis.
+    """Make a solid of revolution about the z axis.
 
-    ``profile``: points (radius, height) in [m]; outward lies to the right of the way from point to point.
+    ``profile``: points (radius, height) in [m]; the outside is to the right of the direction from each point
+    to the next.
     """
     radius, height = np.array(profile, dtype=float).T[:, :, None]
     angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)
@@ -74,7 +75,10 @@ def turned(profile: Sequence[tuple[float, float]] | np.ndarray, columns: int = 2
 
 
 def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
-    """Make a cylinder along z, its edges bevelled by at most a third of radius and length; all in [m]."""
+    """Make a cylinder along z with bevelled edges; all in [m].
+
+    The bevel is limited to a third of the radius and of the length.
+    """
     half = length / 2.0
     bevel = min(bevel, radius / 3.0, length / 3.0)
     third = bevel * (1.0 - math.cos(math.pi / 4.0))
@@ -83,7 +87,7 @@ def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
 
 
 def ball(radius: float, columns: int = 28) -> Shape:
-    """Make a ball of a radius in [m]."""
+    """Make a ball; ``radius`` in [m]."""
     latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)
     profile = radius * np.column_stack((np.cos(latitude), np.sin(latitude)))
     profile[[0, -1], 0] = 0.0
@@ -93,7 +97,7 @@ def ball(radius: float, columns: int = 28) -> Shape:
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     """Make a round tube along a path, with flat ends.
 
-    ``points`` of the path in [m], shape ``(n, 3)``; neighbours differ; ``radius`` in [m].
+    ``points`` of the path in [m], shape ``(n, 3)``; neighbours must differ; ``radius`` in [m].
     """
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -105,7 +109,7 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
 
 
 def _carried_along(ahead: np.ndarray) -> np.ndarray:
-    """A direction across each piece of a path that turns no more than the path does."""
+    """Compute a direction perpendicular to each segment of a path, without twist along the path."""
     across = np.empty_like(ahead)
     before = np.eye(3)[int(np.argmin(np.abs(ahead[0])))]
     for k, direction in enumerate(ahead):
@@ -115,10 +119,10 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
 
 
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
-    """Give a mesh normals that are smooth on curved parts and sharp at edges.
+    """Compute the normals of a mesh, smooth on curved parts and sharp at edges.
 
-    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh; a vertex on an edge is
-    there once for each side of it.
+    ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh, in which a vertex on an
+    edge is repeated for each side of the edge.
     """
     _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
     place = place.reshape(-1)[faces]
@@ -130,20 +134,20 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     sharp = np.einsum("fij,fj->fi", smooth, unit) < _CREASE
     normals = np.where(sharp[:, :, None], unit[:, None, :], smooth)
     pairs = np.concatenate((corners, normals), axis=2).reshape(-1, 6)
-    # Rounded, because sums of the same faces in another order differ in the last bit.
+    # Values are rounded, because sums of the same faces in another order differ in the last bit.
     _, first, index = np.unique(np.round(pairs, 6), axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)  # as they come
+    order = np.argsort(first)  # order of first occurrence
     kept = pairs[first[order]]
     return Shape(kept[:, :3], kept[:, 3:], np.argsort(order)[index.reshape(-1, 3)])
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors of length 1, shape ``(n, 3)``; one of length 0 stays as it is."""
+    """Normalise vectors of shape ``(n, 3)``; a vector of length 0 is not changed."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30))
 
 
 def translation(centre: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Placement without a turn, shape ``(4, 4)``."""
+    """Return the homogeneous transform of a translation in [m], shape ``(4, 4)``."""
     placement = np.eye(4)
     placement[:3, 3] = centre
     return placement
@@ -152,9 +156,10 @@ def translation(centre: Sequence[float] | np.ndarray) -> np.ndarray:
 def frame(
     up: np.ndarray, forward: np.ndarray | None = None, *, at: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
 ) -> np.ndarray:
-    """Placement that turns z into one direction and x as near to another as it goes, shape ``(4, 4)``.
+    """Return the homogeneous transform whose z axis is ``up``, shape ``(4, 4)``.
 
-    ``forward``: None for one of the axes; ``at``: where it puts the origin in [m].
+    Its x axis is as close as possible to ``forward``; None chooses one of the coordinate axes. ``at``:
+    position of the origin in [m].
     """
     third = up / np.linalg.norm(up)
     ahead = np.eye(3)[int(np.argmin(np.abs(third)))] if forward is None else forward
@@ -166,7 +171,7 @@ def frame(
 
 
 def moved(shape: Shape, placement: np.ndarray) -> Shape:
-    """Move a mesh by a homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round."""
+    """Move a mesh by a homogeneous transform, shape ``(4, 4)``; a reflection reverses the faces."""
     linear = placement[:3, :3]
     normals = _unit(shape.normals @ np.linalg.inv(linear))
     faces = shape.faces[:, ::-1] if np.linalg.det(linear) < 0.0 else shape.faces
@@ -174,9 +179,9 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
 
 
 def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
-    """Some faces of a mesh, with their vertices.
+    """Return some faces of a mesh with their vertices.
 
-    ``shape``: the mesh, without colours of its vertices; ``chosen``: which faces, shape ``(m,)``.
+    ``shape``: the mesh, without colours of its vertices; ``chosen``: mask of the faces, shape ``(m,)``.
     """
     used, index = np.unique(shape.faces[chosen], return_inverse=True)
     return Shape(shape.vertices[used], shape.normals[used], index.reshape(-1, 3))
@@ -204,5 +209,5 @@ def _packaged(name: str) -> Shape:
 
 
 def packaged(name: str, placement: np.ndarray) -> Shape:
-    """A mesh that ``urdf/make_meshes.py`` has made. ``placement``: by what it is moved, shape ``(4, 4)``."""
+    """Load a mesh made by ``urdf/make_meshes.py``, moved by ``placement`` of shape ``(4, 4)``."""
     return moved(_packaged(name), placement)

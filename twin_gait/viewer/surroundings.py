@@ -1,6 +1,6 @@
-"""What stands around the figure: light, floor, treadmill and mast, bench, chair, walkway and rails.
+"""Surroundings of the figure: light, floor, treadmill and mast, bench, chair, walkway and rails.
 
-Sizes and looks are in ``surroundings.yaml``.
+Their sizes and materials are in ``surroundings.yaml``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BELT = f"{TREADMILL}/belt"
 FLOOR = f"{ROOT}/floor"
 CHAIR = f"{ROOT}/chair"
 METRES = f"{ROOT}/metres"
-SEAT = "seat_forward_m"  # column of the front edge of a chair
+SEAT = "seat_forward_m"  # log column with the position of the front edge of a chair
 BELT_MARK_SPACING = 0.20  # [m]
 _DRAWN = load_yaml(Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
 MATERIALS = {name: Material(**look) for name, look in _DRAWN["materials"].items()}
@@ -35,11 +35,11 @@ _EDGE = 0.006  # [m]
 _BELT = _DRAWN["places"]["treadmill"]["belt_surface"]["boxes"][0]
 _STRIP = _DRAWN["places"]["floor"]["walkway"]["boxes"][0]
 
-_FIRST_MARK, _LAST_MARK = -0.705, 0.80  # [m]: under the covers of the ends wherever the belt is
+_FIRST_MARK, _LAST_MARK = -0.705, 0.80  # [m]; hidden by the covers of the ends at any belt position
 _DECK_HEIGHT = 0.085  # [m]
-_FLOOR_HEIGHT = -0.02  # [m] of a walkway's
-_BEHIND, _MARKED = 8, 60  # [m] of it that have marks
-_MAST_HEIGHT = 1.83  # of the bar of its mesh [m]
+_FLOOR_HEIGHT = -0.02  # [m], height of the floor of a walkway
+_BEHIND, _MARKED = 8, 60  # [m], lengths with marks behind and before the start of a walkway
+_MAST_HEIGHT = 1.83  # [m], height of the bar in the mesh of the mast
 
 
 def set_studio(window: Window) -> None:
@@ -51,7 +51,8 @@ def set_studio(window: Window) -> None:
 def draw_place(window: Window, name: str, *, placement: np.ndarray | None = None, floor: float = 0.0) -> None:
     """Draw the parts of a place of ``surroundings.yaml``.
 
-    ``placement``: where its origin is put, shape ``(4, 4)``; ``floor``: its height in the place in [m].
+    ``placement`` of the place in the scene, shape ``(4, 4)``; ``floor``: height of the floor in the frame of
+    the place in [m].
     """
     for part, drawn in _DRAWN["places"][name].items():
         solids = [_box(sides, drawn.get("edge", _EDGE), floor) for sides in drawn.get("boxes", ())]
@@ -65,7 +66,7 @@ def draw_place(window: Window, name: str, *, placement: np.ndarray | None = None
 
 
 def _box(sides: Sequence[float | None], edge: float, floor: float = 0.0) -> Shape:
-    """A box from here to there along x, y and z in [m], None being the floor."""
+    """Make a box from its two limits along x, y and z in [m]; None is the height of the floor."""
     ends = np.array([floor if side is None else side for side in sides]).reshape(3, 2)
     solid = shapes.rounded_box((ends[:, 1] - ends[:, 0]).tolist(), edge)
     return shapes.moved(solid, shapes.translation(ends.mean(axis=1)))
@@ -74,7 +75,7 @@ def _box(sides: Sequence[float | None], edge: float, floor: float = 0.0) -> Shap
 def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     """Draw a round floor that fades into the background.
 
-    ``height`` in [m]; ``radius`` at which it has faded out, in [m].
+    ``height`` in [m]; ``radius`` at which the floor is fully transparent, in [m].
     """
     disc = shapes.turned([(ring * radius, 0.0) for ring in np.linspace(1.0, 0.0, 9)], columns=48)
     share = np.linalg.norm(disc.vertices, axis=1) / radius
@@ -83,19 +84,19 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     faded = disc._replace(colours=np.insert(smooth[:, None], [0, 0, 0], 1.0, axis=1))
     draw_mesh(window, FLOOR, faded, MATERIALS["floor"], shaded=True)
     window.send(set_property(FLOOR, "position", [0.0, 0.0, height]))
-    # Drawn before other translucent parts, which must not vanish behind it.
+    # The floor is drawn before other translucent parts, which would otherwise vanish behind it.
     window.send(set_property(f"{FLOOR}/<object>", "renderOrder", -1))
 
 
 def tilted(slope: float) -> np.ndarray:
-    """Pose of a belt that rises forwards by an angle in [rad] about the origin, shape ``(4, 4)``."""
+    """Return the pose of a belt that rises forwards by an angle in [rad], shape ``(4, 4)``."""
     return shapes.frame(np.array([-np.sin(slope), 0.0, np.cos(slope)]), np.array([1.0, 0.0, 0.0]))
 
 
 def draw_treadmill(window: Window, slope: float = 0.0) -> None:
-    """Draw a treadmill whose belt runs along x, under the soles that press on it.
+    """Draw a treadmill whose belt runs along x, lower than the soles that press into the soft ground.
 
-    ``slope`` by which it rises forwards in [rad].
+    ``slope`` of the belt in [rad], positive if it rises forwards.
     """
     window.send(set_transform(TREADMILL, tilted(slope)))
     draw_place(window, "treadmill")
@@ -106,7 +107,7 @@ def draw_treadmill(window: Window, slope: float = 0.0) -> None:
 
 
 def draw_mast(window: Window, hooks: np.ndarray) -> None:
-    """Draw a mast beside the treadmill, its arm, and the bar above the wearer that the ropes hang from.
+    """Draw a mast next to the treadmill, its arm, and the bar above the wearer to which the ropes are tied.
 
     ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
@@ -119,7 +120,7 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
     """Draw the bench: a table with vice and weights.
 
     ``floor``: height of the floor in [m]; ``hip``: position of the hip in [m], shape ``(3,)``; ``far_side``:
-    1 if the table stands to the left of the leg, -1 if to its right.
+    1 if the table is to the left of the leg, -1 if it is to its right.
     """
     placement = np.diag([1.0, far_side, 1.0, 1.0])
     placement[:3, 3] = hip
@@ -128,7 +129,7 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
 
 
 def draw_chair(window: Window, chair: ChairParameters) -> Element:
-    """Draw a chair; the log says where it stands."""
+    """Draw a chair, and return the function that moves it to the position in the log."""
     draw_place(window, "chair")
     window.send(set_property(CHAIR, "scale", [chair.depth, 1.0, chair.height]))
 
@@ -139,19 +140,20 @@ def draw_chair(window: Window, chair: ChairParameters) -> Element:
 
 
 def draw_walkway(window: Window, forward: int) -> Element:
-    """Draw a walkway along x; what does not change along it goes along with the walker.
+    """Draw a walkway along x, and return the function that moves the scene towards the camera.
 
-    ``forward``: coordinate with which the walker goes.
+    The parts that look the same everywhere along the walkway move with the walker. ``forward``: index of the
+    walker's forward coordinate.
     """
     draw_floor(window, _FLOOR_HEIGHT, radius=3.2)
     draw_place(window, "floor")
-    # A line each metre, every fifth twice as thick.
+    # There is a line at each metre; every fifth one is twice as thick.
     metres = range(-_BEHIND, _MARKED + 1)
     lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP[3] - _STRIP[2]) for metre in metres]
     draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], shaded=True)
 
     def state(motion: Motion, frame: int) -> State:
-        # The eye goes along: all else comes towards it, but for the floor.
+        # The camera moves with the walker: the scene moves backwards, and the floor stays.
         way = float(motion.q[frame][forward])
         return {("/meshcat", "position"): [-way, 0.0, 0.0], (FLOOR, "position"): [way, 0.0, _FLOOR_HEIGHT]}
 
@@ -159,21 +161,21 @@ def draw_walkway(window: Window, forward: int) -> Element:
 
 
 def draw_rails(window: Window, hooks: np.ndarray) -> None:
-    """Draw a rail over the walkway for each rope. ``hooks``: their upper ends in [m], shape ``(n, 3)``."""
+    """Draw a rail above the walkway for each rope. ``hooks``: upper ends of the ropes in [m], ``(n, 3)``."""
     rails = [_box([-5.0, _MARKED + 5.0, y - 0.025, y + 0.025, z, z + 0.05], 0.01) for _, y, z in hooks]
     draw_mesh(window, f"{ROOT}/rails", shapes.merged(rails), MATERIALS["steel"])
 
 
 def belt_offset(way: T) -> T:
-    """How far the belt marks are behind where they were drawn when the belt has gone a way in [m].
+    """Compute the displacement of the belt marks along x after the belt has moved by ``way`` in [m].
 
-    Returned along x in [m], between minus one spacing and 0.
+    The result in [m] is between minus one spacing and 0.
     """
     return -(way % BELT_MARK_SPACING)
 
 
 def _line(x: float, length: float, width: float) -> Shape:
-    """A line across the ground, a hair above it: its middle, length along x, width along y in [m]."""
+    """Make a line across the ground and just above it: its middle, length along x, width along y in [m]."""
     corners = np.array([[-length, -width], [length, -width], [length, width], [-length, width]])
     middle = np.array([x, 0.0, _BELT[5] + 0.0016])
     return Shape(

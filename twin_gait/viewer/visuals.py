@@ -1,7 +1,7 @@
 """Visual geometry of a URDF, as meshes in the frames of the joints of a model.
 
-Pinocchio's reader of meshes leaves out normals, which are made anew, and the colours of COLLADA files, which
-are read here.
+Pinocchio's reader of meshes ignores normals, which are computed again, and the colours of COLLADA files,
+which are read here.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.shapes import Shape
 
 FIXED_JOINT = "universe"
-_EDGE_SHARE, _LARGEST_EDGE = 0.22, 0.012  # rounding of boxes: share of the shortest side, [m]
+_EDGE_SHARE, _LARGEST_EDGE = 0.22, 0.012  # rounding of boxes: share of the shortest side; limit in [m]
 
 Colour = tuple[float, ...]  # red, green, blue and opacity from 0 to 1
-# Colour of neighbouring triangles in a mesh file, None where it has a texture or nothing, and their number.
+# Colour of consecutive triangles in a mesh file, None for a texture or no colour, and their number.
 Patch = tuple[Colour | None, int]
 
 
 class LinkPart(NamedTuple):
     """All visuals of one colour on one joint."""
 
-    joint: str  # joint that carries them; ``universe`` for what does not move
+    joint: str  # name of the joint; ``universe`` for fixed parts
     colour: Colour
     shape: Shape  # mesh in the frame of the joint
 
@@ -44,8 +44,8 @@ def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
     """Load the visual geometry of a URDF for a model that was built from it.
 
     The model may have locked joints, a joint between world and pelvis, and resized segments and feet: parts
-    grow with what carries them. A visual that cannot be read, such as a mesh that is not there, is left out
-    with a warning. Raises ModelError if the URDF cannot be read.
+    are scaled with their segments. A visual that cannot be read, such as a missing mesh, is omitted with a
+    warning. Raises ModelError if the URDF cannot be read.
     """
     nominal, geometry = _nominal(model, urdf)
     guides = [name for name in ALL_GUIDES if model.existJointName(name)]
@@ -62,19 +62,19 @@ def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
 
 
 def _located_visuals(urdf: Path) -> ElementTree.Element:
-    """Read a URDF and write absolute paths into its meshes; those that are not there are left out."""
+    """Read a URDF and write absolute paths into its meshes; missing meshes are omitted."""
     root = visual_document(urdf)
     defined: set[str] = set()
     for material in root.findall("material"):
         name = material.get("name", "")
-        if name in defined:  # Pinocchio refuses a second material of the same name
+        if name in defined:  # Pinocchio rejects a second material of the same name
             root.remove(material)
         defined.add(name)
     coloured = {item.get("name", "") for item in root.iter("material") if item.find("color") is not None}
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             for material in visual.findall("material"):
-                # One that has a texture and no colour would be black.
+                # A material that has a texture and no colour would be black.
                 if material.get("name") not in coloured:
                     visual.remove(material)
     _leave_out(root, urdf, partial(_locate, urdf))
@@ -84,7 +84,7 @@ def _located_visuals(urdf: Path) -> ElementTree.Element:
 def _leave_out(
     root: ElementTree.Element, urdf: Path, problem_of: Callable[[ElementTree.Element], str]
 ) -> None:
-    """Remove the visuals that have a problem, with a warning for each."""
+    """Remove the visuals that have a problem, with a warning for each of them."""
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             problem = problem_of(visual)
@@ -159,9 +159,9 @@ def _problem_of(visual: ElementTree.Element) -> str:
 
 
 def stored_mesh(name: str, folder: Path) -> Path:
-    """Return the path of the copy of a mesh, by its name in a URDF that was copied into ``folder`` as it is.
+    """Return the path of the copy of a mesh, by its name in a URDF that was copied unchanged to ``folder``.
 
-    The name may be an address or a path outside of the folder, so that a hash of it tells copies apart.
+    The name may be an address or a path outside of the folder; a hash of it distinguishes the copies.
     """
     mark = hashlib.sha256(name.encode()).hexdigest()[:8]
     return folder / "meshes" / f"{mark}-{Path(name).name}"
@@ -180,7 +180,7 @@ def mesh_files(urdf: Path) -> dict[str, Path]:
 def _find_mesh(name: str, folder: Path) -> Path | None:
     relative = name.removeprefix("package://").removeprefix("file://")
     inside_package = relative.split("/", 1)[-1] if name.startswith("package://") else relative
-    # A copy of a packaged URDF keeps its looks without a copy of the meshes.
+    # A copy of a packaged URDF keeps its meshes without copying them.
     folders = (folder, *folder.resolve().parents, packaged_urdf(PACKAGED_URDFS[0]).parent)
     nearby = (base / part for base in folders for part in (relative, inside_package))
     places = (stored_mesh(name, folder), Path(relative), *nearby)
@@ -188,7 +188,7 @@ def _find_mesh(name: str, folder: Path) -> Path | None:
 
 
 def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel]:
-    """Model and visuals as the file has them, without the joints that the given model lacks."""
+    """Build the model and the visuals of the file, without the joints that are missing in the given model."""
     nominal, root = build_model(urdf), _located_visuals(urdf)
     geometry = _geometry(nominal, root)
     if geometry is None:
@@ -203,10 +203,10 @@ def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel
 
 
 def _growth(nominal: pin.Model, model: pin.Model, index: int) -> np.ndarray:
-    """What a joint carries in the model over what it carries in the file, shape ``(4, 4)``.
+    """Compute the scaling of the link of a joint from the file to the model, shape ``(4, 4)``.
 
-    The way to the next joint is longer where the segment was resized. A last link is larger all round, as
-    its frames are farther away.
+    A resized segment is scaled along the vector to the next joint, a last link in all directions by the
+    distance of its frames.
     """
     growth = np.eye(4)
     for child in range(1, nominal.njoints):
@@ -226,12 +226,12 @@ def _growth(nominal: pin.Model, model: pin.Model, index: int) -> np.ndarray:
 
 
 def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
-    """Pieces of a visual by colour: the URDF's, or if it has none those of the mesh file."""
+    """Yield the pieces of a visual by colour: the colour of the URDF, or else those of the mesh file."""
     stated: Colour = tuple(float(value) for value in item.meshColor)
     own = not item.overrideMaterial and str(item.meshPath).lower().endswith(".dae")
     patches = dae_patches(Path(item.meshPath)) if own else []
     counts = [triangles for _, triangles in patches]
-    if sum(counts) != len(shape.faces):  # none, or read differently
+    if sum(counts) != len(shape.faces):  # there are no patches, or the reader counts triangles differently
         yield stated, shape
         return
     colours = [colour or stated for colour, _ in patches]
@@ -241,7 +241,7 @@ def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
 
 
 def _shape_of(item: Any) -> Shape | None:
-    """Mesh of a visual in its own frame, with the edges of primitives softened."""
+    """Return the mesh of a visual in its own frame, with rounded edges of primitives; None if it is empty."""
     solid = item.geometry
     match type(solid).__name__:
         case "Box":
@@ -253,7 +253,7 @@ def _shape_of(item: Any) -> Shape | None:
             return shapes.ball(float(solid.radius))
     if not hasattr(solid, "tri_indices") or solid.num_tris == 0:
         return None
-    vertices = np.array(solid.vertices(), dtype=float)  # scaled already
+    vertices = np.array(solid.vertices(), dtype=float)  # already scaled
     triangles = (solid.tri_indices(index) for index in range(solid.num_tris))
     faces = np.array([[corner[0], corner[1], corner[2]] for corner in triangles], dtype=int)
     mirrored = float(np.prod(item.meshScale)) < 0.0
@@ -261,10 +261,10 @@ def _shape_of(item: Any) -> Shape | None:
 
 
 def dae_patches(path: Path) -> list[Patch]:
-    """Colours that a COLLADA 1.4 file has of its own, in the order in which its triangles are listed.
+    """Read the colours in a COLLADA 1.4 file in the order of its triangles.
 
-    Pinocchio's reader goes through the nodes of the scene from the outside in and leaves out triangles of
-    which two corners coincide. Returns the patches; none for a file that is not understood.
+    Pinocchio's reader visits the nodes of the scene from the outside to the inside, and omits triangles with
+    two coincident corners. Returns the patches, or an empty list for a file that cannot be interpreted.
     """
     try:
         root = ElementTree.parse(path).getroot()
@@ -277,7 +277,7 @@ def dae_patches(path: Path) -> list[Patch]:
 
 
 def _patches(node: Any, named: Mapping[str, Any]) -> Iterator[Patch]:
-    """Those of a node and what it holds. ``named``: elements by their addresses."""
+    """Yield the patches of a node and of the nodes in it; ``named``: elements by their addresses."""
     for instance in node.findall("instance_geometry"):
         targets = {item.get("symbol"): item.get("target") for item in instance.iter("instance_material")}
         for part in named[instance.get("url")].iter():
@@ -296,7 +296,7 @@ def _colour(material: str, named: Mapping[str, Any]) -> Colour | None:
 
 
 def _triangles(part: Any, named: Mapping[str, Any]) -> int:
-    """How many a part has that have three corners; polygons are cut into them."""
+    """Count the triangles of a part with three different corners; polygons are divided into triangles."""
     corners = np.array((part.findtext("vcount") or "").split(), dtype=int)
     if np.any(corners != 3):
         return int(np.sum(corners - 2))

@@ -1,45 +1,45 @@
-// The page of a recorded run, of two runs beside each other, and of the live viewer. No build step: these
-// files stand one after the other in one script.
+// The page of a recorded run, of two runs next to each other, and of the live viewer. There is no build step:
+// these files are concatenated to one script.
 //
 //   basics.js    texts, colours, canvases          plots.js     curves, all on one span of time
 //   stage.js     a scene and its camera            timeline.js  bands of phases, slider, legend
 //   readout.js   the card with the numbers         player.js    recorded runs: clock, keys, address
-//   live.js      data as it comes                  joints.js    a model and its sliders
-//   start.js     what runs first
+//   live.js      data of a running simulation      joints.js    a model and its sliders
+//   start.js     start of the page
 //
 // Data of the page (element page-data, JSON):
 //   {mode: "recorded", runs: [RUN, ...]}, {mode: "live"} or {mode: "model", runs: [RUN]}
-// RUN, and what describes a live scene:
+// RUN, and DESCRIPTION of a live scene:
 //   {title, subtitle: [text], differing: [text], notes: [text], view: {target, direction, width, height, field_of_view},
 //    phases: [{name, label, short, colour, ink}], modes: [label], legs: [{side, label, colour, dark, shows: [key]}],
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote,
 //    strides: {side, starts: [s]} or null, events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word,
-//    walk: [[label, left, right, healthy]], a head and rows of texts, or nothing}
+//    walk: [[label, left, right, healthy]], a header and rows of texts, or nothing}
 // A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
 //   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: SPELLS or null}],
 //    modes: SPELLS or null}, SPELLS being {starts: [s], codes: [n]}
-// where times are those of frames, and a series has the frames and what lies between them (steps from point to point),
-// and the commands of meshcat's viewer, each after its length in four bytes, lowest first.
-// That of a model holds `scene` and `joints`.
+// where `times` are the times of the frames, and a series has points at the frames and between them (`steps` from
+// point to point), and the commands of meshcat's viewer, each after its length in four bytes, little-endian.
+// The RUN of a model holds `scene` and `joints`.
 //
-// Live messages, binary: one command of meshcat's viewer in msgpack, or several of them each after its length
-// as above. Beside meshcat's own kinds there are two:
-//   {type: "page", path: "", page: DESCRIPTION}      what is shown from now on; starts the curves anew
-//   {type: "sample", path: "", sample: SAMPLE}       one moment
+// Live messages are binary: one command of meshcat's viewer in msgpack, or several commands, each after its
+// length as above. There are two types in addition to meshcat's:
+//   {type: "page", path: "", page: DESCRIPTION}      new content of the page; clears the curves
+//   {type: "sample", path: "", sample: SAMPLE}       values at one time
 // SAMPLE: {time: s, legs: [{phase: code, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}],
-// events: all of the run so far, mode: code}, legs in the order of the description; curves are all that has been since the last
-// sample.
+// events: all events of the run so far, mode: code}, with the legs in the order of the description; curves contain all points
+// since the last sample.
 // Keys of values, JOINT being hip, knee or ankle: JOINT [deg]; JOINT_torque [N m]; JOINT_ before impedance,
 // friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force, crutch [N].
-// A key that `shows` does not name is not read out; one that is not sent shows as a dash.
+// A key that is not in `shows` is not displayed; a key that is not sent is displayed as a dash.
 //
-// For a further script: window.twinGait = {show(sample), take(bytes), page(), stage, plots, theme, tell,
+// Interface for another script: window.twinGait = {show(sample), take(bytes), page(), stage, plots, theme, tell,
 // ready}; see start.js.
 "use strict";
 
 const element = (id) => document.getElementById(id);
-// The chain, with the name of the positive direction; a page shows the joints that its legs drive.
+// Joints of a leg, with the name of the positive direction; a page shows the driven joints of its legs.
 const JOINTS = [["hip", "Hip", "flexion"], ["knee", "Knee", "flexion"], ["ankle", "Ankle", "dorsiflexion"]];
 
 function make(tag, name = "", text = "") {
@@ -49,7 +49,7 @@ function make(tag, name = "", text = "") {
   return made;
 }
 
-// With a true minus sign, and without a minus before nothing.
+// Format a number with a typographic minus sign, and without a sign before zero.
 function number(value, digits) {
   const text = value.toFixed(digits);
   return (Number(text) < 0 ? "\u2212" : "") + text.replace("-", "");
@@ -60,7 +60,7 @@ function tell(text) {
   element("message").hidden = !text;
 }
 
-// Position of the last of sorted numbers that is not after a value, at least 0.
+// Return the index of the last of sorted numbers that is not larger than a value, at least 0.
 function last_before(sorted, value) {
   let low = 0, high = sorted.length - 1;
   while (low < high) {
@@ -70,14 +70,14 @@ function last_before(sorted, value) {
   return low;
 }
 
-// Value of a series {times, values} at a time between its points.
+// Interpolate a series {times, values} at a time.
 function value_at({ times, values }, time) {
   const low = last_before(times, time), high = Math.min(low + 1, times.length - 1);
   if (times[high] <= times[low] || time <= times[low] + 1e-9) return values[low];
   return values[low] + ((values[high] - values[low]) * (time - times[low])) / (times[high] - times[low]);
 }
 
-// Time to which one of a row of moments belongs, with as many in the other row: straight lines between them and beyond.
+// Map a time from one list of times to another by linear interpolation and extrapolation.
 function warped(from, to, time) {
   const last = Math.min(from.length, to.length) - 1, k = Math.min(last_before(from, time), last - 1);
   return to[k] + ((to[k + 1] - to[k]) * (time - from[k])) / (from[k + 1] - from[k]);
@@ -105,7 +105,7 @@ const theme = {
     for (const listener of this.listeners) listener();
   },
 
-  // Colour of a leg that stands out from the background.
+  // Return the colour of a leg that contrasts with the background.
   of(leg) { return this.dark ? leg.dark : leg.colour; },
 };
 
@@ -125,7 +125,7 @@ function canvas_context(canvas, width, height) {
 
 const FONT = "system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
 
-// A band of phases: colour, hatching and letters each say which phase it is.
+// Draw a band of phases; colour, hatching and letters each identify the phase.
 function draw_band(context, page, spells, box, from, to, end) {
   const { starts, codes } = spells, scale = box.width / Math.max(to - from, 1e-9);
   context.save();
@@ -149,7 +149,7 @@ function draw_band(context, page, spells, box, from, to, end) {
   context.restore();
 }
 
-// What befell the run, across a box: [{kind, time, text}] at the places that x gives.
+// Draw the events of a run [{kind, time, text}] as lines across a box; x maps a time to a position.
 function draw_events(context, events, x, box, named = false) {
   let free = -Infinity;
   context.strokeStyle = context.fillStyle = theme.inks.alarm;
@@ -166,7 +166,7 @@ function draw_events(context, events, x, box, named = false) {
     context.stroke();
     context.setLineDash([]);
     if (!named) continue;
-    // Events that follow each other closely stand below each other.
+    // The names of events that are close together are written below each other.
     const width = context.measureText(kind).width + 4, row = at < free ? 1 : 0, left = at + 3 + width > box.right;
     context.fillText(kind, left ? at - width : at + 3, box.top + 9 + 11 * row);
     free = at + 3 + width;

@@ -1,10 +1,10 @@
-// ---- a model and its joints: the sliders stand where a run has its curves ---------------------------
+// ---- a model and its joints: sliders at the position of a run's curves ------------------------------
 
 const joints = {
   stage: null, rows: [],
 
   async open({ runs: [page] }) {
-    // What only moves with time is hidden, as on a live page that shows no legs.
+    // Controls of time are hidden, as on a live page that shows no legs.
     document.body.classList.add("live", "still");
     document.title = page.title;
     this.stage = new Stage("Model");
@@ -33,7 +33,7 @@ const joints = {
     document.body.classList.toggle("posed", entries.length > 0);
   },
 
-  // Turns are told in degrees, ways in millimetres.
+  // Make the row of a joint; angles are in degrees, displacements in millimetres.
   row(entry, list) {
     const [factor, unit, digits] = entry.slides ? [1000, "\u202fmm", 1] : [180 / Math.PI, "°", 1];
     const label = make("label", "joint"), slider = make("input"), told = make("output");
@@ -58,7 +58,7 @@ const joints = {
     return row;
   },
 
-  // A joint with <mimic> takes its position from another joint, beyond its own limits if the file says so.
+  // Move the joints with <mimic> that follow a joint; they may exceed their own limits.
   follow(leader, value) {
     for (const { entry, show, slider } of this.rows) {
       if (entry.mimic?.joint !== leader) continue;
@@ -68,7 +68,7 @@ const joints = {
     }
   },
 
-  // The group of a joint lies where the file puts it, turned or shifted along the axis.
+  // Turn the group of a joint about its axis, or shift it along the axis, from its position in the file.
   move({ path, slides, axis, position, quaternion }, value) {
     const { Quaternion, Vector3 } = MeshCat.THREE, along = new Vector3(...axis), rest = new Quaternion(...quaternion);
     const [name, moved] = slides

@@ -1,6 +1,6 @@
-// ---- the live viewer: what the script of the panel brings --------------------------------------------
+// ---- live viewer: data that the script of the panel passes on ----------------------------------------
 
-const LIVE_MEMORY = 8; // seconds that a live page remembers
+const LIVE_MEMORY = 8; // seconds of curves that a live page stores
 
 const live = {
   page: null, run: null, stage: null, head: null, time: -Infinity,
@@ -46,7 +46,7 @@ const live = {
     this.stage.look(page.view);
   },
 
-  // One moment, or several since the last drawing.
+  // Show one sample, or several since the last drawing.
   show(...samples) {
     if (!this.run || !this.run.legs.length || !samples.length) return;
     for (const sample of samples) this.note(sample);

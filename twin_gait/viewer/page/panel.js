@@ -1,15 +1,15 @@
-// The panel of the live page. It draws the controls that the simulation tells of, sends what is set, and shows
-// what became of it: a refusal stands beside its control, which goes back to the value that holds.
-// Messages are those of twin_gait/live/protocol.py; a batch of them comes as one list.
+// Panel of the live page. It draws the controls that the simulation declares, sends changes, and shows their
+// results: the reason of a rejection is next to its control, which returns to the valid value.
+// Messages are defined in twin_gait/live/protocol.py; a batch of messages is one list.
 "use strict";
 
 (() => {
   const get = (id) => document.getElementById(id);
   const TABS = [["walk", "Walk"], ["table", "Table"], ["monitor", "Monitor"], ["disturb", "Push & faults"], ["log", "Log"]];
-  const HOMES = { push: "disturb", fault: "disturb" }; // tab of a group that has none of its own
+  const HOMES = { push: "disturb", fault: "disturb" }; // tab of a group that has no own tab
   const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
-  const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
-  const APART = [...QUICK, "request", "stop", "revert"]; // actions that have a place of their own
+  const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always visible
+  const APART = [...QUICK, "request", "stop", "revert"]; // actions with their own position
   const STATES = {
     walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Broken off: its process is gone",
@@ -20,13 +20,13 @@
     ["friction_control", "Friction control", ["gain"]], ["torque_control", "Torque control", ["torque"]],
     ["impedance_control", "Impedance control", ["stiffness", "equilibrium", "damping"]],
   ];
-  const OVER = ["held", "fell", "diverged", "ended", "died"]; // only a new start goes on from there
-  const GONE = ["ended", "died"]; // the process of the simulation
-  const LOST = ["connecting", "offline", ...GONE]; // nothing can be changed
-  // Parts of the page that change something; Emergency stop is not one of them.
+  const OVER = ["held", "fell", "diverged", "ended", "died"]; // states that only a restart can leave
+  const GONE = ["ended", "died"]; // states without a process of the simulation
+  const LOST = ["connecting", "offline", ...GONE]; // states in which nothing can be changed
+  // Parts of the page that change something, without the emergency stop.
   const CHANGING = ["panel-quick", "panel-requests", "panel-forecast", "panel-ask", "body-walk", "body-table", "body-monitor", "body-disturb"];
   const SILENCE = 500, LOOK = 100, OTHER_WAY_AFTER = 250; // [ms]
-  const ANSWER_WITHIN = 130000; // [ms]; before a new start the run of the walk is written
+  const ANSWER_WITHIN = 130000; // [ms]; long, because a restart first writes the run of the walk
   const LOG_LINES = 400;
   const USUAL_FRAME = 34, LONGEST_REST = 400; // [ms]
   const page = Math.random().toString(36).slice(2, 8);
@@ -67,7 +67,7 @@
   const link = {
     socket: null,
     count: 0,
-    waiting: new Map(), // id: what to do with the answer
+    waiting: new Map(), // handler of the answer by the id of the message
 
     open() {
       this.socket = new WebSocket(`ws://${location.host}/panel${location.search}`);
@@ -82,7 +82,7 @@
       };
     },
 
-    // Calls answer with the event that has the id of the message, or with null if none comes.
+    // Send a message; `answer` is called with the event that has its id, or with null after a timeout.
     send(message, answer) {
       const id = `${page}-${this.count += 1}`;
       if (this.socket?.readyState !== WebSocket.OPEN) { answer(null); return; }
@@ -92,8 +92,8 @@
     },
   };
 
-  // The scene comes over a socket of its own. The page says when it has drawn what came and gets no more before,
-  // so that a slow page misses frames rather than falling behind.
+  // The scene has its own socket. The page acknowledges each batch after drawing it and receives no other batch
+  // before, so that a slow page drops frames instead of falling behind.
   const view = {
     samples: [],
 
@@ -117,7 +117,8 @@
       socket.onclose = () => setTimeout(() => this.connect(), 1000);
     },
 
-    // Without a graphics card drawing takes long; then the page rests as long, and leaves the machine to the walk.
+    // Without a graphics card drawing is slow; the page then waits for as long as it has drawn, so that the
+    // simulation has enough processor time.
     answer(socket, began) {
       requestAnimationFrame(() => {
         const rest = Math.min(Math.max(performance.now() - began - USUAL_FRAME, 0), LONGEST_REST);
@@ -126,7 +127,7 @@
     },
   };
 
-  // The part of the pane that no card covers: between the numbers and the panel.
+  // Compute the part of the pane that no card covers: between the numbers and the panel.
   function room() {
     const box = (node) => node.getBoundingClientRect();
     const pane = box(this.pane), free = { left: pane.left, right: pane.right, top: pane.top, bottom: pane.bottom };
@@ -158,13 +159,13 @@
     }
   }
 
-  // ---- head: what the walk does, the actions always in sight, stop -------------------------------------
+  // ---- head: state of the walk, actions that are always visible, stop ----------------------------------
 
   const head = {
     status: "connecting",
-    events: 0, // faults, trips and falls of the walk
+    events: 0, // number of faults, trips and falls of the walk
 
-    // With the cause and the place of a trip, which follows the colon of its text.
+    // Show the state, with the cause and the joint of a trip, which follow the colon of its text.
     state(status, events = []) {
       const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
       const because = trip && ["held", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
@@ -221,9 +222,9 @@
     },
   };
 
-  // A stop is sent over the socket; without an answer soon, over HTTP too. The page says when it is confirmed.
+  // A stop is sent over the socket and, without a fast answer, also over HTTP. The page shows its confirmation.
   const stopping = {
-    sent: null, // time of the first press that is not confirmed
+    sent: null, // time of the first unconfirmed press
 
     press() {
       this.sent ??= performance.now();
@@ -245,7 +246,7 @@
       this.sent = null;
     },
 
-    // Called again and again: a stop that is not confirmed in time is told in red.
+    // Show a stop that is not confirmed in time in red; called periodically.
     look(now) {
       if (this.sent === null || now - this.sent <= SILENCE) return;
       const passed = Math.max(0.5, Math.floor((now - this.sent) / 1000));
@@ -260,11 +261,11 @@
     },
   };
 
-  // ---- heartbeat: how long ago the simulation sent something --------------------------------------------
+  // ---- heartbeat: time since the last message of the simulation -----------------------------------------
 
   const pulse = {
-    simulation: performance.now(), // time of the last message of the simulation's process
-    server: performance.now(), // and of the last heartbeat of the server
+    simulation: performance.now(), // time of the last message of the simulation
+    server: performance.now(), // time of the last heartbeat of the server
     looked: performance.now(),
     silent: false,
 
@@ -278,8 +279,8 @@
       const now = performance.now(), passed = now - this.simulation, stood = now - this.looked;
       this.looked = now;
       stopping.look(now);
-      if (stood > SILENCE) return; // the page itself stood still, and messages may wait
-      // A silence alone leaves a forecast as it is: else one that takes longer than the next silence is never made.
+      if (stood > SILENCE) return; // the page itself was suspended, and messages may be waiting
+      // A silence alone does not invalidate a forecast: one that takes longer than the next silence would never end.
       this.silent = passed > SILENCE && !GONE.includes(head.status);
       document.body.classList.toggle("silent", this.silent);
       get("no-data").hidden = !this.silent;
@@ -294,16 +295,16 @@
     },
   };
 
-  // ---- changes: a list that waits for its forecast and for Apply -----------------------------------------
+  // ---- changes: a list that is forecast and then applied -------------------------------------------------
 
   const changes = {
-    waiting: new Map(), // row: {value, reverts} of every change of the list, in the order of the edits
-    edits: [], // [row, change] that wait for their forecast; a row of null asks for that of the list again
-    event: null, // forecast of the list; null while there is none
-    refusal: "", // why the list was refused
+    waiting: new Map(), // {value, reverts} of every change of the list by row, in the order of the edits
+    edits: [], // [row, change] that wait for their forecast; a row of null repeats the forecast of the list
+    event: null, // forecast of the list; null if there is none
+    refusal: "", // reason of the rejection of the list
     busy: false,
     trying: null, // row whose change is being forecast
-    count: 0, // of lists, so that an answer to an earlier one is ignored
+    count: 0, // number of lists, so that an answer to an earlier list is ignored
 
     asks() { return get("panel-ask").querySelector("input").checked; },
 
@@ -317,7 +318,7 @@
       this.next();
     },
 
-    // Forecasts are made one after the other, so that a refusal is that of the last edit.
+    // Forecasts are made one after the other, so that a rejection refers to the last edit.
     next() {
       if (this.busy || !this.edits.length) { this.draw(); return; }
       const [row, change] = this.edits.shift(), list = new Map(this.waiting), number = this.count;
@@ -339,7 +340,7 @@
 
     values(list) { return Object.fromEntries([...list].map(([row, { value, reverts }]) => [row.control.name, reverts ? null : value])); },
 
-    // The premises of the forecast have changed: it is made again, and nothing can be applied before.
+    // Repeat the forecast after its assumptions have changed; nothing can be applied before it ends.
     again() {
       if (!this.waiting.size && !this.busy) return;
       this.event = null;
@@ -368,7 +369,7 @@
       });
     },
 
-    // The control goes back to its change in the list, or else to the value that holds.
+    // Set the control to its change in the list, or else to its valid value.
     back(row) {
       row.node.classList.remove("pending");
       row.tried = this.waiting.get(row)?.value;
@@ -419,11 +420,11 @@
 
   // ---- a control ------------------------------------------------------------------------------------
 
-  // One row: label, what sets the value, the way back to the preset, and a line for a refusal.
+  // Row of a control: label, input of the value, button that reverts to the preset, and a line for a rejection.
   class Row {
     constructor(control, setter) {
       this.control = control;
-      this.setter = setter; // of a field of an action: null, its value goes with the action
+      this.setter = setter; // null for a field of an action, because its value is sent with the action
       this.id = `control-${control.name.replace(/[^\w]/g, "-")}${setter ? "" : "-field"}`;
       this.refusal = make("p", { className: "refusal", id: `${this.id}-refusal`, hidden: true, role: "alert" });
       this.input = this.entry();
@@ -464,7 +465,7 @@
       if (least !== null && largest !== null) {
         this.slider = make("input", { type: "range", min: least, max: largest, step: step ?? "any", tabIndex: 0 });
         this.slider.setAttribute("aria-label", `${this.control.label || this.control.name}, slider`);
-        // A mark at the preset.
+        // A mark shows the value of the preset.
         const mark = make("datalist", { id: `${this.id}-preset` }, make("option", { value: this.control.default }));
         this.slider.setAttribute("list", mark.id);
         parts.push(mark);
@@ -482,7 +483,7 @@
       return this.box;
     }
 
-    // The words that can be chosen; a choice that is still among them stays.
+    // Set the options of a choice; a selected option is kept if it still exists.
     offer(names) {
       const chosen = this.box.value;
       this.box.replaceChildren(...names.map((name) => make("option", { value: name }, name ? title(name) : "–")));
@@ -504,10 +505,10 @@
       return button;
     }
 
-    // Whether somebody is at it and has not sent it yet.
+    // Return whether the user is editing the value and has not sent it.
     typing() { return document.activeElement === this.box && this.box.value !== this.shown; }
 
-    // A number that was typed; what is not a number goes to the simulation as it is, which says what is wrong.
+    // Send a typed number. Text that is not a number is sent unchanged, and the simulation returns the error.
     typed() {
       const text = this.box.value.trim();
       if (text === "") this.show(this.held);
@@ -524,7 +525,7 @@
       this.change({ value, reverts: false }, (answer) => this.setter(value, answer));
     }
 
-    // Applied at once, or put into the list of changes that wait.
+    // Apply a change immediately, or add it to the list of waiting changes.
     change(change, send) {
       if (changes.asks()) { changes.add(this, change); return; }
       if (this.tried !== undefined) changes.remove(this);
@@ -540,7 +541,7 @@
       }
     }
 
-    // Send, and show what holds after the answer: the new value, or the old one and why.
+    // Send the value, and show the result: the new value, or the old one and the reason.
     ask(send) {
       this.node.classList.add("pending");
       this.refuse("");
@@ -585,7 +586,7 @@
     }
   }
 
-  // ---- an action with its fields ----------------------------------------------------------------------
+  // ---- an action and its fields -----------------------------------------------------------------------
 
   class Deed {
     constructor(spec) {
@@ -630,7 +631,7 @@
     rows: new Map(),
     deeds: new Map(),
     state: null,
-    colours: new Map(), // of the phases, by name
+    colours: new Map(), // colours of the phases by name
     phase: null,
     joint: null,
 
@@ -669,7 +670,7 @@
       tabs.body("walk").append(this.statistics = make("dl", { id: "panel-statistics" }));
     },
 
-    // A button for everything that the device can be asked for, behind the mode that it is in.
+    // Make a button for every mode that can be requested, after the present mode.
     requests(spec) {
       get("panel-requests").hidden = !spec;
       if (!spec) return;
@@ -682,7 +683,7 @@
         ...spec.fields[0].choices.map((name) => make("button", { type: "button", dataset: { request: name }, onclick: () => ask(name) }, title(name))));
     },
 
-    // The table, one phase at a time: chips for the phases, one column for each joint.
+    // Draw the table, one phase at a time: chips for the phases, one column for each joint.
     table() {
       this.chips = new Map(this.state.phases.map((name) => {
         const chip = make("button", { type: "button", className: "chip", dataset: { phase: name } },
@@ -705,7 +706,7 @@
       return make("div", { className: "sheet", dataset: { phase } }, ...columns);
     },
 
-    // The monitor, one joint at a time: what drives the joints, and a section for each of the three controls.
+    // Draw the monitor, one joint at a time: the controller of the joints, and a section for each of the controls.
     monitor() {
       const own = this.state.controls.filter((one) => one.group === "monitor");
       const joints = [...new Set(own.filter((one) => one.joint).map((one) => `${one.side} ${one.joint}`))];
@@ -766,7 +767,7 @@
       if (this.deeds.has("revert")) this.differences.append(this.revert_all());
     },
 
-    // Where a control stands, in words.
+    // Return the position of a control on the page as text.
     place(one) {
       const place = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
       return place ? `${title(place)}: ${one.label.replace("θ0", "θ₀")}` : title(one.label);
@@ -850,7 +851,7 @@
     seen: new Set(),
     session: null,
 
-    // Another session begins its serial numbers anew: it has a log of its own.
+    // Another session restarts the serial numbers and has its own log.
     open(session) {
       if (this.session === session) return;
       this.session = session;
@@ -862,7 +863,7 @@
 
     walks: 1,
 
-    // Lines are in the order of the walks and their ticks, the newest first.
+    // Insert a line in the order of the walks and their ticks, the newest first.
     add(event) {
       if (event.serial) { if (this.seen.has(event.serial)) return; this.seen.add(event.serial); }
       const body = get("body-log");
@@ -884,7 +885,7 @@
 
   tabs.build();
   get("stop").onclick = () => stopping.press();
-  // Before anything else on the page hears of it, wherever the focus is.
+  // The key is handled before all other handlers of the page, independently of the focus.
   window.addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
     event.preventDefault();

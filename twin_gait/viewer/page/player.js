@@ -4,7 +4,7 @@ const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
 
 const player = {
   runs: [], stages: [], heads: [], times: [], switches: [], end: 0, time: 0, playing: false, last: null,
-  by_stride: false, // two runs: whether the clock is that of A, and B is where it is in the same stride
+  by_stride: false, // two runs: whether B is shown at the same point of the same stride as A
 
   async open(page) {
     const pair = page.runs.length > 1;
@@ -26,14 +26,14 @@ const player = {
 
   has_strides() { return this.runs.length > 1 && this.runs.every((run) => run.page.strides); },
 
-  // Time of a run on the common clock, and back.
+  // Convert the time of a run to the common clock, and back.
   shared(run, time) { return run === this.runs[0] || !this.by_stride ? time : warped(run.page.strides.starts, this.runs[0].page.strides.starts, time); },
   own(run, time) {
     if (run === this.runs[0] || !this.by_stride) return time;
     return Math.round(1e6 * warped(this.runs[0].page.strides.starts, run.page.strides.starts, time)) / 1e6;
   },
 
-  // Everything that is drawn over time, on the common clock.
+  // Convert all data that are drawn over time to the common clock.
   align() {
     const views = this.runs.map((run) => {
       const shared = (time) => this.shared(run, time);
@@ -79,14 +79,14 @@ const player = {
     stage.paint();
   },
 
-  // Per joint the largest motor torque, for the little bars.
+  // Return the largest motor torque of each joint, which scales the small bars.
   scales(run) {
     const largest = (joint) => run.legs.flatMap((leg) => leg.series[`${joint}_torque`]?.values ?? [])
       .reduce((most, value) => (Number.isFinite(value) ? Math.max(most, Math.abs(value)) : most), 1);
     return Object.fromEntries(JOINTS.map(([joint]) => [joint, largest(joint)]));
   },
 
-  // Every change of a phase of any leg, and every event: [{time, words}].
+  // Return every change of a phase of any leg, and every event: [{time, words}].
   transitions(runs) {
     const found = runs.flatMap((run) => run.legs.filter((leg) => leg.phases).flatMap((leg) =>
       leg.phases.starts.slice(1).map((time, index) => ({
@@ -116,7 +116,7 @@ const player = {
     element("by-stride").onclick = () => this.compare_by(!this.by_stride);
     element("time").oninput = () => { this.pause(); this.seek(Number(element("time").value)); };
     element("help-open").onclick = () => element("help").showModal();
-    // After a click the space bar plays again rather than pressing that button once more.
+    // After a click, the space bar plays the run instead of pressing the same button again.
     document.addEventListener("click", (event) => { if (event.detail) event.target.closest("button")?.blur(); });
     window.addEventListener("hashchange", () => {
       const { time } = address.read();
@@ -135,7 +135,7 @@ const player = {
   key(event) {
     if (event.ctrlKey || event.altKey || event.metaKey || element("help").open) return;
     if (event.target.tagName === "SELECT") return;
-    if (["Space", "Enter"].includes(event.code) && event.target.tagName === "BUTTON") return; // the button does it
+    if (["Space", "Enter"].includes(event.code) && event.target.tagName === "BUTTON") return; // handled by the button
     const action = this.keys()[event.code === "Space" ? " " : event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action) return;
     action(event.shiftKey);
@@ -162,14 +162,14 @@ const player = {
     element("spoken").textContent = `speed ${choice.value}`;
   },
 
-  // To the next frame, or the one before.
+  // Go to the next or the previous frame.
   step(way) {
     this.pause();
     const index = last_before(this.times, this.time) + way;
     this.seek(this.times[Math.min(Math.max(index, 0), this.times.length - 1)]);
   },
 
-  // To the next change of a phase, or the one before.
+  // Go to the next or the previous change of a phase.
   transit(way) {
     this.pause();
     const ahead = this.switches.filter(({ time }) => (way > 0 ? time > this.time + 5e-4 : time < this.time - 5e-4));
@@ -203,7 +203,7 @@ const player = {
     this.show(time > this.end ? 0 : time);
   },
 
-  // Standing still the page shows a frame, so that picture and numbers are those of one row of the log.
+  // Show the nearest frame, so that picture and numbers of a paused page are those of one row of the log.
   seek(time, tell_address = true) {
     const low = last_before(this.times, time), high = Math.min(low + 1, this.times.length - 1);
     const nearer = Math.abs(this.times[high] - time) < Math.abs(time - this.times[low]) ? high : low;
@@ -228,7 +228,7 @@ const player = {
     return [`${this.time.toFixed(2)} seconds`, ...legs].join(", ");
   },
 
-  // Values of the last frame, with the time of that frame.
+  // Return the values of the last frame and its time.
   sample(run, time) {
     const at = run.times[last_before(run.times, time)];
     const legs = run.legs.map((leg) => {
@@ -240,7 +240,7 @@ const player = {
     return { time: at, legs, mode, events: run.page.events.filter((event) => event.time <= at + 5e-4), stride: this.stride(run, at) };
   },
 
-  // Where in which stride a run is, in words, if runs are compared so.
+  // Return the stride and the position in it as text, if runs are compared by stride.
   stride(run, time) {
     if (!this.by_stride) return "";
     const { side, starts } = run.page.strides, k = last_before(starts, time);
@@ -248,7 +248,7 @@ const player = {
     return `${side} stride ${k + 1}, ${((100 * (time - starts[k])) / (starts[k + 1] - starts[k])).toFixed(0)} %`;
   },
 
-  // Paper gets what the page shows: the picture of this moment, its numbers, and the curves of the whole run.
+  // Prepare the page for printing: the picture and the numbers at this time, and the curves of the whole run.
   print(begins) {
     if (begins) {
       this.pause();
@@ -264,7 +264,7 @@ const player = {
   },
 };
 
-// ---- the address of the page: #t=3.200, and speed, theme, picture -----------------------------------
+// ---- address of the page: #t=3.200, and speed, theme, picture ---------------------------------------
 
 const address = {
   read() {
@@ -280,13 +280,13 @@ const address = {
     };
   },
 
-  // Some browsers refuse to change the address of a local file; the page works without.
+  // Some browsers do not allow a change of the address of a local file; the page works without it.
   write(time) {
     try { history.replaceState(null, "", `#t=${time.toFixed(3)}`); } catch { /* as said above */ }
   },
 };
 
-// Series with times in s for the steps in ms.
+// Convert a series with steps in ms to a series with times in s.
 function unfolded(series) {
   return Object.fromEntries(Object.entries(series).map(([key, { steps, values }]) => {
     let now = 0;

@@ -1,16 +1,16 @@
 // ---- curves: panels on one span of time -------------------------------------------------------------
 
-const WINDOW = 6;       // seconds that the curves show unless told otherwise
-const SHORTEST = 0.05;  // seconds: as far as one can zoom in
+const WINDOW = 6;       // default span of the curves in s
+const SHORTEST = 0.05;  // smallest span of the curves in s
 const MARGIN = { left: 40, right: 8, top: 19, bottom: 7 };
 const AXIS = 16, BAND = 14;
 const DASHES = { A: [], B: [5, 3] };
 
 const plots = {
-  strides: null, // of the clock, where two runs are compared by per cent of them
+  strides: null, // strides of the common clock, if two runs are compared by per cent of a stride
   runs: [], time: 0, end: null, span: null, whole: false, drag: null, panels: [], onseek: null,
 
-  // Runs: [{name, page, times, legs}], legs with side, series and phases.
+  // Open the card for runs [{name, page, times, legs}], whose legs have side, series and phases.
   open(runs, end) {
     this.runs = runs;
     this.end = end;
@@ -31,7 +31,7 @@ const plots = {
     this.draw();
   },
 
-  // ---- what there is to see
+  // ---- sets of panels
 
   lines(key, options = {}) {
     return this.runs.flatMap((run) => run.legs.filter((leg) => leg.series[key]).map((leg) => ({
@@ -54,7 +54,7 @@ const plots = {
     return sets.filter((set) => set.panels.length);
   },
 
-  // Parts of the commanded torque of a leg, and what the motor gave.
+  // Return the panels with the parts of the commanded torque of a leg, and with the motor torque.
   split(leg) {
     const panels = JOINTS.map(([joint, name]) => {
       const parts = this.runs[0].page.parts.map((part) => ({ key: `${joint}_${part.key}`, label: part.label, colour: () => part.colour }));
@@ -65,7 +65,7 @@ const plots = {
     return { name: `Parts of the torque, ${leg.label.toLowerCase()} leg`, panels };
   },
 
-  // With two runs every panel has a second one with their difference.
+  // Add a panel with the difference of two runs.
   compared(panel) {
     if (this.runs.length < 2) return [panel];
     const [first, second] = this.runs;
@@ -76,14 +76,14 @@ const plots = {
     return [panel, ...(lines.length ? [{ label: `B − A: ${panel.label.toLowerCase()}`, unit: panel.unit, lines, below: true }] : [])];
   },
 
-  // At every point of either, as long as both last.
+  // Compute the difference of two series at every point of either, within their common span.
   difference(here, there) {
     const from = Math.max(here.times[0], there.times[0]), to = Math.min(here.times.at(-1), there.times.at(-1));
     const times = [...new Set([...here.times, ...there.times])].filter((time) => time >= from && time <= to).sort((a, b) => a - b);
     return { times, values: times.map((time) => value_at(there, time) - value_at(here, time)) };
   },
 
-  // Which line is what, in words below the curves.
+  // Write the names of the lines below the curves.
   name(set) {
     const entries = new Map();
     for (const line of (set ? set.panels : []).flatMap((panel) => panel.lines)) {
@@ -100,7 +100,7 @@ const plots = {
     element("curves").setAttribute("aria-label", `Curves over time: ${what}`);
   },
 
-  // Ranges that hold every line, in round steps.
+  // Compute ranges that contain every line, in round steps.
   fit() {
     for (const panel of this.panels) {
       let low = Infinity, high = -Infinity;
@@ -123,7 +123,7 @@ const plots = {
     if (this.whole || document.body.classList.contains("printing")) return [0, end];
     const length = this.span ? this.span[1] - this.span[0] : Math.min(WINDOW, end);
     if (this.span && this.time >= this.span[0] && this.time <= this.span[1]) return this.span;
-    // The clock has left the span: the span follows.
+    // If the clock has left the span, the span follows.
     const from = Math.min(Math.max(this.time - length / 2, 0), end - length);
     if (this.span) this.span = [from, from + length];
     return [from, from + length];
@@ -197,7 +197,7 @@ const plots = {
   layout() {
     const canvas = element("curves"), width = canvas.clientWidth, n = Math.max(this.panels.length, 1);
     const pair = this.panels.some((panel) => panel.below);
-    // More panels than there is room for below each other stand in two columns: angles, and torques beside them.
+    // If the panels do not fit below each other, they are in two columns: angles, and torques next to them.
     this.beside = width <= 760 && !pair && n > 4 && this.room() < 76 * n + 60;
     this.columns = this.beside ? 2 : width > 760 ? (pair ? n / 2 : Math.min(n, 4)) : 1;
     const rows = Math.ceil(n / this.columns), bands = this.columns === 1 ? this.banded().length : 0;
@@ -209,7 +209,7 @@ const plots = {
     return { canvas, width, height, head, high, rows, wide: width / this.columns };
   },
 
-  // Height that the layout of the page leaves for the curves.
+  // Return the available height for the curves in the layout of the page.
   room() {
     const card = element("plots"), position = getComputedStyle(card).position;
     if (document.body.classList.contains("printing")) return 560;
@@ -311,7 +311,7 @@ const plots = {
     context.fillText("s", box.right, box.bottom + 18);
   },
 
-  // Number of each stride at its beginning, and per cent in between.
+  // Draw the number of each stride at its start, and per cent of the stride in between.
   percents(context, box, x, from, to) {
     const { side, starts } = this.strides, mean = (starts.at(-1) - starts[0]) / (starts.length - 1);
     const room = (x(from + mean) - x(from)) / 40, each = [10, 20, 50].find((percent) => (room * percent) / 100 >= 1) ?? 100;
@@ -330,7 +330,7 @@ const plots = {
     context.fillText("% stride", box.right, box.bottom + 18);
   },
 
-  // Where many points share a pixel column its first, lowest, highest and last show the same line.
+  // Draw a line. If many points share a pixel column, the first, lowest, highest and last give the same picture.
   line(context, line, dash, x, y, from, to) {
     const { times, values } = line.series;
     context.strokeStyle = line.colour();
@@ -359,7 +359,7 @@ const plots = {
   },
 };
 
-// 1, 2 or 5 times a power of ten that is not smaller.
+// Return the smallest 1, 2 or 5 times a power of ten that is not smaller than a number.
 function nice_step(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return power * [1, 2, 5, 10].find((factor) => factor * power >= least * (1 - 1e-9));

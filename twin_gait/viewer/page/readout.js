@@ -1,4 +1,4 @@
-// ---- the card with the numbers ----------------------------------------------------------------------
+// ---- card with the numbers --------------------------------------------------------------------------
 
 class Readout {
   constructor(card, name = "") {
@@ -25,7 +25,7 @@ class Readout {
     if (page.legs.length) this.fill();
   }
 
-  // Parts of the subtitle; those that differ from the other run are emphasised.
+  // Make the subtitle; parts that differ from the other run are emphasised.
   subtitle() {
     const line = make("p", "subtitle");
     for (const text of this.page.subtitle) {
@@ -35,7 +35,7 @@ class Readout {
     return line;
   }
 
-  // A table of texts that opens on demand.
+  // Make a table of texts that the user can open.
   static measures(title, [head, ...rows]) {
     const box = make("details", "walk"), frame = make("div"), table = make("table", "read");
     frame.append(table);
@@ -51,7 +51,7 @@ class Readout {
     return box;
   }
 
-  // What can be read out: [key, label, decimals, unit, colour of a part of the torque].
+  // Return the rows of the card: [key, label, decimals, unit, colour of a part of the torque].
   static rows(page) {
     const rows = [["phase", "Phase"]];
     for (const [joint, label] of JOINTS) {
@@ -99,7 +99,7 @@ class Readout {
     return { text, bar };
   }
 
-  // `scales` says per joint which torque makes a bar half as long as its cell.
+  // Show a sample; `scales` is the torque of each joint at which a bar is half as long as its cell.
   show(sample, scales = {}) {
     const { page } = this;
     this.clock.textContent = `${sample.time.toFixed(3)} s` +
@@ -118,7 +118,7 @@ class Readout {
     });
   }
 
-  // What has happened so far, from the first moment of it on.
+  // Show the events so far.
   warn(events) {
     const words = events.map(({ kind, time, text }) =>
       `${kind === "trip" ? text.replace("trip", "HOLD") : text.replace(/^./, (letter) => letter.toUpperCase())} (${time.toFixed(3)} s)`);

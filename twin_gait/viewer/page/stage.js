@@ -18,7 +18,7 @@ class Stage {
     this.day = { top: [1, 1, 1], bottom: [1, 1, 1], ambient: 0.6 };
     this.unpainted = false;
     this.turned = false;
-    this.blind = false; // without WebGL: there is no scene, and all else goes on
+    this.blind = false; // true without WebGL: there is no scene, but everything else works
   }
 
   open() {
@@ -30,7 +30,7 @@ class Stage {
     shadow.normalBias = 0.01;
     shadow.bias = -0.0005;
     shadow.radius = 3;
-    // Meshcat takes the height of the window; here a pane may be a part of it.
+    // Meshcat uses the height of the window; here a pane may be a part of it.
     const inner = this.viewer.set_3d_pane_size.bind(this.viewer);
     this.viewer.set_3d_pane_size = () => {
       inner(Math.max(this.pane.clientWidth, 1), Math.max(this.pane.clientHeight, 1));
@@ -43,7 +43,7 @@ class Stage {
     theme.listeners.push(() => this.paint());
   }
 
-  // In place of the viewer something that reads commands and draws nothing.
+  // Replace the viewer by an object that accepts commands and draws nothing.
   leave_out(error) {
     this.blind = true;
     this.pane.replaceChildren(make("p", "absent", "No scene: this browser has no WebGL. Numbers, curves and timeline work without."));
@@ -55,7 +55,7 @@ class Stage {
     });
   }
 
-  // What the program says of the studio holds by day.
+  // Store the colours and the light that the program sets; they are used by the light theme.
   notice({ type, path, property, value }) {
     const place = `${path}.${property}`;
     if (type === "set_object" && path === this.floor) this.day.floor = this.find(path).material.color.getHex();
@@ -71,7 +71,7 @@ class Stage {
 
   find(path) { return this.viewer.scene_tree.find([...path.split("/").filter((part) => part), "<object>"]).object; }
 
-  // At night only what surrounds the figure is darker.
+  // Apply the theme: in the dark theme only the surroundings of the figure are darker.
   paint() {
     this.unpainted = false;
     if (this.blind) return;
@@ -83,11 +83,11 @@ class Stage {
     this.viewer.set_dirty();
   }
 
-  // A pane of another size shows the same; a view that somebody chose stays.
+  // Fit the view to a new size of the pane; a view that the user has turned is kept.
   refit() {
     if (!this.pane.clientHeight || this.blind) return;
     if (this.view && !this.turned) this.look(this.view); else this.viewer.set_3d_pane_size();
-    // Resizing has emptied the canvas, and the next frame would come too late for this one.
+    // Resizing has cleared the canvas, which must be drawn again within the same frame.
     this.viewer.render();
   }
 
@@ -105,7 +105,7 @@ class Stage {
     this.viewer.set_3d_pane_size();
   }
 
-  // The part of the pane that no card covers.
+  // Compute the part of the pane that no card covers.
   room() {
     const pane = this.pane.getBoundingClientRect();
     const free = { left: pane.left, right: pane.right, top: pane.top, bottom: pane.bottom };
@@ -139,7 +139,7 @@ class Stage {
     this.viewer.set_dirty();
   }
 
-  // A single command begins as a map of msgpack does, which no length of a message looks like.
+  // Read one command or several. A single command begins like a msgpack map, which cannot be a valid length.
   take(bytes) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     if (bytes.length < 4 || view.getUint32(0, true) > bytes.length - 4) {
@@ -155,7 +155,8 @@ class Stage {
 
   seek(time) { this.viewer.animator.seek(time); }
 
-  // Printers get a picture: what WebGL draws is not on the paper. It is copied at once, while it is there.
+  // Copy the scene to a picture for printing, because browsers do not print WebGL. The copy must follow the
+  // rendering immediately, while its buffer is valid.
   photograph(width = 900, height = 860) {
     const { viewer } = this;
     if (this.blind) return;

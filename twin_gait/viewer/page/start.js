@@ -1,12 +1,12 @@
-// ---- what runs first --------------------------------------------------------------------------------
+// ---- start of the page ------------------------------------------------------------------------------
 
-// `ready` is what a test, a picture or another page can wait for.
+// A test, a picture or another page can wait for the promise `ready`.
 window.ready = (async () => {
   const page = JSON.parse(element("page-data").textContent), asked = address.read();
   document.body.classList.add(page.mode);
   document.body.classList.toggle("still-picture", asked.picture);
   theme.open(asked.theme);
-  // Where the bar lies over the page, the page ends above it.
+  // If the bar lies over the page, the page ends above it.
   const bar = element("bar"), measure = () => document.body.style.setProperty("--bar", `${bar.offsetHeight}px`);
   new ResizeObserver(measure).observe(bar);
   try {
@@ -21,13 +21,13 @@ window.ready = (async () => {
   }
 })();
 
-// Two frames later everything has its size and has been drawn.
+// Wait for two frames, after which everything has its size and has been drawn.
 async function settled() {
   for (let frame = 0; frame < 2; frame += 1) await new Promise((done) => { requestAnimationFrame(done); });
   for (const stage of [...player.stages, joints.stage]) stage?.viewer.render();
 }
 
-// A recorded page holds meshcat's viewer deflated.
+// Inflate meshcat's viewer, which a recorded page contains in compressed form.
 async function unpack_bundle() {
   const packed = element("bundle");
   if (!packed) return;

@@ -69,7 +69,7 @@ const timeline = {
       const x = (time) => (box.width * time) / Math.max(run.page.duration, 1e-9);
       draw_events(context, run.page.events, x, { left: 0, right: box.width, top: 0, bottom: BAND });
     });
-    // The slider covers the bands and nothing else; its thumb is 12 px wide.
+    // The slider covers the bands only; its thumb is 12 px wide.
     const left = canvases.length ? canvases[0].offsetLeft : 0;
     element("time").style.left = `${left - 6}px`;
     element("time").style.width = `calc(100% - ${left}px + 12px)`;
