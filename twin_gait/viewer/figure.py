@@ -146,7 +146,7 @@ class Figure:
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
 
     def posture(self, q: np.ndarray) -> State:
-        """Move the figure, and compute the transform of each joint group relative to that of the parent joint.
+        """Move the figure, and compute the transform of each joint group relative to its parent.
 
         ``q``: coordinates, shape ``(nq,)``. Returns the ``position`` in [m] and the ``quaternion``
         (x, y, z, w) of each group by its path.
