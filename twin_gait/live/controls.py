@@ -1,9 +1,8 @@
-"""The controls and actions of a live session as data: names, units, ranges, and what setting one does.
+"""Controls and actions of a live session as data: names, units, ranges, and the effect of each.
 
 Ranges come from the physical limits of joint and drive: the stops of the URDF, the torque limit of the
 motors, and 0 and 1 for gains and shares. No range ends at a value of the table, unless that is 0 or 1.
-Whether a value within its range is safe is decided by :mod:`twin_gait.live.forecast`, which also warns of
-unusual ones.
+:mod:`twin_gait.live.forecast` decides whether a value within its range is safe, and warns of unusual values.
 """
 
 import itertools
@@ -29,18 +28,18 @@ from twin_gait.yaml12 import load_yaml
 
 EVERYTHING = "all"
 _DEGREE = math.pi / 180.0
-# A stiffness is largest where the spring alone reaches the torque limit at this deflection, about the
-# deviation of the default walk from its reference (hip 3.5, knee 5.9 deg RMS); a damping where the damper
-# does so at this velocity, a tenth of the fastest knee in swing.
+# The largest stiffness is the one with which the spring alone reaches the torque limit at this deflection,
+# about the RMSE of the default walk (hip 3.5 deg, knee 5.9 deg); the largest damping is the one with which
+# the damper alone reaches it at this velocity, a tenth of the fastest knee in swing.
 SATURATING_DEFLECTION = 4.0 * _DEGREE  # [rad]
 SATURATING_VELOCITY = 0.5  # [rad] / [s]
 HEADROOM = 1.5  # a range extends at least to this multiple of the largest value of the table
-TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
+TORQUE_STEP = 0.05  # [N m], step of the thesis's monitor
 _SHOWN = load_yaml(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
 
 
 def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:
-    """Values of an action's fields, those left out as they begin.
+    """Return the values of an action's fields; missing ones have their initial values.
 
     Raises MessageRefused if a value is unknown or out of its range.
     """
@@ -61,13 +60,13 @@ def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value
 
 
 def fault_text(values: Mapping[str, Value]) -> str:
-    """The fault that the fields of the action ask for, as an experiment has it."""
+    """Return the fault in the fields of the action as text for an experiment."""
     place, size = ("".join(str(values[name]).split()) for name in ("place", "size"))
     return f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
 
 
 def action_specs(problem: Problem) -> Iterator[ActionSpec]:
-    """What can be done in an experiment, beside setting controls."""
+    """Yield the actions that are possible in an experiment."""
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
     joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
     requests = () if modes is None else tuple(modes.requests)
@@ -83,7 +82,7 @@ def action_specs(problem: Problem) -> Iterator[ActionSpec]:
         own[name] = {"choices": choices, "value": next(iter(choices), "")}
     own["place"] |= {"choices_for": places, "choices_by": "kind"}
     for action, shown in _SHOWN["actions"].items():
-        if action == ("step" if requests else "request"):  # steps are the modes'
+        if action == ("step" if requests else "request"):  # with modes, requests replace steps by hand
             continue
         given = shown.get("fields", {})
         fields = tuple(Control(name=name, **field, **own.get(name, {})) for name, field in given.items())
@@ -91,13 +90,13 @@ def action_specs(problem: Problem) -> Iterator[ActionSpec]:
 
 
 class Quantity(NamedTuple):
-    """A parameter of an impedance as a control shows it."""
+    """Parameter of an impedance as a control shows it, or the target torque."""
 
-    label: str  # in words, with its letter
-    unit: str  # of the control
+    label: str  # name and symbol
+    unit: str  # unit of the control
     scale: float  # SI value of one unit
-    step: float  # of the control, in its unit
-    field: str  # of an impedance; no torque is one
+    step: float  # increment of the control in its unit
+    field: str  # field of an impedance; empty for a torque
 
 
 QUANTITIES = {
@@ -109,34 +108,34 @@ QUANTITIES = {
 }
 
 
-_COLUMNS = {"stiffness": STIFFNESS, "damping": DAMPING, "equilibrium": EQUILIBRIUM}  # of a phase's row
+_COLUMNS = {"stiffness": STIFFNESS, "damping": DAMPING, "equilibrium": EQUILIBRIUM}  # columns of a row
 
 
 class Binding(NamedTuple):
-    """A control and what it sets."""
+    """A control and the setting that it changes."""
 
-    control: Control  # but for its values
-    path: str  # in the settings, as :func:`~twin_gait.simulation.settings.found_at` takes it
+    control: Control  # control without its values
+    path: str  # path in the settings for :func:`~twin_gait.simulation.settings.found_at`
     scale: float = 1.0  # SI value of one unit of the control
 
     def shown(self, settings: Settings) -> Value:
-        """Value of the control."""
+        """Return the value of the control."""
         value: Value = found_at(settings, self.path)
         return float(value or 0.0) / self.scale if self.control.kind == "number" else value
 
     def turned(self, settings: Settings, value: Value) -> Settings:
-        """Settings with another value of the control."""
+        """Return settings with another value of the control."""
         number = self.control.kind == "number"
         turned: Settings = changed_at(settings, self.path, float(value) * self.scale if number else value)
         return turned
 
 
 class Panel:
-    """The controls of one experiment.
+    """Controls of one experiment.
 
     Attributes:
-        preset: Settings that the session began with.
-        problem: The experiment as arrays, as it began.
+        preset: Initial settings of the session.
+        problem: Simulation setup of the initial experiment.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -144,7 +143,7 @@ class Panel:
         self.preset: Settings = first_settings(experiment)
         self.problem: Problem = self.preset.problem
         self._stops = build_case(experiment.table, experiment).limits
-        self._dampings: dict[str, tuple[int, int, int]] = {}  # of the table, where phase_rows has them
+        self._dampings: dict[str, tuple[int, int, int]] = {}  # indices of the table's dampings in phase_rows
         bindings = (*self._own_bindings(), *self._table_bindings(), *self._monitor_bindings())
         self._bindings = {item.control.name: item for item in bindings}
         self._begun = self._values(self.preset)
@@ -152,7 +151,7 @@ class Panel:
     # ------------------------------------------------------------------ drawing
 
     def controls(self, settings: Settings) -> tuple[Control, ...]:
-        """All controls with the values of some settings, in the order in which a page shows them."""
+        """Return all controls with the values of some settings, in the order of the page."""
         now, begun = self._values(settings), self._begun
         return tuple(
             replace(binding.control, value=now[name], default=begun[name], changed=name in settings.changes)
@@ -165,7 +164,7 @@ class Panel:
         return shown | {name: float(rows[place]) for name, place in self._dampings.items()}
 
     def _own_bindings(self) -> Iterator[Binding]:
-        """What drives the walk, steps by hand, and what may be adjusted of the world."""
+        """Yield the controls of mode, manual steps and adjustable values of the world."""
         experiment = self.preset.experiment
         yield Binding(Control(name="mode", choices=MODES, **_SHOWN["controls"]["mode"]), "mode")
         if experiment.stepped_by_hand:
@@ -178,7 +177,7 @@ class Panel:
             yield Binding(control, f"experiment.scenario.{item.place}", item.scale)
 
     def _table_bindings(self) -> Iterator[Binding]:
-        """Of every phase and joint; phases that differ on a side have controls of their own."""
+        """Yield the controls of every phase and joint; phases that differ by side have their own controls."""
         table, sides = self.preset.table, self.problem.sides
         for number, phase in enumerate(table.phases):
             own = [side for side in sides if phase in table.side_phases.get(side, {})]
@@ -202,7 +201,7 @@ class Panel:
     def _joint_bindings(
         self, name: str, path: str, joint: str, *, side: Side | None, phase: str | None = None
     ) -> Iterator[Binding]:
-        """All quantities of an impedance at a path, and of the monitor the torque beside it."""
+        """Yield the controls of an impedance at a path and, for the monitor, of the target torque."""
         for quantity, shown in QUANTITIES.items():
             if not shown.field and phase is not None:
                 continue
@@ -216,13 +215,14 @@ class Panel:
             yield Binding(control, place, shown.scale)
 
     def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
-        """Return the least and the largest value of a quantity of a joint, in the unit of the control.
+        """Return the smallest and the largest value of a quantity of a joint in the unit of the control.
 
         ``quantity``: a key of ``QUANTITIES``. Torque: the limit of the motors. Stiffness and damping: the
         value with which the spring or the damper alone reaches that limit at ``SATURATING_DEFLECTION`` or
         ``SATURATING_VELOCITY``, and at least ``HEADROOM`` times the largest value of the table. Equilibrium:
-        the stops and all values of the table, and on both sides as much more as the stiffest published spring
-        takes to reach the torque limit: an equilibrium beyond a stop is a torque towards it.
+        the stops and all values of the table, extended on both sides by the deflection with which the
+        stiffest published spring reaches the torque limit: an equilibrium beyond a stop is a torque towards
+        it.
         """
         limit = self.preset.experiment.control.limits.torque
         if quantity == "torque":
@@ -231,7 +231,7 @@ class Panel:
             return 0.0, 1.0
         table = self.preset.table
         place = COLUMNS_PER_JOINT * table.joints.index(joint) + _COLUMNS[quantity]
-        own = self.problem.phase_rows[..., place].ravel()  # scaled to the wearer
+        own = self.problem.phase_rows[..., place].ravel()  # values scaled to the wearer
         if quantity == "stiffness":
             sides = (table.phases, *table.side_phases.values())
             own = np.append(own, [one.joints[joint].stiffness for phases in sides for one in phases.values()])
@@ -246,14 +246,14 @@ class Panel:
     # ------------------------------------------------------------------ setting
 
     def set(self, settings: Settings, name: str, value: Value) -> Settings:
-        """Settings with one control changed; whether they are safe is not looked at.
+        """Return settings with one control changed, without checking that they are safe.
 
-        Raises MessageRefused if there is no such control, or the value is out of its range.
+        Raises MessageRefused if there is no such control, or if the value is out of its range.
         """
         return self._changed({**settings.changes, name: checked(self._control(name), value)})
 
     def set_all(self, settings: Settings, changes: Mapping[str, Value | None]) -> Settings:
-        """Return settings with several controls changed; None sets a control back to the preset.
+        """Return settings with several controls changed; None reverts a control to the preset.
 
         Raises MessageRefused as :meth:`set` does.
         """
@@ -262,7 +262,7 @@ class Panel:
         return settings
 
     def revert(self, settings: Settings, name: str) -> Settings:
-        """Settings with one control, or ``all`` of them, as the session began.
+        """Return settings with one control, or ``all`` of them, reverted to the start of the session.
 
         Raises MessageRefused if there is no such control.
         """

@@ -197,11 +197,7 @@ def _pieces(stream: Any) -> Iterator[Piece]:
     while True:
         try:
             batch, metadata = stream.read_next_batch_with_custom_metadata()
-        except (
-            StopIteration,
-            OSError,
-            pa.ArrowException,
-        ):  # the end of the file, or of the part that was written before a kill
+        except (StopIteration, OSError, pa.ArrowException):  # end of the file, or a kill of the writer
             return
         rows = np.column_stack([column.to_numpy() for column in batch.columns])
         yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})

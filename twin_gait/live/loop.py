@@ -89,9 +89,7 @@ class LiveLoop:
     sleep: Callable[[float], None]  # waits for a time in [s]
     commands: Callable[[], Command | None]  # returns the next command, or None, immediately
     send: Callable[[Mapping[str, Any]], None]  # sends telemetry or an answer; returns immediately
-    keep: Callable[
-        [Piece], None
-    ]  # stores the next chunk of the walk, the last one marked; returns immediately
+    keep: Callable[[Piece], None]  # stores a chunk of the walk, the last one marked; returns immediately
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
-"""Between the simulation that runs live and the pages that show it: the scene, the server, its panels.
+"""Pages of a live session: the scene, the server and its panels.
 
-Blocks of the walk move the scene and the numbers; events and the state of the controls go to the panels; what
-a panel says becomes a message of the session, or is refused if it is none.
+Blocks of the walk update the scene and the numbers. Events and the state of the controls are sent to the
+panels. Text from a panel is parsed to a message of the session, or rejected if it is invalid.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ from twin_gait.viewer.scene import build_scene
 from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
 from twin_gait.vocabulary import HOLD
 
-PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
-BEAT = 0.1  # [s] between two heartbeats
-MOST_MESSAGES, BURST = 20, 100  # of one page per second, and at once; Stop is not counted
-CONFIRMED_WITHIN = 0.4  # [s] in which a stop without a socket is answered
+PERIOD = 0.03  # [s], period of the updates from the session: about 33 frames per second
+BEAT = 0.1  # [s], period of the heartbeat
+MOST_MESSAGES, BURST = 20, 100  # messages of one page per second, and at once; a stop is not counted
+CONFIRMED_WITHIN = 0.4  # [s], timeout of the confirmation of a stop without a socket
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 Message = Mapping[str, Any]
 
 
 class LiveFigure:
-    """Draws the legs of an experiment and moves them after blocks of their log.
+    """Scene of the legs of an experiment, which blocks of the log move.
 
     Attributes:
-        window: Takes the drawing; pages get it from there.
+        window: Collector of the drawing commands, from which pages receive them.
         page: Description of the page.
-        phases: Of gait by leg; None in a hold and before the first block.
-        mode: Operating mode; None in a walk without modes, and before the first block.
+        phases: Phase of gait by leg; None in a hold and before the first block.
+        mode: Mode of operation; None in a walk without modes, and before the first block.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -75,7 +75,7 @@ class LiveFigure:
         self.window.send({"type": "page", "path": "", "page": self.page})
 
     def show(self, blocks: Sequence[Block], events: Sequence[Mapping[str, Any]] = ()) -> None:
-        """Move everything to the last tick of some blocks, and draw the curves on."""
+        """Move the scene to the last tick of some blocks, and extend the curves."""
         ticks = np.concatenate([np.arange(block.first, block.end) for block in blocks])
         columns = {
             name: np.concatenate([block.columns[name] for block in blocks]) for name in blocks[-1].columns
@@ -86,7 +86,7 @@ class LiveFigure:
         self.mode = self._modes[int(row[MODE][0])] if self._modes else None
         posture = np.column_stack([row[name] for name in self._coordinates])
         if not np.isfinite(posture).all():
-            return  # a walk that diverged stays as it was last seen
+            return  # the scene of a walk that diverged keeps its last valid state
         now = TICK * ticks[-1:]
         codes = {side: self._names.index(self.phases[side] or HOLD) for side in self._shown}
         legs = {side: LegMotion(PhaseSpells(now, np.array([code])), {}) for side, code in codes.items()}
@@ -110,21 +110,21 @@ class LiveFigure:
 
 
 def _curve(ticks: np.ndarray, values: np.ndarray) -> dict[str, list[float | None]]:
-    """Times in [s] and values of the points that show a curve truly."""
+    """Return times in [s] and values of the points that represent a curve faithfully."""
     rows, found = (part.ravel() for part in extremes(values[:, None]))
     times = np.round(TICK * ticks[rows], 3).tolist()
     return {"times": times, "values": list(map(finite_or_none, found.tolist()))}
 
 
 class StopHandler(Guarded):
-    """The way to stop when the socket of a page is not open."""
+    """Handler of a stop over HTTP, for a page whose socket is not open."""
 
     needs_origin = True
 
     async def post(self) -> None:
-        """Stop, and answer if the simulation has confirmed it.
+        """Stop the walk, and reply when the simulation has confirmed it.
 
-        Raises HTTPError: with status 504 if it has not within ``CONFIRMED_WITHIN``.
+        Raises HTTPError with status 504 if there is no confirmation within ``CONFIRMED_WITHIN``.
         """
         if not await self.server.stop():
             raise HTTPError(504, reason="sent, but the simulation has not confirmed it yet")
@@ -132,50 +132,49 @@ class StopHandler(Guarded):
 
 
 class Panel(GuardedSocket):
-    """Talks with the panel of a page."""
+    """Web socket of the panel of a page."""
 
     def open(self) -> None:
-        """Send what the panel has to know."""
+        """Send the initial messages of the panel."""
         super().open()
         self.limit = RateLimit(MOST_MESSAGES, BURST)
         for message in self.server.greeting():
             self.tell(message)
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell this panel something as soon as it listens; ``key`` as in :meth:`LivePage.tell`."""
+        """Send a message as soon as this panel accepts it; ``key`` as in :meth:`LivePage.tell`."""
         text = json.dumps(message, allow_nan=False)
         self.outbox.post([(object() if key is None else key, text)])
 
     def on_message(self, message: str | bytes) -> None:
-        """Hand on what the page says."""
+        """Pass a message of the page to the server."""
         self.server.hear(self, message)
 
     async def write_batch(self, batch: list[str]) -> None:
-        """Write one message for the batch: a list of what was told."""
+        """Write a batch as one message: a list of its messages."""
         await self.write_or_leave(f"[{','.join(batch)}]")
 
 
 class LivePage(SceneServer):
-    """The pages of one live session; belongs to one event loop."""
+    """Server of the pages of one live session; it must be used inside of one event loop."""
 
     def __init__(self, session: LiveSession, *, port: int) -> None:
-        """Draw the scene and listen.
+        """Draw the scene and start to listen.
 
-        Raises ModelError if the URDF cannot be read. Raises ViewerError if no port
-        is free.
+        Raises ModelError if the URDF cannot be read, and ViewerError if no port is free.
         """
         self._session = session
-        self._controls: tuple[protocol.Control, ...] = ()  # that the panels have been told of
-        self._told: dict[str, Any] = {}  # the last frame as the panels have it
-        self._frame = session.news.frame  # the last one
+        self._controls: tuple[protocol.Control, ...] = ()  # controls that were last sent to the panels
+        self._told: dict[str, Any] = {}  # frame that was last sent to the panels
+        self._frame = session.news.frame  # last telemetry
         self._serial = 0
         self._last_beat = -math.inf
-        self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
+        self._id = secrets.token_hex(8)  # lets a page that outlives the session detect the next session
         self.figure = LiveFigure(session.panel.problem)
         super().__init__(live_page(), first_port=port)
 
     def update(self) -> None:
-        """Bring what is new in the session to all pages; call it every ``PERIOD``."""
+        """Send the changes of the session to all pages; call it every ``PERIOD``."""
         for event in self._session.book.after(self._serial):
             self._serial = event.serial
             self.tell(event.to_dict())
@@ -192,7 +191,7 @@ class LivePage(SceneServer):
             self._show(self._frame)
 
     def _show(self, frame: Message) -> None:
-        """Show a moment on all pages."""
+        """Show the telemetry of the walk on all pages."""
         if blocks := self._session.news.blocks():
             self.figure.show(blocks, frame["events"])
             self.show(self.figure.window.changes())
@@ -203,31 +202,31 @@ class LivePage(SceneServer):
         ).to_dict()  # fmt: skip
         self.tell(self._told, key="frame")
 
-    # ------------------------------------------------------------------ what the server asks
+    # ------------------------------------------------------------------ functions for the server
 
     @property
     def pages(self) -> list[Panel]:
-        """Open panels."""
+        """Sockets of the open panels."""
         return [one for one in self.sockets if isinstance(one, Panel)]
 
     def tell(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Tell all panels something.
+        """Send a message to all panels.
 
-        ``key``: a later message of the same key makes this one needless; None keeps every one.
+        ``key``: a later message of the same key replaces a waiting one; None sends every message.
         """
         for panel in self.pages:
             panel.tell(message, key=key)
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
-        """Paths and who answers them."""
+        """Return the paths and their handlers."""
         return [*super().routes(), (r"/stop", StopHandler), (r"/panel", Panel)]
 
     def scene(self) -> Iterable[Change]:
-        """The whole scene for a page that has just been opened."""
+        """Return the whole scene for a newly opened page."""
         return [("scene", self.figure.window.packed())]
 
     def greeting(self) -> Iterator[Message]:
-        """Session, state, events and numbers for a panel that has just been opened."""
+        """Yield session, state, events and last frame for a newly opened panel."""
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         yield self._session.state().to_dict()
         yield from (event.to_dict() for event in self._session.book.after(0))
@@ -235,7 +234,7 @@ class LivePage(SceneServer):
             yield self._told
 
     def hear(self, panel: Panel, text: str | bytes) -> None:
-        """Read a message of a page and submit it to the session, unless it comes too fast."""
+        """Parse a message of a page and submit it to the session, unless the rate of messages is too high."""
         user, limit = self._session.user, panel.limit
         message: protocol.Message | str
         try:

@@ -1,8 +1,8 @@
-"""A live session as the server of the pages sees it: messages in, events, states and frames out.
+"""Live session as the server of the pages uses it: messages in, events, states and frames out.
 
-The walk runs in a process of its own (:mod:`twin_gait.live.process`). Here a message of a page is
-understood, held to the rules of the check in a thread of this process, and handed over as numbers; the walk
-waits for none of it. Stop, pause and the other actions that need no check have a thread of their own.
+The walk runs in a separate process (:mod:`twin_gait.live.process`). Here a message of a page is processed,
+checked by the rules of the check in a thread of this process, and sent to the walk as numbers; the walk never
+waits for this. Stop, pause and the other actions that need no check have their own thread.
 """
 
 from __future__ import annotations
@@ -42,40 +42,40 @@ from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.simulation.settings import Settings, loop_numbers
 from twin_gait.simulation.stepping import SteppedRun
 
-# Actions that wait for changes that are being checked; others go straight to the walk.
+# Actions that wait for changes that are being checked; other actions are sent to the walk immediately.
 CHECKED = ("revert", "save")
 
 
 @dataclass(kw_only=True, eq=False)
 class LiveSession:
-    """One live session; all methods may be called from any thread and none waits for the walk.
+    """One live session; all methods may be called from any thread, and none waits for the walk.
 
-    :meth:`start` starts the process of the walk. :meth:`close` it whatever happens: that ends the walk and
-    writes its run folder.
+    :meth:`start` starts the process of the walk. :meth:`close` must always be called: it ends the walk and
+    writes its run directory.
 
     Attributes:
         book: Events of the session.
-        news: The process of the walk, and what is known of its walks.
-        panel: The controls that there are.
-        settings: In force.
-        controls: Of the panel with the present values.
-        summaries: Of the walks by their run folders, which have been written, at the end.
-        failure: Why a run folder could not be written; empty if it could.
+        news: Process of the walk, and the state of its walks.
+        panel: Controls of the experiment.
+        settings: Present settings.
+        controls: Controls of the panel with their present values.
+        summaries: Summaries of the walks by their run directories, after these have been written at the end.
+        failure: Reason why a run directory could not be written, or empty.
     """
 
-    loaded: LoadedExperiment  # its duration is the longest time of a walk
-    folder: Path  # run folder of the first walk
-    user: str = ""  # whose session it is
-    force: bool = False  # whether an existing run folder may be replaced
+    loaded: LoadedExperiment  # experiment, whose duration is the longest time of a walk
+    folder: Path  # run directory of the first walk
+    user: str = ""  # name of the user of the session
+    force: bool = False  # whether an existing run directory may be replaced
     pictures: bool = True  # whether to draw figures and animation at the end
-    records: Path | None = None  # folder of the record of sessions, or None to keep no record
-    can: str | None = None  # bus that the walk is put on, as open_bus takes it; None for none
-    # called if the walk has to be compiled first, which takes 10 to 20 s
+    records: Path | None = None  # folder of the record of sessions, or None for no record
+    can: str | None = None  # name of the CAN bus of the walk for open_bus, or None
+    # called if the walk must be compiled first, which takes 10–20 s
     on_compile: Callable[[], None] = lambda: None
-    on_unkept: Callable[[str], None] = lambda text: None  # called if the walk can no longer be kept, with why
+    on_unkept: Callable[[str], None] = lambda text: None  # called with the reason if the walk is not stored
 
     def __post_init__(self) -> None:
-        """Prepare the session; MessageRefused for a name of a user that no message could have."""
+        """Prepare the session; raise MessageRefused if the name of the user is invalid in a message."""
         self.user = user_name(self.user)
         self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
@@ -91,16 +91,16 @@ class LiveSession:
         )
         self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
-    # ------------------------------------------------------------------ beginning and end
+    # ------------------------------------------------------------------ start and end
 
     def start(self) -> None:
         """Start the process and wait until it walks.
 
-        Raises RunDirectoryError if the run folder may not be used. Raises MessageRefused if the experiment
-        cannot be walked live, ParameterError if it has events or the bus cannot be opened,
+        Raises RunDirectoryError if the run directory may not be used, MessageRefused if the experiment cannot
+        be walked live, ParameterError if it has events or if the bus cannot be opened, and
         MissingOptionalDependency if a bus is given without python-can.
         """
-        if journal_of(self.folder).exists():  # of an earlier session that was killed
+        if journal_of(self.folder).exists():  # journal of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self.force)
         document, name = self.loaded.document, self.loaded.experiment.name
@@ -120,7 +120,7 @@ class LiveSession:
             )
 
     def close(self) -> None:
-        """End the walk, write the run folders, and close the record."""
+        """End the walk, write the run directories, and close the record."""
         if self._link is not None:
             self._link.close()
         self.news.close()
@@ -141,48 +141,48 @@ class LiveSession:
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """Of the last walk, at the end; empty if it could not be written."""
+        """Summary of the last walk after its end; empty if its run directory could not be written."""
         return next(reversed(self.summaries.values()), {})
 
     def _unkept(self, why: str) -> None:
-        """Report that the walk is no longer kept: in the terminal, the record and the pages."""
+        """Report that the walk is no longer stored: in the terminal, the record and the pages."""
         text = f"the walk is no longer kept: {why}; {self.way_out}"
         self.book.emit("note", text)
         self.on_unkept(text)
 
     @property
     def way_out(self) -> str:
-        """Command that gives the part of the walk that was kept."""
+        """Command that restores the part of the walk that was stored."""
         return f"make room, then get what was kept: twin-gait sessions complete {self.folder}"
 
-    # ------------------------------------------------------------------ what pages ask for
+    # ------------------------------------------------------------------ functions for pages
 
     def submit(self, message: Message) -> Future[bool] | None:
-        """Take a message of a page; an event tells what became of it.
+        """Accept a message of a page; an event reports its result.
 
-        Returns a future whose result says whether the message was applied; None if the session is closed.
+        Returns a future whose result is whether the message was applied; None if the session is closed.
         """
         checked = not isinstance(message, DoAction) or message.action in CHECKED
         worker = self._worker if checked else self._hands
-        with contextlib.suppress(RuntimeError):  # it has been closed
+        with contextlib.suppress(RuntimeError):  # the session has been closed
             coming = worker.submit(self._work, message)
-            # What the work does not expect is an error of the program: it is printed, not lost.
+            # An unexpected error of the work is an internal error, which is printed.
             coming.add_done_callback(Future.result)
             return coming
         return None
 
     def state(self) -> State:
-        """The panel with its present values."""
+        """Return the state of the panel with its present values."""
         table = self.panel.problem.table
         return State(
             experiment=self.loaded.experiment.name, phases=table.phase_names, joints=tuple(table.joints),
             controls=self.controls, actions=self._actions,
         )  # fmt: skip
 
-    # ------------------------------------------------------------------ working them off
+    # ------------------------------------------------------------------ processing of messages
 
     def _work(self, message: Message) -> bool:
-        """Apply a message, or answer why it is refused; return whether it was applied."""
+        """Apply a message, or emit the reason of its rejection; return whether it was applied."""
         try:
             if isinstance(message, SetControl):
                 settings = self.panel.set(self.settings, message.control, message.value)
@@ -204,7 +204,7 @@ class LiveSession:
         return True
 
     def _prepare(self) -> None:
-        """Find errors that are there, and so not the fault of a change, and the run that looks ahead."""
+        """Find the errors that exist before any change, and build the run for forecasts."""
         self._known = errors_of(self.settings)
         self._ahead = SteppedRun(self.panel.problem)
 
@@ -241,7 +241,7 @@ class LiveSession:
             self.book.answer(message, "applied", text, tick=tick, **change)
 
     def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
-        """Have an action done by the process of the walk."""
+        """Send an action to the process of the walk, and emit its result."""
         name = str(message.action)
         if name == "fault":
             values = {"fault": fault_text(values)}
@@ -249,9 +249,9 @@ class LiveSession:
         self.book.answer(message, "applied", answer["text"], tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
-        """Write the table as YAML beside the run folder."""
+        """Write the table as YAML next to the run directory."""
         table = self.settings.table
-        # Tables of an earlier session with this --out stay.
+        # Tables of an earlier session with the same --out are kept.
         name = f"{self.folder.name}-table-"
         names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
         path = write_new(names, dump_yaml({**table_document(table), "name": f"{table.name}_live"}))
