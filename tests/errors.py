@@ -1,6 +1,6 @@
 """Checks of messages that depend on the facts in them and not on their wording.
 
-A fact is a key, a value, a limit, an accepted value, a unit, a file name or an option. It must stand in the
+A fact is a key, a value, a limit, an accepted value, a unit, a file name or an option. It must occur in the
 message as a whole: ``hip`` is in ``expected hip or knee`` and in ``left hip``, but neither in ``hips`` nor in
 ``left_hip_deg``; ``1`` is in ``at least 1`` but not in ``1.5``.
 """
@@ -40,7 +40,7 @@ def _pattern(fact: str) -> str:
 def raises(
     kind: type[Raised] | tuple[type[Raised], ...], *facts: object
 ) -> Iterator[pytest.ExceptionInfo[Raised]]:
-    """Expect an error of a kind whose message states facts; yields what ``pytest.raises`` yields."""
+    """Expect an error of a kind whose message states facts, and yield the result of ``pytest.raises``."""
     assert facts, "name the facts that the message states"
     with pytest.raises(kind) as caught:
         yield caught
@@ -49,15 +49,16 @@ def raises(
 
 @contextmanager
 def warns(kind: type[Warning], *facts: object) -> Iterator[pytest.WarningsRecorder]:
-    """Expect a warning of a kind whose message states facts; yields what ``pytest.warns`` yields."""
+    """Expect a warning of a kind whose message states facts, and yield the result of ``pytest.warns``."""
     assert facts, "name the facts that the message states"
-    with pytest.warns(kind) as told:
-        yield told
-    texts = [str(item.message) for item in told if issubclass(item.category, kind)]
+    with pytest.warns(kind) as issued:
+        yield issued
+    texts = [str(item.message) for item in issued if issubclass(item.category, kind)]
     best = min(texts, key=lambda text: len(missing(text, *facts)))
     _require(best, facts)
 
 
 def _require(message: str, facts: tuple[object, ...]) -> None:
+    """Fail if a message does not state all facts."""
     lacking = missing(message, *facts)
     assert not lacking, f"{', '.join(lacking)}: not in the message: {message}"

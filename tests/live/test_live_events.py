@@ -169,9 +169,7 @@ def test_a_walk_with_too_many_events_takes_no_more_but_is_stopped(bench: LoadedE
     rig = Rig(desk.panel.problem, desk.script)
     rig.loop.walk()
     refused = {serial: item["refused"] for serial, item in rig.answers().items()}
-    assert (
-        refused[1] == refused[3] == "" and refused[2] == "settings: too many events in one walk; start again"
-    )
+    assert refused[1] == refused[3] == "" and refused[2] == "settings: too many events in one walk; restart"
     assert_walks_again(rig.takes[0], bench)
 
 

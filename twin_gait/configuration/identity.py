@@ -114,6 +114,7 @@ def _presets() -> Iterator[str]:
 
 @cache
 def _other_presets() -> list[str]:
+    """Return the presets that ship except the default one, those that extend no preset first."""
     files = packaged("presets")
     del files[DEFAULT_PRESET]
     return sorted(files, key=lambda name: ("preset" in read_yaml(files[name]), name))

@@ -86,9 +86,8 @@ class Guards:
         self._put(leg, [chosen], -BESIDE, low)
         self._put(leg, [chosen], BESIDE, high)
         for item in self._comparisons(nodes):
-            if (
-                item.factor_b == 0.0 and item.signal_a % self.block == self.block - 1
-            ):  # The time in the phase.
+            is_time_in_phase = item.factor_b == 0.0 and item.signal_a % self.block == self.block - 1
+            if is_time_in_phase:
                 ticks += round(1000.0 * abs(item.threshold))
         first = min(max(ticks, rule.time_out_ticks + 3), LONGEST_HOLD)
         self.uses[index, chosen] += 1.0 + first / 200.0

@@ -186,7 +186,7 @@ class LiveLoop:
         """Execute a command, and record it as an event; return the fields of its answer, such as ``text``."""
         name, run = command["command"], self.run
         if name in RECORDED and self._script > LONGEST_SCRIPT:
-            raise ParameterError(f"{name}: too many events in one walk; start again")
+            raise ParameterError(f"{name}: too many events in one walk; restart")
         if name in ("walk", "push", "fault", "step", "request"):
             self._require_going(name)
         match name:
@@ -242,7 +242,7 @@ class LiveLoop:
         """Raise ParameterError if the walk is over; in a hold, the supervisor still handles requests."""
         held = self.run.trip is not None and name != "request"
         if held or self.run.status is not RunStatus.COMPLETED:
-            raise ParameterError(f"{name}: the walk is over; start again")
+            raise ParameterError(f"{name}: the walk is over; restart")
 
     def _restart(self, command: Command) -> None:
         """Begin a new walk, whose first event contains all changes from the preset."""

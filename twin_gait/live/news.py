@@ -229,7 +229,7 @@ class WalkNews:
         self.frame = {**news, "tick": self._book.tick}
         if self.status != before and self.status in _ENDINGS:
             told = [event["text"] for event in news["events"]]
-            self._book.emit("note", "; ".join([*told, f"{self.status}: start again to walk"]))
+            self._book.emit("note", "; ".join([*told, f"{self.status}: restart to walk"]))
 
     def _note_end(self, status: int) -> None:
         """Process the exit status of the process; a negative one is the signal that killed it."""

@@ -346,10 +346,10 @@ def arrange(figure: Figure) -> None:
     inner = figure.axes[: -grid.ncols]
     between = PANEL_TITLE + (X_LABEL if any(axes.get_xlabel() for axes in inner) else X_TICKS)
     panel = (height - above - below - (grid.nrows - 1) * between) / grid.nrows
-    beside = Y_TICKS / ((width - LEFT - RIGHT - (grid.ncols - 1) * Y_TICKS) / grid.ncols)
+    between_columns = Y_TICKS / ((width - LEFT - RIGHT - (grid.ncols - 1) * Y_TICKS) / grid.ncols)
     figure.subplots_adjust(
         left=LEFT / width, right=1.0 - RIGHT / width, bottom=below / height, top=1.0 - above / height,
-        hspace=between / panel, wspace=beside,
+        hspace=between / panel, wspace=between_columns,
     )  # fmt: skip
 
 
