@@ -59,10 +59,9 @@ def fields_of(kind: type) -> Iterator[tuple[str, str, str]]:
 
 def assumptions(_: str) -> list[dict[str, Any]]:
     """Keys of experiment files and gait tables whose meaning says that its default is an assumption."""
-    from twin_gait.experiment import Experiment
+    from twin_gait.experiment.experiment import Experiment
     from twin_gait.parameters.quantities import Parameters, declarations
-    from twin_gait.worlds import world_of
-    from twin_gait.worlds.registry import world_kinds
+    from twin_gait.worlds.registry import world_kinds, world_of
 
     rows: list[dict[str, Any]] = []
     seen: set[type] = set()

@@ -143,9 +143,9 @@ def _default(value: Any) -> str:
 
 def _section(path: str) -> Any:
     """Class of the parameters that a section of a file has."""
-    from twin_gait.experiment import Experiment
+    from twin_gait.experiment.experiment import Experiment
     from twin_gait.gait import table
-    from twin_gait.worlds import world_of
+    from twin_gait.worlds.registry import world_of
 
     in_table = {
         "joint": table.JointImpedance,

@@ -21,10 +21,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from twin_gait import Run, TwinGaitError, load_experiment, simulate, summarise
-from twin_gait.gait import TICK
-from twin_gait.measures import leg_record, normalise_strides, reference_curve
+from twin_gait.gait.table import TICK
+from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.reference import reference_curve
+from twin_gait.measures.strides import normalise_strides
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, VERMILLION
-from twin_gait.report import put_legend, save, style_panel
+from twin_gait.report.canvas import put_legend, save, style_panel
 
 # %% [markdown]
 # ## What is asked

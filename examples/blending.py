@@ -26,9 +26,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from twin_gait import JointName, Run, load_experiment, simulate, simulate_batch, summarise
-from twin_gait.gait import TICK, BlendingLaw
+from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.palette import BLACK, BLUISH_GREEN, JOINT_COLOURS, ORANGE, REDDISH_PURPLE
-from twin_gait.report import put_legend, readable, save, style_panel
+from twin_gait.report.canvas import put_legend, readable, save, style_panel
 
 Blend = tuple[str, int]  # law, duration in [ms], which are ticks
 NONE, LINEAR, MINIMUM_JERK = (

@@ -14,7 +14,7 @@ from cohorts.walkers import DURATION, SUPPORT, cohort_row, failures, walkers
 from gallery import form_of
 
 from twin_gait import load_experiment, simulate_batch
-from twin_gait.studies import Workers
+from twin_gait.studies.workers import Workers
 
 TABLES = ("treadmill",)
 COHORT, SEEDS = 200, (11, 2027)

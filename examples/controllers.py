@@ -20,9 +20,9 @@ from gallery import form_of
 from matplotlib.figure import Figure
 
 from twin_gait import Run, load_experiment, simulate, summarise
-from twin_gait.measures import normalise_strides
+from twin_gait.measures.strides import normalise_strides
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, REDDISH_PURPLE
-from twin_gait.report import put_legend, save, style_panel
+from twin_gait.report.canvas import put_legend, save, style_panel
 
 form = form_of("controllers")
 DURATION = 12.0 if form.quick else 30.0  # [s]

@@ -17,7 +17,8 @@ from gallery import form_of
 from scipy.stats import qmc
 
 from twin_gait import Experiment, Run, load_experiment, simulate, summarise
-from twin_gait.studies import Workers, overridden, run_episodes
+from twin_gait.studies.batch import overridden, run_episodes
+from twin_gait.studies.workers import Workers
 
 TABLES = ("treadmill", "treadmill_pre_swing")
 DURATION = 20.0  # [s]

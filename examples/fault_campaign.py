@@ -18,9 +18,9 @@ from injected_faults.audit import audited_row, stated_reaction
 from injected_faults.figure import draw_campaign
 
 from twin_gait import load_experiment, simulate
-from twin_gait.control import TripCause
-from twin_gait.report import save
-from twin_gait.studies import draw_faults, outcome_table, simulate_faults
+from twin_gait.control.safety import TripCause
+from twin_gait.report.canvas import save
+from twin_gait.studies.fault_campaign import draw_faults, outcome_table, simulate_faults
 
 RUNS, SEED, DURATION = 1000, 0, 8.0
 EXAMPLE = "encoder_freeze:left_knee@4.2s"

@@ -22,7 +22,7 @@ from gallery import form_of
 from printed_c.changed_constants import REASONS, Unit, classified
 
 from twin_gait import load_experiment
-from twin_gait.firmware import verify
+from twin_gait.firmware.verification import verify
 
 TABLES = {
     "treadmill": ("treadmill",),

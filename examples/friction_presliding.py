@@ -25,10 +25,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from twin_gait import Experiment, GaitPhase, JointName, Run, load_experiment, simulate
-from twin_gait.core import friction_torque, steady_deflection
+from twin_gait.core.friction import friction_torque, steady_deflection
 from twin_gait.palette import BLUE, GREY, ORANGE
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionLaw, FrictionParameters, LuGreFriction
-from twin_gait.report import put_legend, save, style_panel
+from twin_gait.parameters.friction import (
+    HIP_FRICTION,
+    KNEE_FRICTION,
+    FrictionLaw,
+    FrictionParameters,
+    LuGreFriction,
+)
+from twin_gait.report.canvas import put_legend, save, style_panel
 
 SLIDES_AFTER = math.radians(0.1)  # [rad], where Coulomb friction bends the bristles to; an assumption
 BREAKAWAY_RATIO, STRIBECK_VELOCITY = 1.4, 0.05  # assumptions

@@ -12,7 +12,7 @@ import pandas as pd
 from gallery import form_of
 
 from twin_gait import Run, load_experiment, simulate, summarise
-from twin_gait.report import save
+from twin_gait.report.canvas import save
 
 form = form_of("ground_forces")
 SUPPORTS = (0.4, 0.6) if form.quick else (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)

@@ -32,13 +32,14 @@ from matplotlib.patheffects import withStroke
 from whatif.endings import Ending, classify
 
 from twin_gait import Experiment, GaitTable, JointName, Run, RunStatus, Side, load_experiment, simulate
-from twin_gait.checking import LinearLoop, friction_slope, linear_loops, spectral_radius, transition_matrix
-from twin_gait.gait import JointImpedance, PhaseParameters
+from twin_gait.checking.hanging_leg import friction_slope, linear_loops
+from twin_gait.checking.linear_loop import LinearLoop, spectral_radius, transition_matrix
+from twin_gait.gait.table import JointImpedance, PhaseParameters
 from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
-from twin_gait.parameters import FrictionParameters
-from twin_gait.report import save
-from twin_gait.studies import run_jobs
-from twin_gait.worlds import BenchLeg
+from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.report.canvas import save
+from twin_gait.studies.jobs import run_jobs
+from twin_gait.worlds.bench_leg import BenchLeg
 
 STIFFNESSES = tuple(math.degrees(value) for value in (0.3, 1.0, 2.5, 6.0))  # [N m] / [rad]
 DAMPINGS = (0.0, 10.0, 30.0, 90.0)  # [N m s] / [rad]

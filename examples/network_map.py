@@ -25,9 +25,11 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from twin_gait import Experiment, Run, load_experiment, simulate, simulate_batch
-from twin_gait.checking import linear_loops, traffic_of, transition_matrix
+from twin_gait.checking.hanging_leg import linear_loops
+from twin_gait.checking.linear_loop import transition_matrix
+from twin_gait.checking.network import traffic_of
 from twin_gait.palette import BLACK, BLUE, EVENT_COLOUR, VERMILLION
-from twin_gait.report import save, style_panel
+from twin_gait.report.canvas import save, style_panel
 
 BOARD, CCU = "board", "ccu"
 PLACES = {BOARD: "springs on the boards", CCU: "springs on the CCU"}

@@ -13,7 +13,7 @@ import numpy as np
 from gallery import form_of
 
 from twin_gait import Experiment, Run, load_experiment, simulate, summarise
-from twin_gait.measures import CONTACT_FORCE
+from twin_gait.measures.foot_contact import CONTACT_FORCE
 
 MASSES, HEIGHTS = (55, 65, 75, 85, 95), (1.60, 1.70, 1.80, 1.90)
 TRIGGERS = "therapist", "trunk lean"

@@ -18,7 +18,7 @@ import numpy as np
 from gallery import form_of
 
 from twin_gait import JointName, Run, load_experiment, simulate
-from twin_gait.studies import run_jobs
+from twin_gait.studies.jobs import run_jobs
 
 SEATS, MASSES, HEIGHTS = (0.40, 0.45, 0.50), (55, 75, 95), (1.60, 1.75, 1.90)  # [m], [kg], [m]
 WITHIN = 0.02  # of the weight: width at which the bisection ends

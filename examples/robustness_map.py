@@ -18,7 +18,9 @@ import pandas as pd
 import yaml
 from gallery import form_of
 
-from twin_gait.studies import Workers, load_sweep, run_sweep
+from twin_gait.studies.sweep.spec import load_sweep
+from twin_gait.studies.sweep.sweep import run_sweep
+from twin_gait.studies.workers import Workers
 
 SPEC = Path(__file__).parent / "sweep.yaml" if "__file__" in globals() else Path("sweep.yaml")
 SHORT = {

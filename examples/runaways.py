@@ -28,8 +28,8 @@ from injected_faults.runaways import (
 )
 
 from twin_gait import Experiment, load_experiment, presets
-from twin_gait.report import save
-from twin_gait.studies import overridden, run_episodes
+from twin_gait.report.canvas import save
+from twin_gait.studies.batch import overridden, run_episodes
 
 SEED = 0
 NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": 1e-4}

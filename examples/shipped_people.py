@@ -14,8 +14,9 @@ import pandas as pd
 from cohorts.shipped import MASS_ALONE, PASSIVE_ALONE, brace_row, person_row
 from gallery import form_of
 
-from twin_gait.configuration import people
-from twin_gait.studies import Workers, run_jobs
+from twin_gait.configuration.experiments import people
+from twin_gait.studies.jobs import run_jobs
+from twin_gait.studies.workers import Workers
 
 BRACE_FACTORS = (0.3, 0.5, 1.0, 3.0, 10.0)
 

@@ -12,7 +12,8 @@ steady walk. Two minutes on two cores; page: docs/background/start_stop.md.
 from cohorts.standing import ROWS, ending_of, line_of, trials_of, walk_of
 from gallery import form_of
 
-from twin_gait.studies import Workers, run_episodes
+from twin_gait.studies.batch import run_episodes
+from twin_gait.studies.workers import Workers
 
 # %%
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from thesis import bench, control, velocity
 from thesis import control_figures as figures
 from thesis.claims import Answers
 
-from twin_gait.simulation import simulate_bench
+from twin_gait.simulation.bench_joint.loop import simulate_bench
 
 answers = Answers("thesis_control", form_of("thesis_control"))
 

@@ -27,7 +27,7 @@ from thesis.friction import (
     table_numbers,
 )
 
-from twin_gait.studies import TWO_WAY_SPEEDS
+from twin_gait.studies.campaign import TWO_WAY_SPEEDS
 
 form = form_of("thesis_friction")
 answers = Answers("thesis_friction", form)

@@ -13,7 +13,7 @@ from thesis.claims import Answers
 from thesis.leg import leg_findings, leg_numbers
 from thesis.limits import RATIOS, limit_numbers, limits_of, released
 
-from twin_gait.simulation import simulate_bench
+from twin_gait.simulation.bench_joint.loop import simulate_bench
 
 SHOWN_GAINS = (0.45, 0.6, 1.0)
 form = form_of("thesis_limits")

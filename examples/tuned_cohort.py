@@ -15,7 +15,8 @@ from gallery import form_of
 
 import twin_gait
 from twin_gait import simulate_batch
-from twin_gait.studies import Workers, run_jobs
+from twin_gait.studies.jobs import run_jobs
+from twin_gait.studies.workers import Workers
 
 SEED, PEOPLE, GENERATIONS = 11, 30, 8
 QUICK = {"generations": 1, "search_duration": 1.0, "robust_duration": 1.0}

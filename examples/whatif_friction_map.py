@@ -41,8 +41,8 @@ from whatif.friction import (
 )
 
 from twin_gait.palette import BLACK, GREY
-from twin_gait.report import put_legend, save, style_panel
-from twin_gait.studies import run_jobs
+from twin_gait.report.canvas import put_legend, save, style_panel
+from twin_gait.studies.jobs import run_jobs
 
 # %% [markdown]
 # ## The map

@@ -30,8 +30,8 @@ from whatif.figures import (
 from whatif.inertia import Setting, Source, limit_row, noise_row, stability_row
 
 from twin_gait.palette import BLACK
-from twin_gait.report import put_legend, save, style_panel
-from twin_gait.studies import run_jobs
+from twin_gait.report.canvas import put_legend, save, style_panel
+from twin_gait.studies.jobs import run_jobs
 
 # %% [markdown]
 # ## Settings

@@ -13,8 +13,10 @@ from example_robots import twin_joints
 from hypothesis import HealthCheck, settings
 from tested_copy import complaint, copies_in_use
 
-from twin_gait.leg_model import LegJoints, LegModel
-from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
+from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 # Reproducible, and without a deadline: a busy machine is not a failure.

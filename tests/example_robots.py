@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import pytest
 
-from twin_gait.leg_model import LegJoints
+from twin_gait.leg_model.joints import LegJoints
 from twin_gait.vocabulary import Side
 
 ROBOTS_VARIABLE = "TWIN_GAIT_REQUIRE_ROBOTS"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware import Unit, find_tool
+from twin_gait.firmware.cross import Unit, find_tool
 
 FIRMWARE_VARIABLE = "TWIN_GAIT_REQUIRE_FIRMWARE"
 TARGET_TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from twin_gait.gait import TICK
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.table import TICK
 
 OWN_TIME = "time_in_phase_s"
 OTHER_TIME = "other.time_in_phase_s"

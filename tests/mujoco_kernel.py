@@ -16,7 +16,7 @@ from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_spec
 
 from twin_gait import Experiment, LegModel, Patient
 from twin_gait.core.contact import Ground, Point, ground_contact_force
-from twin_gait.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.simulation.problem import Problem
 
 

@@ -16,11 +16,11 @@ import pinocchio as pin
 from oracle_arms import UpperBody
 from transitions import Machine
 
-from twin_gait.experiment import IntegrationMethod
+from twin_gait.experiment.experiment import IntegrationMethod
 from twin_gait.gait.guards import AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
-from twin_gait.parameters import FrictionParameters
+from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.simulation.problem import Problem
 from twin_gait.vocabulary import Side
 

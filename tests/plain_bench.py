@@ -12,7 +12,7 @@ from twin_gait.worlds.bench_joint import BenchJoint
 
 
 def plain_rows(test: BenchJoint, *, seed: int = 0, variation: BenchVariation | None = None) -> np.ndarray:
-    """The rows that :func:`twin_gait.simulation.simulate_bench` gives, some hundred times slower."""
+    """Compute the rows of ``simulate_bench`` with plain Python, a hundred times slower."""
     ticks = max(1, round(test.duration / TICK))
     episode = bench_episode(test, variation or BenchVariation())
     rows, noise = np.zeros((ticks, len(LAYOUT.names))), bench_noise(test, ticks, seed).reshape(-1, 1).tolist()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import strategies as st
 from table_builder import JOINTS, phase
 
-from twin_gait.gait import GaitTable, Transition
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import all_signal_names, signal_of
+from twin_gait.gait.table import GaitTable, Transition
 
 PHASES = ("stance", "swing", "rest")
 _NAMES = all_signal_names(JOINTS)

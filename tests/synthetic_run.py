@@ -15,16 +15,15 @@ import numpy as np
 from table_builder import JOINTS, phase, transition
 
 from twin_gait import load_experiment
-from twin_gait.experiment import Experiment
-from twin_gait.gait import GaitTable
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
-from twin_gait.gait.table import TICK
+from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import reference_curve
 from twin_gait.simulation.log import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import GaitPhase, JointName, Side
-from twin_gait.worlds import Treadmill
+from twin_gait.worlds.treadmill import Treadmill
 
 STRIDE = 1200  # ticks, as all below
 LAG = 300

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from twin_gait.gait import GaitTable, JointImpedance, PhaseParameters, Transition
 from twin_gait.gait.guards import Guard, parse_guard
+from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Transition
 
 JOINTS = ("hip", "knee")
 FIVE_PHASES = Path(__file__).parent / "tables" / "five_phases.yaml"  # a whole table that never changes

@@ -14,7 +14,7 @@ import twin_gait
 from twin_gait.configuration.validation import merge, quantity_of
 from twin_gait.docstrings import docstring_of, summary_of
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import ActuatorParameters
+from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.parameters.quantities import EXCHANGEABLE, Unit
 
 PACKAGE = Path(twin_gait.__file__).parent

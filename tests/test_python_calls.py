@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.live.protocol import SetControl
 from twin_gait.live.session import LiveSession
 from twin_gait.simulation.compiled_engine import CompiledEngine

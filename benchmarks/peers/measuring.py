@@ -11,7 +11,7 @@ from peers.engines import THREADS, EngineSession
 from peers.scenarios import RK4, Case, cases
 from peers.timing import Implementation, Session, Timing, significant, speed_ratio, time_in_turn
 
-from twin_gait.gait import TICK
+from twin_gait.gait.table import TICK
 
 REFINEMENT = 10  # of the finest step, for the reference of the angles
 BATCH_SHARE = 4  # an episode of a batch is as many times shorter, for there are many of them

@@ -8,10 +8,11 @@ from typing import Any
 
 from twin_gait import Experiment, LegModel, load_experiment
 from twin_gait.core.belt import Belt
-from twin_gait.experiment import Engine, Integration, IntegrationMethod
-from twin_gait.gait import TICK
-from twin_gait.parameters import SupportParameters
-from twin_gait.worlds import Treadmill, World
+from twin_gait.experiment.experiment import Engine, Integration, IntegrationMethod
+from twin_gait.gait.table import TICK
+from twin_gait.parameters.surroundings import SupportParameters
+from twin_gait.worlds.treadmill import Treadmill
+from twin_gait.worlds.world import World
 
 EULER, RK4 = IntegrationMethod.SEMI_IMPLICIT_EULER, IntegrationMethod.RK4
 

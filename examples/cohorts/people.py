@@ -11,7 +11,8 @@ from statistics import NormalDist
 import numpy as np
 
 from twin_gait import Sex
-from twin_gait.parameters import HEAVIEST_WEARER, Patient, require
+from twin_gait.parameters.quantities import require
+from twin_gait.parameters.wearer import HEAVIEST_WEARER, Patient
 
 HIGHEST_SHARE = 0.95  # 5th to 95th percentile (thesis, table 2.1)
 _REACH = NormalDist().inv_cdf(HIGHEST_SHARE)

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from cohorts.walkers import DURATION, SUPPORT
 
 from twin_gait import Experiment, load_experiment, simulate, summarise
-from twin_gait.studies import overridden, tuned_table
+from twin_gait.studies.batch import overridden
+from twin_gait.studies.tune.outcome import tuned_table
 
 
 class Job(NamedTuple):

@@ -11,7 +11,7 @@ from cohorts.people import cohort
 from scipy import stats
 
 from twin_gait import Patient
-from twin_gait.configuration import people
+from twin_gait.configuration.experiments import people
 
 MASS_ALONE = "mass alone"
 SPEEDS = (0.36, 0.42)  # belt [m/s]

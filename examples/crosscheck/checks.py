@@ -8,8 +8,9 @@ import numpy as np
 from crosscheck.closed_forms import pendulum_acceleration, pendulum_motion, pendulum_of
 
 from twin_gait import Experiment, Run, load_experiment, simulate
-from twin_gait.measures import energy_balance
-from twin_gait.parameters import ActuatorParameters, FrictionParameters
+from twin_gait.measures.effort import energy_balance
+from twin_gait.parameters.drives import ActuatorParameters
+from twin_gait.parameters.friction import FrictionParameters
 
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 N_STATES = 100

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from twin_gait import Experiment
-from twin_gait.leg_model import packaged_urdf
+from twin_gait.leg_model.urdf import packaged_urdf
 
 
 class Pendulum(NamedTuple):

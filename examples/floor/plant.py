@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from twin_gait.core import Point
-from twin_gait.simulation import Problem, acceleration, bind, bound_kernel, laid_out
+from twin_gait.core.contact import Point
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import bound_kernel, laid_out
+from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.stages.motion import acceleration
 
 
 class Motion(NamedTuple):

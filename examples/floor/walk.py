@@ -18,18 +18,21 @@ import pandas as pd
 from floor.plant import equations_of_motion
 
 from twin_gait import JointName, Run, Side
-from twin_gait.control import Controller, Plan
-from twin_gait.core import (
+from twin_gait.control.controller import Controller, Plan
+from twin_gait.core.actuator import (
     Motor,
     current_to_torque,
     motor_electrical_power,
     sagged_bus_voltage,
     torque_to_current,
 )
-from twin_gait.experiment import Experiment
-from twin_gait.gait import TICK
-from twin_gait.measures import CONTACT_FORCE, leg_record, reference_curve, reference_cycle_time
-from twin_gait.simulation import Problem, build_problem, engine_of
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.gait.table import TICK
+from twin_gait.measures.foot_contact import CONTACT_FORCE
+from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.reference import reference_curve, reference_cycle_time
+from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.simulator import engine_of
 
 try:
     import casadi as ca

@@ -13,9 +13,9 @@ import numpy as np
 from injected_faults.deviation import deviations, filtered
 
 from twin_gait import JointName, Run, Side
-from twin_gait.control import Trip, TripCause
-from twin_gait.parameters import ActuatorParameters, SafetyParameters
-from twin_gait.studies import fault_row
+from twin_gait.control.safety import Trip, TripCause
+from twin_gait.parameters.drives import ActuatorParameters, SafetyParameters
+from twin_gait.studies.fault_campaign import fault_row
 
 TICK = 1e-3  # [s]
 SETTLING = 0.5  # [s] after a trip, from which on joints are looked at for the speed of lowering
@@ -24,7 +24,7 @@ Values = np.ndarray
 
 
 class Audit(NamedTuple):
-    """What a log says of a run with a monitor, beyond :func:`twin_gait.studies.fault_row`.
+    """What a log says of a run with a monitor, beyond :func:`twin_gait.studies.fault_campaign.fault_row`.
 
     Attributes:
         hold_kept: Whether the hold, once there, is on every joint in every tick to the end, and its damper

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from twin_gait import JointName, Run, Side
-from twin_gait.core import rotational_friction_torque
+from twin_gait.core.friction import rotational_friction_torque
 
 TICK = 1e-3  # [s]
 FED_FORWARD = ("gravity_compensation", "inertia_compensation", "target")  # words of the columns

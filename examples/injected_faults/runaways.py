@@ -14,8 +14,9 @@ from matplotlib.figure import Figure
 
 from twin_gait import Experiment, Run
 from twin_gait.palette import BLUE, EVENT_COLOUR, GREY
-from twin_gait.studies import draw_faults, overridden
-from twin_gait.worlds import Fault, FaultKind
+from twin_gait.studies.batch import overridden
+from twin_gait.studies.fault_campaign import draw_faults
+from twin_gait.worlds.faults import Fault, FaultKind
 
 RATES = (5.0, 2000.0)  # [N m] / [s]: a third of the bound in a stride, and the torque limit in 30 ms
 REST = 4.0  # [s] that a run lasts at least after the last runaway begins

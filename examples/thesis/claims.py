@@ -13,7 +13,7 @@ import yaml
 from gallery import Form
 from matplotlib.figure import Figure
 
-from twin_gait.report import save
+from twin_gait.report.canvas import save
 
 RESOLUTION = 75  # of figures in dots per inch
 CLAIMS = Path(__file__).with_name("claims.yaml")

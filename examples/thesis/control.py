@@ -34,11 +34,11 @@ from thesis.bench import (
 from thesis.friction import rms
 from thesis.velocity import closed_delay
 
-from twin_gait.core import coulomb_viscous_tanh_torque
-from twin_gait.gait import TICK
-from twin_gait.identification import moving_average
-from twin_gait.simulation import BenchRun, simulate_bench
-from twin_gait.worlds import OldFrictionModel
+from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
+from twin_gait.gait.table import TICK
+from twin_gait.identification.signals import moving_average
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.worlds.bench_control import OldFrictionModel
 
 OLD = OldFrictionModel()
 SLOW, QUICK = (math.radians(5.0), 0.15), (REACH, 2.5)  # reach in [rad] and velocity in [rad] / [s] of a hand

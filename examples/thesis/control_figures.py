@@ -38,7 +38,7 @@ from thesis.control import (
 )
 from thesis.velocity import FilterDelay, closed_delay
 
-from twin_gait.gait import TICK
+from twin_gait.gait.table import TICK
 from twin_gait.palette import (
     BLACK,
     BLUE,
@@ -49,8 +49,8 @@ from twin_gait.palette import (
     SKY_BLUE,
     VERMILLION,
 )
-from twin_gait.report import style_panel
-from twin_gait.simulation import BenchRun
+from twin_gait.report.canvas import style_panel
+from twin_gait.simulation.bench_joint.loop import BenchRun
 
 GAIN_COLOURS = (BLUE, VERMILLION, ORANGE)  # of GAINS, as in the thesis
 SMALL = {"fontsize": "small", "frameon": False}

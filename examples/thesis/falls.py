@@ -12,16 +12,17 @@ import numpy as np
 from thesis.bench import KNEE, SEED
 from thesis.friction import DEVIATIONS, FACTOR, WINDOW, table_values
 
-from twin_gait.identification import BenchSetup, moving_average
-from twin_gait.simulation import BenchRun, BenchVariation, simulate_bench
-from twin_gait.studies import Campaign, PlannedTest, planned_tests
-from twin_gait.worlds import (
+from twin_gait.identification.processing import BenchSetup
+from twin_gait.identification.signals import moving_average
+from twin_gait.simulation.bench_joint.episode import BenchVariation
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.studies.campaign import Campaign, PlannedTest, planned_tests
+from twin_gait.worlds.bench_control import TRANSPARENCY_STEPS, DutyControl
+from twin_gait.worlds.bench_joint import (
     BENCH_ACTUATORS,
     HORIZONTAL,
     STOP_ANGLE,
-    TRANSPARENCY_STEPS,
     BenchJoint,
-    DutyControl,
     LoadAngle,
     bench_joint,
 )

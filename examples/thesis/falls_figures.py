@@ -19,11 +19,11 @@ from thesis.falls import (
 )
 from thesis.friction import FACTOR
 
-from twin_gait.core import Motor
-from twin_gait.gait import TICK
+from twin_gait.core.actuator import Motor
+from twin_gait.gait.table import TICK
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
-from twin_gait.report import style_panel
-from twin_gait.worlds import TRANSPARENCY_STEPS, DutyControl, breakaway_duty, viscous_duty
+from twin_gait.report.canvas import style_panel
+from twin_gait.worlds.bench_control import TRANSPARENCY_STEPS, DutyControl, breakaway_duty, viscous_duty
 
 GAIN_COLOURS = dict(zip(GAINS, (BLUE, BLUISH_GREEN, VERMILLION), strict=True))
 _STYLES = ("-", "--", ":")  # by A, from small to large

@@ -17,26 +17,16 @@ from thesis.bench import KNEE, SEED
 from thesis.claims import number_text
 
 from twin_gait import JointName
-from twin_gait.core import rotational_friction_torque
-from twin_gait.gait import TICK
-from twin_gait.identification import (
-    RATE,
-    WINDOW,
-    BenchSetup,
-    FitOptions,
-    FrictionTest,
-    Goodness,
-    IdentificationOptions,
-    Log,
-    Loss,
-    Processing,
-    goodness,
-    identify_tests,
-    process_log,
-    read_log,
-)
-from twin_gait.studies import SPREAD, TWO_WAY_PERIOD, Campaign, Protocol, planned_tests, run_campaign
-from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.gait.table import TICK
+from twin_gait.identification.fitting import FitOptions, Loss
+from twin_gait.identification.identify import IdentificationOptions, identify_tests
+from twin_gait.identification.models import FrictionTest
+from twin_gait.identification.processing import RATE, WINDOW, BenchSetup, Processing, process_log
+from twin_gait.identification.reading import Log, read_log
+from twin_gait.identification.statistics import Goodness, goodness
+from twin_gait.studies.campaign import SPREAD, TWO_WAY_PERIOD, Campaign, Protocol, planned_tests, run_campaign
+from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 
 HIP = JointName.HIP
 JOINTS = (KNEE, HIP)

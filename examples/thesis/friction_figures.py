@@ -25,9 +25,9 @@ from thesis.friction import (
 from thesis.velocity import FilteredFall
 
 from twin_gait import JointName
-from twin_gait.gait import TICK
+from twin_gait.gait.table import TICK
 from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, ORANGE, SKY_BLUE, VERMILLION
-from twin_gait.report import style_panel
+from twin_gait.report.canvas import style_panel
 
 _SHOWN = 5000  # samples
 _BIN, _FEWEST = 0.05, 5  # [rad/s], samples

@@ -19,17 +19,12 @@ from thesis.bench import (
     with_ideal_current,
 )
 
-from twin_gait.checking import (
-    LinearLoop,
-    friction_slope,
-    leg_motion,
-    spectral_radius,
-    transition_matrix,
-)
-from twin_gait.core import first_order_gain
-from twin_gait.gait import TICK
-from twin_gait.simulation import BenchRun, simulate_bench
-from twin_gait.worlds import BenchJoint
+from twin_gait.checking.hanging_leg import friction_slope
+from twin_gait.checking.linear_loop import LinearLoop, leg_motion, spectral_radius, transition_matrix
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.gait.table import TICK
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.worlds.bench_joint import BenchJoint
 
 RATIOS = (0.4, 0.5, 0.6, 0.8, 1.0)  # s
 PUSH = 0.3  # [rad] / [s]; velocity that the joint without a spring is given

@@ -13,8 +13,8 @@ from thesis.leg import ANGLES, JOINTS, SHOWN, LegFindings, weight_torque
 from thesis.limits import RATIOS, Limit
 
 from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, ORANGE, VERMILLION
-from twin_gait.report import style_panel
-from twin_gait.simulation import BenchRun
+from twin_gait.report.canvas import style_panel
+from twin_gait.simulation.bench_joint.loop import BenchRun
 
 SMALL = {"fontsize": "small", "frameon": False}
 

@@ -18,10 +18,10 @@ from thesis.bench import (
 )
 from thesis.friction import DEVIATIONS, FACTOR, PERIOD, WINDOW
 
-from twin_gait.gait import TICK
-from twin_gait.identification import moving_average
-from twin_gait.simulation import BenchRun, simulate_bench
-from twin_gait.studies import Campaign, planned_tests
+from twin_gait.gait.table import TICK
+from twin_gait.identification.signals import moving_average
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.studies.campaign import Campaign, planned_tests
 
 # ---------------------------------------------------------------------- of a fall, figure 3.1
 

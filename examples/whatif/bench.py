@@ -15,12 +15,15 @@ import numpy as np
 from whatif.endings import Ending, classify
 
 from twin_gait import JointName, RunStatus
-from twin_gait.checking import LinearLoop, friction_slope, friction_torque, leg_motion
-from twin_gait.core import first_order_gain
-from twin_gait.gait import TICK
-from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.simulation import BenchRun, simulate_bench
-from twin_gait.worlds import (
+from twin_gait.checking.hanging_leg import friction_slope, friction_torque
+from twin_gait.checking.linear_loop import LinearLoop, leg_motion
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.gait.table import TICK
+from twin_gait.parameters.drives import SensorParameters
+from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.worlds.bench_control import TorqueControl
+from twin_gait.worlds.bench_joint import (
     BENCH_FRICTION,
     BENCH_INDUCTANCE,
     HORIZONTAL,
@@ -28,11 +31,10 @@ from twin_gait.worlds import (
     BenchJoint,
     CurrentLoop,
     DriveParameters,
-    ImposedMotionParameters,
     LinkParameters,
-    TorqueControl,
     bench_joint,
 )
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 Row = dict[str, Any]
 

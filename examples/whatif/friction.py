@@ -36,11 +36,14 @@ from whatif.bench import (
 )
 from whatif.endings import Ending
 
-from twin_gait.checking import largest_stable, spectral_radius, transition_matrix
-from twin_gait.gait import TICK
-from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.simulation import simulate_bench
-from twin_gait.worlds import BenchFriction, BenchJoint, CosinePath, LinkParameters
+from twin_gait.checking.linear_loop import spectral_radius, transition_matrix
+from twin_gait.checking.stability import largest_stable
+from twin_gait.gait.table import TICK
+from twin_gait.parameters.drives import SensorParameters
+from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.simulation.bench_joint.loop import simulate_bench
+from twin_gait.worlds.bench_control import CosinePath
+from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, LinkParameters
 
 # Decimation and window of the slow velocity: none, half of the thesis's, the thesis's, four times as long.
 FILTERS = ((1, 1), (10, 1), (10, 10), (10, 40))

@@ -31,19 +31,15 @@ from whatif.bench import (
     root_mean_square,
 )
 
-from twin_gait.checking import friction_slope, largest_stable
-from twin_gait.core import first_order_gain
-from twin_gait.gait import TICK
-from twin_gait.parameters import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, FrictionParameters, SensorParameters
-from twin_gait.simulation import BenchRun, simulate_bench
-from twin_gait.worlds import (
-    BenchFriction,
-    BenchJoint,
-    ImposedMotionParameters,
-    InertialSensor,
-    InertialUnit,
-    Torsion,
-)
+from twin_gait.checking.hanging_leg import friction_slope
+from twin_gait.checking.stability import largest_stable
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.gait.table import TICK
+from twin_gait.parameters.drives import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, SensorParameters
+from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, InertialSensor, InertialUnit, Torsion
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 LOAD = 2.0  # [kg]
 THESIS_GAIN = 0.35  # G, the thesis's best

@@ -28,9 +28,10 @@ from whatif.bench import (
 )
 from whatif.endings import Ending
 
-from twin_gait.core import drive_efficiency
-from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.worlds import BenchFriction, BenchJoint, CatalogueEfficiency
+from twin_gait.core.motor_drive import drive_efficiency
+from twin_gait.parameters.drives import SensorParameters
+from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.worlds.bench_joint import BenchFriction, BenchJoint, CatalogueEfficiency
 
 REFERENCE_TEMPERATURE = CatalogueEfficiency().temperature  # [°C]
 # Share of the Coulomb friction that a kelvin takes away: 5 to 10 % between 20 and 40 °C (from memory, low

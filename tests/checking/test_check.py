@@ -28,16 +28,16 @@ from twin_gait.checking.check import (
 )
 from twin_gait.checking.finding import CheckCase, Finding, Severity, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES, SignalSpace
-from twin_gait.configuration import load_experiment, packaged_gait_tables
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.experiments import presets
+from twin_gait.configuration.experiments import load_experiment, presets
 from twin_gait.configuration.gait_table_file import (
     gait_table_from_mapping,
     load_gait_table,
+    packaged_gait_tables,
 )
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.experiment import Experiment
-from twin_gait.gait import GaitTable
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.gait.table import GaitTable
 
 Mapping = dict[str, Any]
 

@@ -24,13 +24,12 @@ from twin_gait.checking.postures import (
 )
 from twin_gait.checking.signals import SignalSpace
 from twin_gait.checking.torques import release_speed
-from twin_gait.configuration import load_gait_table
-from twin_gait.gait import Blending, BlendingLaw, GaitTable, Transition
+from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.gait.guards import parse_guard
-from twin_gait.gait.table import DrivenBy
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
+from twin_gait.gait.table import Blending, BlendingLaw, DrivenBy, GaitTable, Transition
+from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import BenchLeg
+from twin_gait.worlds.bench_leg import BenchLeg
 
 RULES = (*leaving.RULES, *torques.RULES, *stability.RULES, *sense.RULES)
 

@@ -19,13 +19,15 @@ from twin_gait.checking.exits import ambiguity, cascade, hysteresis
 from twin_gait.checking.finding import CheckCase, Finding, label
 from twin_gait.checking.graph import deadlock, pairs_of, starting_pairs
 from twin_gait.checking.signals import Point, SignalSpace, swapped
-from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.configuration.experiments import load_experiment
+from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import GaitTableError
-from twin_gait.experiment import Experiment
-from twin_gait.gait import TICK, GaitStateMachine, GaitTable, Transition
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Requirement, Way, bound_of, ways
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.signals import ANGLE, all_signal_names
+from twin_gait.gait.table import TICK, GaitTable, Transition
 from twin_gait.vocabulary import Side
 
 # Limits of urdf/twin.urdf: lowest and highest angle in [deg], speed in [deg] / [s].

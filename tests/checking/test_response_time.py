@@ -21,7 +21,7 @@ from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, Frame, Node, 
 from twin_gait.core.can_frame import Header, most_frame_bits, new_header
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters import NetworkParameters
+from twin_gait.parameters.network import NetworkParameters
 
 MS = 10**9  # [ps]
 BIT = 10**6

@@ -28,13 +28,13 @@ from twin_gait.checking.linear_loop import (
     spectral_radius,
     transition_matrix,
 )
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.core.control_tick import EQUILIBRIUM, measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
+from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
 
 MASS = np.array([[4.7, -0.4], [-0.4, 3.5]])
 GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N m] / [rad]

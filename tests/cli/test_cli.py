@@ -22,7 +22,7 @@ from twin_gait.cli.program import build_parser
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.gait_table_file import named_file
 from twin_gait.kernels import generated as kernel
-from twin_gait.leg_model import packaged_urdf
+from twin_gait.leg_model.urdf import packaged_urdf
 from twin_gait.measures.strides import stride_count
 
 FAST = ["--no-pictures"]

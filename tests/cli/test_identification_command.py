@@ -15,8 +15,8 @@ from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.cli import friction
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
-from twin_gait.identification import MODELS
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
+from twin_gait.identification.laws import MODELS
+from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
 from twin_gait.vocabulary import JointName
 
 

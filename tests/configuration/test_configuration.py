@@ -24,7 +24,7 @@ from twin_gait.configuration.gait_table_file import (
 )
 from twin_gait.configuration.validation import assign, merge, parse_assignment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, AsymmetricFriction, LuGreFriction
+from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, AsymmetricFriction, LuGreFriction
 from twin_gait.vocabulary import JointName
 
 
@@ -73,7 +73,7 @@ def test_resolved_document_of_an_experiment_changed_in_python_tells_the_truth():
 
 def test_experiment_of_a_changed_urdf_is_refused(tmp_path):
     urdf = tmp_path / "leg.urdf"
-    from twin_gait.leg_model import packaged_urdf
+    from twin_gait.leg_model.urdf import packaged_urdf
 
     urdf.write_text(packaged_urdf("twin_leg.urdf").read_text())
     loaded = load_experiment("bench_leg", [f"leg.urdf={urdf}", "duration_s=1"])

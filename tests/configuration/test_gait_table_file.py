@@ -23,9 +23,9 @@ from twin_gait.configuration.gait_table_file import (
 )
 from twin_gait.configuration.validation import MAXIMUM_FILE_SIZE, parse_yaml
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.gait import BlendingLaw, GaitTable, Waiver
 from twin_gait.gait.guards import AllOf, AnyOf, parse_guard
 from twin_gait.gait.program import compile_guards
+from twin_gait.gait.table import BlendingLaw, GaitTable, Waiver
 from twin_gait.vocabulary import GaitPhase, Side
 
 TABLE = """\

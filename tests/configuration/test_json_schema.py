@@ -13,8 +13,8 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from twin_gait.cli import main
-from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import experiment_document
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.configuration.schema import comment_for, json_schema
 from twin_gait.configuration.validation import parse_assignment
 

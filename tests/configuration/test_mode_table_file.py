@@ -12,11 +12,17 @@ from errors import raises
 
 from twin_gait import load_experiment
 from twin_gait.cli import main
-from twin_gait.configuration import load_gait_table, load_mode_table, load_state_table, packaged_mode_tables
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
-from twin_gait.configuration.gait_table_file import mode_table_from_mapping, named_file
+from twin_gait.configuration.gait_table_file import (
+    load_gait_table,
+    load_mode_table,
+    load_state_table,
+    mode_table_from_mapping,
+    named_file,
+    packaged_mode_tables,
+)
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.gait import ModeTable, TimedRequest
+from twin_gait.gait.modes import ModeTable, TimedRequest
 
 TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 WITH_POSTURES = f"table={TABLE}", "initial_mode=standing"

@@ -23,7 +23,7 @@ from twin_gait.configuration.experiments import (
     resolved_document,
 )
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
-from twin_gait.parameters import JointCondition, Patient
+from twin_gait.parameters.wearer import JointCondition, Patient
 from twin_gait.studies.batch import overridden
 from twin_gait.vocabulary import JointName, SegmentModel, Side
 

@@ -12,7 +12,7 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.events import changeable_keys
 from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment import Change, Push, Step, Stop
+from twin_gait.experiment.events import Change, Push, Step, Stop
 
 PHASES = "table.phases.middle_stance"
 KNEE = f"{PHASES}.knee"

@@ -15,7 +15,7 @@ from errors import raises
 
 from twin_gait import load_experiment
 from twin_gait.cli import main
-from twin_gait.configuration import load_gait_table
+from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.configuration.validation import parse_assignment, parse_yaml
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.yaml12 import MOST_VALUES, dump_yaml, load_yaml

@@ -21,7 +21,7 @@ from twin_gait.core.actuator import (
     voltage_limited_current,
 )
 from twin_gait.core.control_tick import driven_motor, target_current
-from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
+from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 
 # maxon EC 90 flat, 24 V winding: K_t = 0.0705 Nm/A, R = 0.343 Ω; CSD-25 gear, 100:1.
 K_T, R, RATIO = 0.0705, 0.343, 100.0

@@ -19,7 +19,7 @@ from twin_gait.core.estimation import (
     new_delay_line,
     quantise,
 )
-from twin_gait.parameters import SensorParameters
+from twin_gait.parameters.drives import SensorParameters
 
 ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)  # columns of the measurements below
 TICK = 1e-3

@@ -16,7 +16,7 @@ from twin_gait.core.friction import gear_loss_torque, geared_friction_torque, ro
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.laws import over_arrays
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
+from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
 
 # Table 3.1 of the thesis as printed: a, b in [N m], c in [rad/s], d in [N m s/rad].
 PRINTED_KNEE = (-1.743, -3.193, -0.2031, 2.06)

@@ -22,8 +22,9 @@ from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import generated as kernel
-from twin_gait.leg_model import LegModel, packaged_urdf
 from twin_gait.leg_model.bodies import export_bodies
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.leg_model.urdf import packaged_urdf
 from twin_gait.simulation import executors, keeping, schedule, stages
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import bound_kernel, laid_out, run_at

@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from twin_gait.core.contact import Ground, Point, ground_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.kernels import generated as kernel
-from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import ContactPoint, export_bodies
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model
 
 GRAVITY = 9.81

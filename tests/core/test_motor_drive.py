@@ -22,7 +22,7 @@ from twin_gait.core.motor_drive import (
     torsion_torque,
     winding_current_step,
 )
-from twin_gait.parameters import KNEE_ACTUATOR
+from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, cosine_path, transparency_duty
 from twin_gait.worlds.bench_joint import CatalogueEfficiency
 

@@ -21,7 +21,7 @@ from twin_gait.core.friction import (
     steady_deflection,
 )
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import (
+from twin_gait.parameters.friction import (
     HIP_FRICTION,
     AsymmetricFriction,
     FrictionLaw,

@@ -11,14 +11,14 @@ from errors import raises
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin_gait.control import TripCause
+from twin_gait.control.safety import TripCause
 from twin_gait.core import faults, safety
 from twin_gait.core.actuator import Motor, winding_voltage
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.estimation import quantise
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import KNEE_ACTUATOR, SafetyParameters
-from twin_gait.worlds import FaultKind
+from twin_gait.parameters.drives import KNEE_ACTUATOR, SafetyParameters
+from twin_gait.worlds.faults import FaultKind
 
 PERIOD = 1e-3
 NUMBERS = st.floats(-20.0, 20.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from twin_gait.core.plant import Pad, Seat, bearing_share, seat_force, seat_the_hips, seat_the_thigh
-from twin_gait.parameters import ChairParameters
+from twin_gait.parameters.surroundings import ChairParameters
 
 
 def seat(**changes) -> Seat:

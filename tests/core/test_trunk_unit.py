@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.inertial import TrunkUnit, follow_pitch, tangential_specific_force, trunk_specific_force
-from twin_gait.parameters import TrunkSensorParameters
+from twin_gait.parameters.drives import TrunkSensorParameters
 
 GRAVITY, T = 9.81, 1e-3
 

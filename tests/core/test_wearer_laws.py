@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.leg_model.wearer import SEGMENTS, SHANK_LENGTH, THIGH_LENGTH
 from twin_gait.measures.reference import normative_moment, reference_curve, reference_cycle_time
-from twin_gait.parameters import JointCondition, Patient
+from twin_gait.parameters.wearer import JointCondition, Patient
 from twin_gait.vocabulary import JointName, Sex
 
 # Hip flexion, knee flexion and ankle plantarflexion in whole degrees, over the ranges of walking and beyond.

@@ -12,8 +12,7 @@ import pytest
 from errors import raises
 
 from twin_gait.simulation import log
-from twin_gait.worlds import world_of
-from twin_gait.worlds.registry import world_kinds
+from twin_gait.worlds.registry import world_kinds, world_of
 
 ROOT = Path(__file__).parents[2]
 INSERT = ROOT / "docs" / "insert.py"

@@ -21,8 +21,8 @@ from example_robots import robot_urdf
 
 from twin_gait import load_experiment, load_gait_table, simulate
 from twin_gait.cli.program import main
-from twin_gait.configuration import load_mode_table
-from twin_gait.gait import GaitStateMachine
+from twin_gait.configuration.gait_table_file import load_mode_table
+from twin_gait.gait.machine import GaitStateMachine
 
 ROOT = Path(__file__).parents[2]
 CONFIGURATION = ROOT / "twin_gait" / "configuration"
@@ -50,7 +50,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 from twin_gait.parameters.quantities import NOT_NEGATIVE, RotaryDamping
 from twin_gait.vocabulary import PelvisGuide
-from twin_gait.worlds import Scenario
+from twin_gait.worlds.world import Scenario
 """
 
 

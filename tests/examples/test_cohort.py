@@ -16,10 +16,10 @@ from cohorts.walkers import DURATION, SPEEDS, SUPPORT, cohort_row, failures, siz
 from errors import raises
 
 from twin_gait import Patient, Side, TwinGaitError, load_experiment, simulate, summarise
-from twin_gait.configuration import people
+from twin_gait.configuration.experiments import people
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import HEAVIEST_WEARER
-from twin_gait.studies import overridden
+from twin_gait.parameters.wearer import HEAVIEST_WEARER
+from twin_gait.studies.batch import overridden
 from twin_gait.vocabulary import Sex
 
 ROOT = Path(__file__).parents[2]

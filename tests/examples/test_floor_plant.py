@@ -9,7 +9,8 @@ from floor.plant import equations_of_motion
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
-from twin_gait.core import gear_loss_torque, mechanical_stop_torque, rotational_friction_torque
+from twin_gait.core.contact import mechanical_stop_torque
+from twin_gait.core.friction import gear_loss_torque, rotational_friction_torque
 from twin_gait.simulation.problem import build_problem
 
 

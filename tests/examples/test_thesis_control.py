@@ -33,9 +33,9 @@ from thesis.limits import bisect, growth, keeps_swinging, linear_radius, pushed,
 from thesis.velocity import closed_delay, delay_between, log_filter
 
 from twin_gait import JointName, simulate
-from twin_gait.parameters import FrictionParameters
-from twin_gait.simulation import BenchRun, simulate_bench
-from twin_gait.worlds import BenchJoint
+from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.worlds.bench_joint import BenchJoint
 
 KNEE_INERTIA = (3.06e-4 + 0.282e-4) * 1e4 + 0.02  # rotor and wave generator behind 1:100, and the link
 PER_AMPERE = 7.05  # [N m] / [A] at the knee

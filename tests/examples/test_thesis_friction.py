@@ -38,10 +38,10 @@ from thesis.velocity import delay_of, filtered_fall
 from thesis.velocity import fall_numbers as velocity_numbers
 
 from twin_gait import JointName
-from twin_gait.core import Motor
-from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
+from twin_gait.core.actuator import Motor
+from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 from twin_gait.parameters.quantities import taken_from
-from twin_gait.worlds import DutyControl, viscous_duty
+from twin_gait.worlds.bench_control import DutyControl, viscous_duty
 
 KNEE, HIP = JointName.KNEE, JointName.HIP
 # Table 3.1 of the thesis; the knee's a, b and c are printed as negative.

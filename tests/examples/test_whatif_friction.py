@@ -50,9 +50,11 @@ from whatif.temperature import (
 )
 from whatif_friction_map import GAINS, RATIOS, map_settings
 
-from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.simulation import simulate_bench
-from twin_gait.worlds import BenchFriction, ImposedMotionParameters
+from twin_gait.parameters.drives import SensorParameters
+from twin_gait.parameters.friction import FrictionParameters
+from twin_gait.simulation.bench_joint.loop import simulate_bench
+from twin_gait.worlds.bench_joint import BenchFriction
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 NO_FRICTION = FrictionParameters(
     breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=0.0

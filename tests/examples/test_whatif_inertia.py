@@ -27,7 +27,7 @@ from whatif.inertia import (
 )
 from whatif_inertia import settings_by_delay
 
-from twin_gait.simulation import simulate_bench
+from twin_gait.simulation.bench_joint.loop import simulate_bench
 
 FREE = InertiaLoop(
     source=Source.ACCELEROMETER,

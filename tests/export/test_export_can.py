@@ -11,15 +11,15 @@ import pytest
 from errors import raises
 
 from twin_gait.cli import main
-from twin_gait.configuration import load_experiment
-from twin_gait.control import TripCause
+from twin_gait.configuration.experiments import load_experiment
+from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import MissingOptionalDependency
 from twin_gait.export.can import bus_frames, export_can, messages_of, run_frames
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
-from twin_gait.parameters import BOARDS
+from twin_gait.parameters.network import BOARDS
 from twin_gait.runs.record import write_run
-from twin_gait.simulation import simulate
+from twin_gait.simulation.simulator import simulate
 
 MESSAGES = load_messages()
 DATABASE = cantools.database.load_file(shipped_file(PACKAGED_DBC))

@@ -21,7 +21,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.conventions import OPENSIM_GAIT2392, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
-from twin_gait.export import export_inverse_dynamics
+from twin_gait.export.inverse_dynamics import export_inverse_dynamics
 from twin_gait.gait.table import TICK
 from twin_gait.runs.log_files import read_table
 from twin_gait.runs.record import read_run

@@ -12,8 +12,8 @@ from errors import raises
 from twin_gait.cli import main
 from twin_gait.conventions import CORC_X2, HOUSE, OPENSIM_GAIT2392, OSL, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
-from twin_gait.export import export_motion
-from twin_gait.replay import LogFormat, read_recording
+from twin_gait.export.motion import export_motion
+from twin_gait.replay.recording import LogFormat, read_recording
 from twin_gait.runs.log_files import read_table
 from twin_gait.vocabulary import Side
 

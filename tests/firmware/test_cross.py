@@ -8,7 +8,8 @@ from errors import raises
 from firmware_tools import TARGET_TOOLS, require_tools, symbols, write_unit
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware import Emulator, build_host, build_image, build_object, find_tool, sizes
+from twin_gait.firmware.cross import build_host, build_image, build_object, find_tool, sizes
+from twin_gait.firmware.emulator import Emulator
 
 
 def unit_of(folder, step, **records):

@@ -15,7 +15,7 @@ from printed_library import Library
 
 from twin_gait.core import elementary
 from twin_gait.core.elementary_single import SINGLE
-from twin_gait.firmware import TranslationUnit, print_units
+from twin_gait.firmware.printer import TranslationUnit, print_units
 
 RNG = np.random.default_rng(20)
 PRECISION, LEAST_POWER, MOST_POWER = 24, -126, 127  # of binary32

@@ -14,7 +14,8 @@ from errors import raises
 from firmware_tools import SANITIZE, TARGET_TOOLS, require_tools, write_unit
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware import Emulator, HostUnit, Unit, build_host, build_image, build_object
+from twin_gait.firmware.cross import Unit, build_host, build_image, build_object
+from twin_gait.firmware.emulator import Emulator, HostUnit
 
 HANG, FAULT, CONVERT = -1, -2, -3
 

@@ -11,8 +11,8 @@ from firmware_tools import require_tools
 from printed_library import Library
 
 from twin_gait.core.can_codec import pack_frame, unpack_frame
-from twin_gait.firmware import TranslationUnit, print_units
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
+from twin_gait.firmware.printer import TranslationUnit, print_units
 from twin_gait.network.dbc import load_messages
 
 MESSAGES = load_messages()

@@ -33,7 +33,8 @@ from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import guard_holds, next_transition
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import NO_TRIP, Bounds, Watched, watch_joint
-from twin_gait.firmware import Program, TranslationUnit, print_units, units
+from twin_gait.firmware import units
+from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards
 from twin_gait.kernels.generated import write_control_gravity, write_side_by_side
 from twin_gait.simulation.binding import bind, kernel_functions

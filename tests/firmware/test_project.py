@@ -22,7 +22,8 @@ from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.core.safety import BUS_TRIP, COMMAND_TRIP, JUMP_TRIP, MISSING_TRIP, NO_TRIP
 from twin_gait.exceptions import GaitTableError
-from twin_gait.firmware import Unit, build_object, project, sizes, units
+from twin_gait.firmware import project, units
+from twin_gait.firmware.cross import Unit, build_object, sizes
 from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import (
     EXOSKELETON,
@@ -35,7 +36,7 @@ from twin_gait.firmware.project import (
 from twin_gait.gait.guards import AllOf, Comparison
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import NetworkParameters
+from twin_gait.parameters.network import NetworkParameters
 from twin_gait.simulation.record import copied
 
 STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]

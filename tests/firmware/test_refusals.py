@@ -12,7 +12,7 @@ import pytest
 from errors import raises
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware import TranslationUnit, print_units
+from twin_gait.firmware.printer import TranslationUnit, print_units
 from twin_gait.simulation.record import ABSENT
 
 

@@ -12,13 +12,14 @@ from firmware_tools import TARGET_TOOLS, require_tools
 
 from twin_gait import load_experiment
 from twin_gait.cli.program import main
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.cross import INSTALL
 from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import Project, print_project
 from twin_gait.firmware.verification import Bench, cases_of, verify, walk_with
-from twin_gait.simulation import Run, simulate
+from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import simulate
 from twin_gait.worlds.faults import FaultKind
 
 DOUBLE, FLOAT, TARGET, LOOP = range(4)  # checks
@@ -232,7 +233,7 @@ def verification(*passed: bool | None) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("passed", "status"), [((True, None), 0), ((True, False), 1)])
 def test_the_command_ends_with_1_only_if_something_is_wrong(monkeypatch, capsys, passed, status):
-    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(*passed))
+    monkeypatch.setattr("twin_gait.firmware.verification.verify", lambda *_: verification(*passed))
     assert main(["firmware", "treadmill", "--verify"]) == status
     lines = capsys.readouterr().out.splitlines()
     words = {True: "passed", False: "FAILED", None: "skipped"}
@@ -241,7 +242,7 @@ def test_the_command_ends_with_1_only_if_something_is_wrong(monkeypatch, capsys,
 
 
 def test_the_folder_keeps_what_was_found(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("twin_gait.firmware.verify", lambda *_: verification(True))
+    monkeypatch.setattr("twin_gait.firmware.verification.verify", lambda *_: verification(True))
     assert main(["firmware", "treadmill", "--verify", "--json", "--out", str(tmp_path / "c")]) == 0
     kept: dict[str, Any] = json.loads((tmp_path / "c" / "verification.json").read_text())
     assert kept["passed"] is True and kept["checks"][0]["name"] == "check 0"

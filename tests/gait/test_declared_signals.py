@@ -12,7 +12,9 @@ from table_builder import JOINTS, transition, two_phase_table
 from twin_gait.control.gait_controller import Device
 from twin_gait.core.guards import guard_holds
 from twin_gait.exceptions import GaitTableError, MeasurementError
-from twin_gait.gait import GaitStateMachine, compile_guards, signals
+from twin_gait.gait import signals
+from twin_gait.gait.machine import GaitStateMachine
+from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
     ANGLE,
     DEVICE_SIGNALS,

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 from twin_gait.checking import exits, graph
 from twin_gait.checking.check import build_case, check, load_case, report
-from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, named_file
 from twin_gait.configuration.validation import parse_yaml
 from twin_gait.exceptions import GaitTableError, TwinGaitError
-from twin_gait.gait import compile_guards
 from twin_gait.gait.guards import parse_guard
+from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import LONGEST, JointImpedance
 from twin_gait.parameters.quantities import declarations
 

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from table_builder import JOINTS, guard, phase, transition, two_phase_table
 
 from twin_gait.exceptions import GaitTableError, MeasurementError
-from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch, compile_guards
 from twin_gait.gait.guards import AllOf, AnyOf
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import OTHER_TIME, all_signal_names
+from twin_gait.gait.table import GaitTable
 from twin_gait.vocabulary import Side
 
 

@@ -19,10 +19,10 @@ from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.core import blending
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.exceptions import GaitTableError, ParameterError, TwinGaitError
-from twin_gait.gait import Blending, BlendingLaw, GaitTable, Scaling
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, PhaseMembership
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import resolve_phases, scale_table
+from twin_gait.gait.table import Blending, BlendingLaw, GaitTable, Scaling
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 

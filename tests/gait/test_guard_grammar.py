@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from table_builder import JOINTS, transition, two_phase_table
 
-from twin_gait.configuration import load_gait_table
+from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Comparison, Guard, PhaseMembership, parse_guard
 from twin_gait.gait.program import compile_guards

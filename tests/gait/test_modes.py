@@ -11,7 +11,7 @@ import pytest
 from errors import raises
 from table_builder import transition, two_phase_table
 
-from twin_gait.configuration import load_mode_table, packaged_mode_tables
+from twin_gait.configuration.gait_table_file import load_mode_table, packaged_mode_tables
 from twin_gait.control.supervisor import (
     NO_POSTURE,
     NO_REQUEST,
@@ -20,11 +20,13 @@ from twin_gait.control.supervisor import (
     choose_mode,
 )
 from twin_gait.exceptions import GaitTableError, MeasurementError, ParameterError
-from twin_gait.gait import GaitStateMachine, Mode, Transition, compile_guards, why_refused
 from twin_gait.gait.guards import MODE_WORDS, AllOf, parse_guard
-from twin_gait.gait.modes import TimedRequest, check_requests, parse_request
+from twin_gait.gait.machine import GaitStateMachine
+from twin_gait.gait.modes import Mode, TimedRequest, check_requests, parse_request, why_refused
+from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME, mode_signal_names, signal_names, signal_of
-from twin_gait.testing import TransitionTest, transition_tests
+from twin_gait.gait.table import Transition
+from twin_gait.testing.cases import TransitionTest, transition_tests
 
 TWIN = load_mode_table("twin")
 STOP = {"stop": "stopping", "stand": "stopping"}

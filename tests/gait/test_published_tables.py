@@ -15,11 +15,12 @@ from errors import raises
 from scipy.interpolate import CubicSpline
 
 from twin_gait import load_experiment
-from twin_gait.configuration import load_gait_table, packaged_gait_tables
+from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait import TICK, BlendingLaw, GaitStateMachine, GaitTable, PhaseSwitch
 from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, parse_guard
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.table import TICK, BlendingLaw, GaitTable
 from twin_gait.report.state_diagram import state_diagram_svg
 from twin_gait.vocabulary import GaitPhase, Side
 

@@ -20,13 +20,14 @@ from hypothesis import strategies as st
 from kit_equivalence import NEVER_BOTH, reason
 from kit_mutants import mutants
 
-from twin_gait.configuration import load_gait_table, packaged_gait_tables
+from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import ParameterError
-from twin_gait.gait import TICK, GaitStateMachine, GaitTable, compile_guards
 from twin_gait.gait.guards import Comparison, PhaseMembership
+from twin_gait.gait.machine import GaitStateMachine
+from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import signal_names
-from twin_gait.testing import TransitionTest, transition_tests
-from twin_gait.testing.cases import approval_text, check_approved
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.testing.cases import TransitionTest, approval_text, check_approved, transition_tests
 from twin_gait.testing.exits import decisive
 from twin_gait.vocabulary import GaitPhase, Side
 

@@ -9,16 +9,11 @@ import numpy as np
 import pytest
 from friction_bench import KNEE, WEIGHTS, Noise, bench_log, swing
 
-from twin_gait.identification import (
-    BenchSetup,
-    IdentificationOptions,
-    Log,
-    Quantity,
-    identify_tests,
-    process_log,
-)
 from twin_gait.identification.current_delay import delay_warnings, estimate_delay
-from twin_gait.parameters import KNEE_ACTUATOR
+from twin_gait.identification.identify import IdentificationOptions, identify_tests
+from twin_gait.identification.processing import BenchSetup, process_log
+from twin_gait.identification.reading import Log, Quantity
+from twin_gait.parameters.drives import KNEE_ACTUATOR
 
 BENCH = BenchSetup(actuator=KNEE_ACTUATOR, start_angle=None)
 VISCOUS = "viscous_friction_Nms_per_rad"

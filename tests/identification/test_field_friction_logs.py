@@ -14,17 +14,11 @@ from friction_bench import KNEE, QUIET, WEIGHTS, bench_log, rotational, swing, w
 
 from twin_gait.cli import friction
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.identification import (
-    MODELS,
-    FitOptions,
-    LogColumns,
-    Quantity,
-    fit_model,
-    join_tests,
-    process_log,
-    read_log,
-)
-from twin_gait.identification.models import FrictionTest
+from twin_gait.identification.fitting import FitOptions, fit_model
+from twin_gait.identification.laws import MODELS
+from twin_gait.identification.models import FrictionTest, join_tests
+from twin_gait.identification.processing import process_log
+from twin_gait.identification.reading import LogColumns, Quantity, read_log
 
 TIME = np.arange(400) / 100.0
 VELOCITY = 1.5 * np.sin(2.0 * np.pi * 0.5 * TIME)

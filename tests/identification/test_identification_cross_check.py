@@ -13,16 +13,9 @@ import pytest
 from friction_bench import KNEE, rotational
 from numpy.testing import assert_allclose
 
-from twin_gait.identification import (
-    MODELS,
-    FitOptions,
-    FrictionModel,
-    FrictionTest,
-    Loss,
-    fit_model,
-    join_tests,
-)
-from twin_gait.identification.models import Shape
+from twin_gait.identification.fitting import FitOptions, Loss, fit_model
+from twin_gait.identification.laws import MODELS
+from twin_gait.identification.models import FrictionModel, FrictionTest, Shape, join_tests
 from twin_gait.identification.statistics import goodness, uncertainty
 
 LEAST_SQUARES = FitOptions(loss=Loss.LINEAR)

@@ -14,20 +14,13 @@ from friction_bench import KNEE, rotational
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.identification import (
-    MODELS,
-    FitOptions,
-    IdentificationOptions,
-    LogColumns,
-    Quantity,
-    fit_model,
-    identify,
-    identify_logs,
-    join_tests,
-    process_log,
-)
-from twin_gait.identification.models import FrictionTest
-from twin_gait.identification.reading import read_log
+from twin_gait.identification import identify
+from twin_gait.identification.fitting import FitOptions, fit_model
+from twin_gait.identification.identify import IdentificationOptions, identify_logs
+from twin_gait.identification.laws import MODELS
+from twin_gait.identification.models import FrictionTest, join_tests
+from twin_gait.identification.processing import process_log
+from twin_gait.identification.reading import LogColumns, Quantity, read_log
 from twin_gait.identification.signals import soft_stop
 
 TIME = 0.01 * np.arange(1000)

@@ -17,20 +17,11 @@ from scipy.optimize import curve_fit, least_squares
 from scipy.special import huber
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.identification import (
-    MODELS,
-    FitOptions,
-    FrictionModel,
-    FrictionTest,
-    IdentificationOptions,
-    Loss,
-    fit_model,
-    fitting,
-    identify_tests,
-    join_tests,
-)
-from twin_gait.identification.fitting import Fit, bounds, refine, refit
-from twin_gait.identification.models import Shape
+from twin_gait.identification import fitting
+from twin_gait.identification.fitting import Fit, FitOptions, Loss, bounds, fit_model, refine, refit
+from twin_gait.identification.identify import IdentificationOptions, identify_tests
+from twin_gait.identification.laws import MODELS
+from twin_gait.identification.models import FrictionModel, FrictionTest, Shape, join_tests
 from twin_gait.identification.statistics import goodness, uncertainty
 
 ROTATIONAL = (

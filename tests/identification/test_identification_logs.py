@@ -31,21 +31,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.identification import (
-    BenchSetup,
-    IdentificationOptions,
-    Log,
-    LogColumns,
-    Processing,
-    Quantity,
-    identify_logs,
-    identify_tests,
-    process_log,
-    read_log,
-)
+from twin_gait.identification.identify import IdentificationOptions, identify_logs, identify_tests
+from twin_gait.identification.processing import BenchSetup, Processing, process_log
+from twin_gait.identification.reading import Log, LogColumns, Quantity, read_log
 from twin_gait.identification.signals import moving_average, zero_phase
-from twin_gait.parameters import KNEE_ACTUATOR
-from twin_gait.worlds import LoadAngle
+from twin_gait.parameters.drives import KNEE_ACTUATOR
+from twin_gait.worlds.bench_joint import LoadAngle
 
 ROTATIONAL = (
     "breakaway_torque_Nm",

@@ -12,10 +12,9 @@ from scipy.integrate import solve_ivp
 
 from twin_gait.core.friction import advanced_deflection, friction_torque, rotational_friction_torque
 from twin_gait.core.friction_models import bristle_rate, bristle_step
-from twin_gait.identification import MODELS
 from twin_gait.identification.fitting import bounds
 from twin_gait.identification.identify import inherited_starts
-from twin_gait.identification.laws import bristle_deflection, over_arrays, remembered_start
+from twin_gait.identification.laws import MODELS, bristle_deflection, over_arrays, remembered_start
 from twin_gait.identification.models import FrictionTest, Samples, join_tests
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE, law_of
 

@@ -16,11 +16,11 @@ from numpy.testing import assert_array_equal
 from pandas.testing import assert_frame_equal
 
 from twin_gait import load_experiment, simulate
-from twin_gait.leg_model import LegJoints, LegModel
-from twin_gait.leg_model.joints import ReversedJointWarning
+from twin_gait.leg_model.joints import LegJoints, ReversedJointWarning
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import packaged_urdf
-from twin_gait.parameters import Patient
-from twin_gait.simulation import Run
+from twin_gait.parameters.wearer import Patient
+from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
 JOINTS = tuple(JointName)

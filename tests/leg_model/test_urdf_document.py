@@ -10,8 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from twin_gait.configuration.experiments import load_experiment
 from twin_gait.exceptions import ModelError
-from twin_gait.leg_model import LegJoints, LegModel, packaged_urdf
-from twin_gait.leg_model.urdf import build_model
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.leg_model.urdf import build_model, packaged_urdf
 from twin_gait.leg_model.urdf_document import Mimic, UrdfWarning, mimic_joints
 from twin_gait.vocabulary import JointName, Side
 

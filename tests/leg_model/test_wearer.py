@@ -21,7 +21,7 @@ from twin_gait.leg_model.wearer import (
     segments_of,
     trunk_mass,
 )
-from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import SegmentModel, Sex
 
 # de Leva (1996), J Biomech 29(9):1223-1230, table 4, as transcribed in the data folder of the BMC

@@ -17,7 +17,7 @@ import pytest
 from errors import raises
 
 from twin_gait.cli import main
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import run_frames
 from twin_gait.files import shipped_file
@@ -30,7 +30,7 @@ from twin_gait.live.protocol import MessageRefused
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
 from twin_gait.runs.record import read_run
-from twin_gait.simulation import simulate
+from twin_gait.simulation.simulator import simulate
 
 MESSAGES = load_messages()
 DATABASE = cantools.database.load_file(shipped_file("twin.dbc"))

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 from test_live_loop import Rig, say, wait_for
 
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.live import news
 from twin_gait.live.controls import Panel
 from twin_gait.live.forecast import warnings_of

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_live_loop import Rig, say, wait_for
 
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.live.controls import Panel
 from twin_gait.live.forecast import HORIZON, foresee
 from twin_gait.live.session import LiveSession

@@ -20,7 +20,7 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.cli.program import main
 from twin_gait.cli.sessions import line_of
 from twin_gait.cli.simulate import _finish
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.live import journal as finishing
 from twin_gait.live.journal import (
@@ -313,7 +313,7 @@ def test_the_command_says_that_its_walk_died_and_ends_with_1(tmp_path):
 PARENT = """
     import sys, time
     from pathlib import Path
-    from twin_gait.configuration import load_experiment
+    from twin_gait.configuration.experiments import load_experiment
     from twin_gait.live.protocol import SetControl
     from twin_gait.live.session import LiveSession
 
@@ -373,7 +373,7 @@ RESTARTING = """
     import sys
     from pathlib import Path
     from test_live_loop import say, wait_for
-    from twin_gait.configuration import load_experiment
+    from twin_gait.configuration.experiments import load_experiment
     from twin_gait.live.session import LiveSession
 
     loaded = load_experiment("bench_leg", ["duration_s=60"])

@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 from errors import raises
 
-from twin_gait.configuration import load_experiment
-from twin_gait.configuration.experiments import experiment_from_mapping
+from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.experiment.events import FADE_TICKS
 from twin_gait.live.controls import Panel, action_specs, fault_text, values_of
@@ -41,9 +40,10 @@ from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import read_run
-from twin_gait.simulation import simulate, stepping
+from twin_gait.simulation import stepping
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.settings import loop_numbers
+from twin_gait.simulation.simulator import simulate
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 
@@ -864,7 +864,7 @@ def test_an_end_of_input_ends_the_process_with_a_complete_journal(tmp_path):
 PARENT = """
     import sys, time
     from pathlib import Path
-    from twin_gait.configuration import load_experiment
+    from twin_gait.configuration.experiments import load_experiment
     from twin_gait.live.session import LiveSession
 
     loaded, folder = load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1])

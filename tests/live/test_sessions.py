@@ -16,7 +16,7 @@ from errors import raises
 
 from twin_gait.cli import sessions as command
 from twin_gait.cli.program import OneLineParser
-from twin_gait.configuration import load_experiment
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.live import session_records as sessions
 from twin_gait.live.session import LiveSession

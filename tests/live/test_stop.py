@@ -12,19 +12,18 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.control import TripCause
+from twin_gait.control.safety import TripCause
 from twin_gait.core.belt import Belt, treadmill_speed
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.simulation import RunStatus
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
 from twin_gait.viewer.surroundings import BELT_MARK_SPACING
-from twin_gait.worlds import FaultKind
-from twin_gait.worlds.faults import parse_fault
+from twin_gait.worlds.faults import FaultKind, parse_fault
 
 BELT = Belt(cruise=0.42, start=2.0, stop=10.0, ramp=1.0, delay=0.2, stop_ramp=0.5)
 EVEN = Belt(cruise=0.42, stop_ramp=0.5)

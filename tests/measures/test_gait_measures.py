@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from synthetic_run import synthetic_run
 
 from twin_gait.conventions import OPENSIM_GAIT2392, RAJAGOPAL
-from twin_gait.export import export_csv, export_motion
+from twin_gait.export.motion import export_csv, export_motion
 from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import (
     battery_life,

@@ -59,7 +59,7 @@ from twin_gait.measures.strides import (
     swing_shares,
     symmetry_index,
 )
-from twin_gait.parameters import LimitParameters
+from twin_gait.parameters.drives import LimitParameters
 from twin_gait.vocabulary import JointName, Side
 
 TICK = 1e-3

@@ -24,7 +24,7 @@ from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.report.run_figures import draw_cycle
 from twin_gait.report.walk_words import strides_of
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import RunStatus
+from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.batch import flat_summary
 from twin_gait.studies.fault_campaign import fault_row
 from twin_gait.vocabulary import JointName, Outcome, Side

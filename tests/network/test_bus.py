@@ -8,7 +8,7 @@ from twin_gait.core import can_bus
 from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, advance, draw
 from twin_gait.network.bus import cyclic_messages, new_bus, picoseconds
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters import BOARDS, NODES, NetworkParameters, OutageKind, parse_outage
+from twin_gait.parameters.network import BOARDS, NODES, NetworkParameters, OutageKind, parse_outage
 
 MS, TICK = 10**9, 1e-3
 

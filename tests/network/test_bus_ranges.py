@@ -7,7 +7,7 @@ import pytest
 from twin_gait.checking.check import load_case
 from twin_gait.checking.finding import Severity
 from twin_gait.checking.network import values_on_the_bus
-from twin_gait.configuration import load_experiment, presets
+from twin_gait.configuration.experiments import load_experiment, presets
 from twin_gait.files import shipped_file
 from twin_gait.parameters.network import BOARD_JOINTS
 

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from errors import raises
 
-from twin_gait.configuration import load_experiment, presets
-from twin_gait.control import TripCause
-from twin_gait.control.safety import SafetyState
+from twin_gait.configuration.experiments import load_experiment, presets
+from twin_gait.control.safety import SafetyState, TripCause
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
-from twin_gait.parameters import BOARDS, HARD_TORQUE_LIMIT, NetworkParameters
+from twin_gait.parameters.drives import HARD_TORQUE_LIMIT
+from twin_gait.parameters.network import BOARDS, NetworkParameters
 from twin_gait.simulation.problem import build_problem
 from twin_gait.vocabulary import GaitPhase
 

@@ -18,7 +18,6 @@ import twin_gait
 from twin_gait import load_experiment
 from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import JointCondition, Patient
 from twin_gait.parameters.quantities import (
     LATER,
     POSITIVE,
@@ -31,6 +30,7 @@ from twin_gait.parameters.quantities import (
     UnitInside,
     declarations,
 )
+from twin_gait.parameters.wearer import JointCondition, Patient
 from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 

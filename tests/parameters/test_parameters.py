@@ -16,21 +16,23 @@ from numpy.testing import assert_allclose
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.gait.table import Transition
 from twin_gait.identification.processing import BenchSetup
-from twin_gait.parameters import (
+from twin_gait.parameters.drives import (
     HARD_TORQUE_LIMIT,
     HIP_ACTUATOR,
     KNEE_ACTUATOR,
     ActuatorParameters,
-    AnkleParameters,
     BatteryParameters,
-    ContactParameters,
     ElectronicsParameters,
     LimitParameters,
-    Patient,
     SensorParameters,
+)
+from twin_gait.parameters.surroundings import (
+    AnkleParameters,
+    ContactParameters,
     StopParameters,
     SupportParameters,
 )
+from twin_gait.parameters.wearer import Patient
 from twin_gait.studies.campaign import Campaign
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel
 from twin_gait.worlds.bench_joint import CatalogueEfficiency, DriveParameters, LinkParameters, Torsion

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.parameters import SensorParameters
+from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.quantities import Declaration, Parameters, Unit, declarations, within
 from twin_gait.parameters.ranges import LATER, NOT_NEGATIVE, POSITIVE, SHARE, Range
 from twin_gait.worlds.faults import parse_fault

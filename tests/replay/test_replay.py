@@ -11,20 +11,15 @@ from errors import raises
 from table_builder import phase, transition, two_phase_table
 
 from twin_gait import load_experiment, save_run, simulate
-from twin_gait.configuration import load_gait_table
+from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import GaitTableError, ParameterError
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import CYCLE, WINTER_CYCLE_TIME, reference_curve, reference_cycle_time
-from twin_gait.parameters import Patient
-from twin_gait.replay import (
-    Recording,
-    Replay,
-    at_ticks,
-    normative_walk,
-    replay,
-    replay_log,
-)
+from twin_gait.parameters.wearer import Patient
+from twin_gait.replay.machine import Replay, replay, replay_log
+from twin_gait.replay.recording import normative_walk
+from twin_gait.replay.samples import Recording, at_ticks
 from twin_gait.replay.writing import meant_cycles, stride_phases, summarise_replay
 from twin_gait.report.pages import render
 from twin_gait.vocabulary import JointName, Side

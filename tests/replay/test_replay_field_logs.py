@@ -11,7 +11,8 @@ from errors import raises
 from twin_gait.cli import main
 from twin_gait.conventions import RAJAGOPAL
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.replay import LogFormat, read_recording, replay_log
+from twin_gait.replay.machine import replay_log
+from twin_gait.replay.recording import LogFormat, read_recording
 from twin_gait.replay.writing import doubtful_strides, phase_onsets, stride_phases
 from twin_gait.vocabulary import JointName, Side
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL, find_convention
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.replay import LogFormat, Recording, read_recording
+from twin_gait.replay.recording import LogFormat, read_recording
+from twin_gait.replay.samples import Recording
 from twin_gait.runs.log_files import read_table
 from twin_gait.vocabulary import JointName, Side
 

@@ -26,19 +26,20 @@ from matplotlib.textpath import TextPath
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
 from twin_gait.cli import tables as command
-from twin_gait.configuration import load_gait_table, packaged_gait_tables
+from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
 from twin_gait.gait.documents import Held, PhaseLogic, Stay, transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, parse_guard
+from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.signals import all_signal_names
+from twin_gait.gait.table import TICK, Blending, GaitTable, Scaling
 from twin_gait.report.state_diagram import (
     arrows,
     guard_words,
     state_diagram_mermaid,
     state_diagram_svg,
 )
-from twin_gait.testing import approval_text
+from twin_gait.testing.cases import approval_text
 from twin_gait.vocabulary import Side
 
 SVG = "{http://www.w3.org/2000/svg}"

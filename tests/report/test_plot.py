@@ -14,7 +14,7 @@ from synthetic_run import synthetic_run
 import twin_gait
 from twin_gait import load_experiment, load_run, plot_run, save_run, simulate, summarise
 from twin_gait.cli import main
-from twin_gait.control import Trip, TripCause
+from twin_gait.control.safety import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.report.canvas import save
 from twin_gait.report.figures import FIGURES

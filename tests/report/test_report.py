@@ -21,7 +21,7 @@ from numpy.testing import assert_allclose
 from synthetic_run import HIP_OFFSET, LAG, PHASE_TICKS, STRIDE, synthetic_run
 
 from twin_gait import load_experiment, simulate
-from twin_gait.control import Trip, TripCause
+from twin_gait.control.safety import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
 from twin_gait.report.canvas import STRIP_OPACITY, end_or_events, last_strides

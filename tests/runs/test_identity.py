@@ -16,10 +16,10 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli.simulate import report
 from twin_gait.configuration.experiments import experiment_from_mapping, resolved_document
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.live.page import LiveFigure
-from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import Patient
 from twin_gait.report.walk_words import describe
 from twin_gait.runs.record import StoredRun, load_run, save_run
 from twin_gait.runs.run_page import about

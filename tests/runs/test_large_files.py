@@ -14,9 +14,9 @@ import pytest
 from twin_gait import files
 from twin_gait.cli import main
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment import LONGEST_RUN
+from twin_gait.experiment.experiment import LONGEST_RUN
 from twin_gait.gait.table import TICK
-from twin_gait.identification import read_log
+from twin_gait.identification.reading import read_log
 from twin_gait.runs.log_files import read_table
 from twin_gait.runs.record import read_run
 

@@ -18,7 +18,7 @@ import yaml
 from errors import raises
 
 from twin_gait import load_experiment, load_run, save_run, simulate
-from twin_gait.control import Controller
+from twin_gait.control.controller import Controller
 from twin_gait.control.controllers.position import Position
 from twin_gait.control.own_controller import record_of, restored
 from twin_gait.exceptions import FirmwareError, ParameterError, TwinGaitError
@@ -36,7 +36,7 @@ class Postures:
 """
 SPRINGS = """
 import numpy as np
-from twin_gait.control import Controller
+from twin_gait.control.controller import Controller
 from NAME_postures import Postures
 
 STIFFNESS = 40.0

@@ -200,7 +200,7 @@ def test_atomic_write_keeps_the_old_file_when_it_fails(tmp_path, monkeypatch):
 
 
 def test_csv_export_has_every_column_and_all_digits(tmp_path, run):
-    from twin_gait.export import export_csv
+    from twin_gait.export.motion import export_csv
 
     export_csv(run.log, tmp_path / "log.csv")
     table = pd.read_csv(tmp_path / "log.csv", dtype=str)

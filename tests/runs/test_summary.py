@@ -32,14 +32,14 @@ from synthetic_run import (
 
 import twin_gait
 from twin_gait import load_experiment, simulate
-from twin_gait.control import Trip, TripCause
+from twin_gait.control.safety import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.surroundings import BeltProfile
 from twin_gait.report.walk_words import amount, carried_by_belt, lines_of, table_of_walk
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import Treadmill
+from twin_gait.worlds.treadmill import Treadmill
 
 
 @pytest.fixture(scope="module")

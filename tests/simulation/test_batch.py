@@ -14,7 +14,7 @@ from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.runs.summary import summarise
 from twin_gait.studies import batch
 from twin_gait.studies.batch import overridden, simulate_batch

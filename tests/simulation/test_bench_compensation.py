@@ -17,24 +17,24 @@ from plain_bench import plain_rows
 from twin_gait.core.actuator import dead_zone
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, KNEE_FRICTION, SensorParameters
-from twin_gait.simulation import simulate_bench
+from twin_gait.parameters.drives import ACCELEROMETER_NOISE, GYROSCOPE_NOISE, SensorParameters
+from twin_gait.parameters.friction import KNEE_FRICTION
+from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds import (
+from twin_gait.worlds.bench_control import CosinePath, TorqueControl
+from twin_gait.worlds.bench_joint import (
     BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
-    CosinePath,
     CurrentLoop,
     DriveParameters,
-    ImposedMotionParameters,
     InertialSensor,
     InertialUnit,
     LinkParameters,
-    TorqueControl,
     Torsion,
     bench_joint,
 )
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 # An ideal and quiet current loop.
 DRIVE = DriveParameters(

@@ -14,14 +14,8 @@ from plain_bench import plain_rows
 from scipy.integrate import solve_ivp
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import (
-    KNEE_FRICTION,
-    BatteryParameters,
-    FrictionParameters,
-    LimitParameters,
-    LuGreFriction,
-    SensorParameters,
-)
+from twin_gait.parameters.drives import BatteryParameters, LimitParameters, SensorParameters
+from twin_gait.parameters.friction import KNEE_FRICTION, FrictionParameters, LuGreFriction
 from twin_gait.simulation.bench_joint import tick
 from twin_gait.simulation.bench_joint.episode import BenchVariation
 from twin_gait.simulation.bench_joint.loop import BenchRun, bench_episode, simulate_bench

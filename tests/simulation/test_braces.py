@@ -19,14 +19,14 @@ from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.conventions import RAJAGOPAL
 from twin_gait.core.plant import Brace, brace_torque
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.export import export_motion
+from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.export.motion import export_motion
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
-from twin_gait.parameters import BraceParameters, SpringDamper
+from twin_gait.parameters.surroundings import BraceParameters, SpringDamper
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles
 from twin_gait.runs.log_files import read_table

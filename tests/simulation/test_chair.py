@@ -12,7 +12,7 @@ from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.measures import energy_balance
+from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import work_sources
 from twin_gait.simulation.problem import build_problem

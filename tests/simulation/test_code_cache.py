@@ -131,7 +131,7 @@ RUN = """
 import json, sys
 from twin_gait import load_experiment, simulate
 from twin_gait.worlds.bench_joint import bench_joint
-from twin_gait.simulation import simulate_bench
+from twin_gait.simulation.bench_joint.loop import simulate_bench
 from twin_gait.vocabulary import JointName
 told = []
 {what}

@@ -11,11 +11,12 @@ import pytest
 from errors import raises
 
 from twin_gait import load_experiment, simulate
-from twin_gait.checking import linear_loops, spectral_radius, transition_matrix
+from twin_gait.checking.hanging_leg import linear_loops
+from twin_gait.checking.linear_loop import spectral_radius, transition_matrix
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import target_current
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.parameters.quantities import taken_from
 
 JOINTS = ("hip", "knee")

@@ -14,17 +14,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import experiment_from_mapping
-from twin_gait.control import AssistanceParameters
 from twin_gait.control.controller import Path as Walk
 from twin_gait.control.controller import cycle_place
-from twin_gait.control.controllers.assistance import adapted_assistance
+from twin_gait.control.controllers.assistance import AssistanceParameters, adapted_assistance
 from twin_gait.control.controllers.position import KNEE_HIGHEST, KNEE_LOWEST
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
-from twin_gait.parameters import KNEE_ACTUATOR
+from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.simulation.problem import build_problem
 from twin_gait.vocabulary import JointName, Outcome, Side
 

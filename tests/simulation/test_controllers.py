@@ -11,12 +11,13 @@ import pytest
 from errors import raises, warns
 
 from twin_gait import load_experiment, simulate
-from twin_gait.control import Controller, TripCause
-from twin_gait.control.controller import cycle_place
+from twin_gait.control.controller import Controller, cycle_place
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.position import Position
+from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import ControlMode, Experiment
+from twin_gait.experiment.device import ControlMode
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.simulation import keeping
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.problem import build_problem

@@ -7,9 +7,11 @@ import pytest
 
 from twin_gait import load_experiment
 from twin_gait.cli.simulate import report
-from twin_gait.parameters import HIP_FRICTION, KNEE_ACTUATOR, KNEE_FRICTION
+from twin_gait.parameters.drives import KNEE_ACTUATOR
+from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run, simulate
+from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import simulate
 
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")

@@ -19,8 +19,9 @@ from twin_gait.core.contact import Ground, Point
 from twin_gait.core.plant import Plant, Spring, Stop
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.leg_model import PELVIS_JOINT, LegModel
-from twin_gait.measures import energy_balance
+from twin_gait.leg_model.joints import PELVIS_JOINT
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import bound_kernel, laid_out
 from twin_gait.simulation.episode import Episode

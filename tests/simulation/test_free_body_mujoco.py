@@ -11,7 +11,7 @@ import pytest
 from twin_gait import load_experiment
 from twin_gait.core.plant import Plant, Spring, Stop
 from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.episode import Episode

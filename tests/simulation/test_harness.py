@@ -8,7 +8,7 @@ from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.measures import energy_balance
+from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.log import work_sources
 
 HARNESS = "scenario.support.guide=harness"

@@ -18,7 +18,7 @@ from log_rows import ending_of, rows_of
 from numba.core.errors import NumbaError
 
 from twin_gait import load_experiment
-from twin_gait.control import Controller
+from twin_gait.control.controller import Controller
 from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import bind

@@ -8,7 +8,7 @@ import pytest
 
 from twin_gait import load_experiment, presets, simulate
 from twin_gait.gait.table import TICK
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation import log as log_columns
 from twin_gait.simulation.log import (
     WORK_SOURCES,

@@ -12,7 +12,7 @@ from log_rows import ending_of, rows_of
 from twin_gait import load_experiment, simulate
 from twin_gait.checking.check import build_case, check
 from twin_gait.cli.simulate import report
-from twin_gait.control import TripCause
+from twin_gait.control.safety import TripCause
 from twin_gait.core.can_bus import NEVER
 from twin_gait.core.safety import support_share
 from twin_gait.files import shipped_file

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment, simulate, summarise
-from twin_gait.experiment import Engine
+from twin_gait.experiment.experiment import Engine
 from twin_gait.measures.crutches import crutch_use
 
 

@@ -11,9 +11,9 @@ from errors import raises
 from log_rows import rows_of
 
 from twin_gait import load_experiment, simulate
-from twin_gait.configuration import experiment_document
+from twin_gait.configuration.documents import experiment_document
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import lane_engine
 from twin_gait.simulation.compiled_engine import CompiledEngine

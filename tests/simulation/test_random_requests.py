@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 
 from twin_gait import Experiment, load_experiment, simulate
-from twin_gait.control import TripCause, device_schedule
+from twin_gait.control import device_schedule
 from twin_gait.control.gait_controller import trip_on_causes
+from twin_gait.control.safety import TripCause
 from twin_gait.control.supervisor import choose_mode
 from twin_gait.core.inertial import follow_pitch, trunk_specific_force
-from twin_gait.simulation import Run, RunStatus
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.executors import scalar_driver
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.schedule import NAMES
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import FaultKind

@@ -9,7 +9,7 @@ from injected_faults.audit import audit, breach_tick, hold_start, stated_reactio
 from test_treadmill_gait import CHANGES, NOISE
 
 from twin_gait import load_experiment, simulate
-from twin_gait.control import TripCause
+from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName, Side

@@ -10,7 +10,7 @@ from errors import raises
 
 from twin_gait import load_experiment, load_run, simulate
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware.linked import engine_without_bus
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.problem import build_problem

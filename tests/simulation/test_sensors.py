@@ -11,8 +11,8 @@ from errors import raises
 
 from twin_gait import load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import Experiment
-from twin_gait.parameters import SensorParameters
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.parameters.drives import SensorParameters
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.problem import build_problem
 from twin_gait.studies.sweep.spec import sweep_from_mapping

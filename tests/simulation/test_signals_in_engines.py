@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.guards import AllOf, parse_guard
 from twin_gait.gait.signals import all_signal_names
 from twin_gait.gait.table import TICK, GaitTable

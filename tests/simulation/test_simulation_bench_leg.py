@@ -11,7 +11,7 @@ from errors import raises
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Integration, IntegrationMethod
+from twin_gait.experiment.experiment import Integration, IntegrationMethod
 from twin_gait.simulation.log import WORK_SOURCES
 
 # The safety monitor would end a motion that runs away or reaches for a stop.

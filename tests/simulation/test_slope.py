@@ -11,7 +11,7 @@ from errors import raises
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.kernels.generated import kernel_structure, write_kernel
-from twin_gait.measures import energy_balance
+from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.log import state_columns, work_sources
 from twin_gait.simulation.problem import build_problem

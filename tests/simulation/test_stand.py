@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.core.belt import belt_speed, walk_command
 from twin_gait.exceptions import MeasurementError, ParameterFileError
-from twin_gait.gait import TICK, GaitStateMachine, Scaling
+from twin_gait.gait.machine import GaitStateMachine
+from twin_gait.gait.table import TICK, Scaling
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.problem import build_problem

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from errors import raises
 
-from twin_gait.configuration import load_experiment
-from twin_gait.control import TripCause
+from twin_gait.configuration.experiments import load_experiment
+from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import ParameterError
-from twin_gait.simulation import RunStatus, simulate, stepping
+from twin_gait.simulation import stepping
 from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.run import log_table
+from twin_gait.simulation.run import RunStatus, log_table
+from twin_gait.simulation.simulator import simulate
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 

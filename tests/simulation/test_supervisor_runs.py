@@ -15,7 +15,7 @@ from log_rows import rows_of
 from twin_gait import load_experiment, simulate
 from twin_gait.cli.simulate import report
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.gait.machine import POSTURE
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.runs.record import read_run

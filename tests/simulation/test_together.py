@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from twin_gait import Run, load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
-from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import keeping, simulator
 from twin_gait.simulation.block import WIDTH

@@ -17,14 +17,14 @@ from twin_gait.configuration.experiments import people
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.gait import GaitTable
+from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.guards import PhaseMembership, mapped
+from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import normative_moment
-from twin_gait.simulation import Run
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.run import Run
 from twin_gait.simulation.wearer import POSTURES, phase_spans
 from twin_gait.vocabulary import JointName, Side
 

@@ -9,11 +9,11 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking.sense import STIFFNESS_RANGES
-from twin_gait.control import AssistanceParameters
+from twin_gait.control.controllers.assistance import AssistanceParameters
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.report import tune as pictures
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run
+from twin_gait.simulation.run import Run
 from twin_gait.studies.accuracy import step_error
 from twin_gait.studies.batch import flat_summary, summary_table
 from twin_gait.studies.compare.comparing import CONTROLLERS

@@ -18,10 +18,11 @@ from errors import raises
 from twin_gait import load_experiment, simulate, summarise
 from twin_gait.cli import studies as command
 from twin_gait.cli.terminal import DONE
-from twin_gait.control import AssistanceParameters, TripCause
+from twin_gait.control.controllers.assistance import AssistanceParameters
+from twin_gait.control.safety import TripCause
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.studies.compare.comparing import (
     CONTROLLERS,
     TWINCARE_SHARE,

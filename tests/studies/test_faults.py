@@ -20,10 +20,15 @@ from twin_gait.cli import studies as command
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.validation import parse_assignment
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.studies import draw_faults, fault_row, outcome_table, simulate_faults
-from twin_gait.studies.fault_campaign import violations
+from twin_gait.studies.fault_campaign import (
+    draw_faults,
+    fault_row,
+    outcome_table,
+    simulate_faults,
+    violations,
+)
 from twin_gait.vocabulary import JointName, Outcome, Side
-from twin_gait.worlds import Fault, FaultKind, parse_fault
+from twin_gait.worlds.faults import Fault, FaultKind, parse_fault
 
 
 @st.composite

@@ -12,8 +12,8 @@ import pytest
 from errors import raises
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.studies import JobFailed, Workers, WorkersLost, run_jobs
-from twin_gait.studies.jobs import run_blocks
+from twin_gait.studies.jobs import JobFailed, run_blocks, run_jobs
+from twin_gait.studies.workers import Workers, WorkersLost
 
 
 def square(number: int) -> int:

@@ -3,7 +3,7 @@
 import pytest
 from errors import raises
 
-from twin_gait.configuration import experiment_from_mapping, load_experiment
+from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
 from twin_gait.studies.batch import changed, with_document
 
 OVERRIDES = [

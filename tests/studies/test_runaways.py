@@ -20,11 +20,11 @@ from injected_faults.runaways import (
 )
 
 from twin_gait import JointName, Side, load_experiment, simulate
-from twin_gait.control import TripCause
+from twin_gait.control.safety import TripCause
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
-from twin_gait.studies import run_episodes
-from twin_gait.worlds import FaultKind
+from twin_gait.studies.batch import run_episodes
+from twin_gait.worlds.faults import FaultKind
 
 BOUND = 10.0  # [N m]
 

@@ -31,14 +31,14 @@ from twin_gait.report.sweep import (
     names_of,
     values_of,
 )
-from twin_gait.studies import WorkersLost, jobs
+from twin_gait.studies import jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import sweep as sweep_module
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.sweep import check_sweep, read_table, run_sweep
-from twin_gait.studies.workers import Workers
+from twin_gait.studies.workers import Workers, WorkersLost
 
 HIP = "scenario.start.hip_deg"
 STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"

@@ -17,16 +17,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait.cli import studies as command
-from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
+from twin_gait.configuration.experiments import load_experiment
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.exceptions import (
     ParameterError,
     TwinGaitError,
 )
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable
-from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import Patient
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.outcome import verdict

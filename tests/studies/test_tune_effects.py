@@ -12,9 +12,10 @@ import pytest
 from scipy import stats
 from table_builder import FIVE_PHASES
 
-from twin_gait.configuration import load_experiment
-from twin_gait.experiment import Experiment
-from twin_gait.simulation import RunStatus, simulate
+from twin_gait.configuration.experiments import load_experiment
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.tune.parts import part_values
 from twin_gait.studies.tune.walks import QUICK_INTEGRATION, cases_of

@@ -16,14 +16,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait.checking.check import check, counts, load_case
-from twin_gait.configuration import load_experiment, load_gait_table
-from twin_gait.experiment import Engine
+from twin_gait.configuration.experiments import load_experiment
+from twin_gait.configuration.gait_table_file import load_gait_table
+from twin_gait.experiment.experiment import Engine
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.reference import normative_ground_force, reference_curve, reference_cycle_time
 from twin_gait.measures.strides import symmetry_index
 from twin_gait.report import tune as pictures
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run, simulate, simulator
+from twin_gait.simulation import simulator
+from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.tune import outcome
 from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.parts import Rating, part_values, parts_of, rate_walk

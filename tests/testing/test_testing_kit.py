@@ -16,12 +16,12 @@ from hypothesis import given, settings
 from random_tables import tables
 from table_builder import FIVE_PHASES, JOINTS, guard, phase, transition, two_phase_table
 
-from twin_gait.configuration import load_gait_table, packaged_gait_tables
+from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch
 from twin_gait.gait.guards import AllOf, AnyOf
-from twin_gait.testing import TransitionTest, approval_text, transition_tests
-from twin_gait.testing.cases import check_approved
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.table import GaitTable
+from twin_gait.testing.cases import TransitionTest, approval_text, check_approved, transition_tests
 from twin_gait.testing.compiled import compiled_machines
 from twin_gait.testing.exits import Exit, Scenario, decisive
 from twin_gait.testing.scenarios import MARGIN, edges

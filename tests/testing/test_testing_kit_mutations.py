@@ -18,9 +18,9 @@ from kit_measure import MutationResult, is_caught, measure, mutation_table
 from kit_mutants import mutants
 from test_testing_kit import rich_table
 
-from twin_gait.configuration import load_gait_table, packaged_gait_tables
+from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_tables
 from twin_gait.files import write_atomically
-from twin_gait.testing import transition_tests
+from twin_gait.testing.cases import transition_tests
 from twin_gait.testing.compiled import compiled_machines
 
 pytestmark = pytest.mark.slow  # it grades the kit, not a table

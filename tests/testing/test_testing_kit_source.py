@@ -16,8 +16,9 @@ from source_mutants import source_mutants
 from test_testing_kit import rich_table
 
 from twin_gait.core import guards
-from twin_gait.gait import GaitStateMachine, machine, program
-from twin_gait.testing import transition_tests
+from twin_gait.gait import machine, program
+from twin_gait.gait.machine import GaitStateMachine
+from twin_gait.testing.cases import transition_tests
 from twin_gait.vocabulary import Side
 
 pytestmark = pytest.mark.slow  # it grades the kit, not a table

@@ -20,12 +20,13 @@ from example_robots import robot_urdf
 
 import twin_gait.viewer
 from twin_gait.exceptions import ViewerError
-from twin_gait.leg_model import LegJoints, LegModel
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.leg_model.urdf_document import UrdfWarning
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON, arrow_state

@@ -12,8 +12,8 @@ from twin_gait.live.page import LiveFigure
 from twin_gait.measures.leg_record import driven_joints
 from twin_gait.report.walk_words import table_of_walk
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run
 from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import arc_state
 from twin_gait.viewer.commands import Window

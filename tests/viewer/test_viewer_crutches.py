@@ -13,7 +13,7 @@ from synthetic_floor import SPEED, floor_walk
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
 from twin_gait.live.news import Block
 from twin_gait.live.page import LiveFigure
-from twin_gait.parameters import ChairParameters
+from twin_gait.parameters.surroundings import ChairParameters
 from twin_gait.runs.run_page import setting_of
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run

@@ -26,7 +26,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.cli.view import announce
 from twin_gait.exceptions import ViewerError
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.palette import (
     EVENT_COLOUR,
     EVENT_ON_DARK,

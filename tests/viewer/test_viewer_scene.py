@@ -14,11 +14,12 @@ import pinocchio as pin
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.leg_model import LegJoints, LegModel, packaged_urdf, wearer
-from twin_gait.leg_model.urdf import build_model
+from twin_gait.leg_model import wearer
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.leg_model.urdf import build_model, packaged_urdf
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.parameters import Patient
-from twin_gait.parameters.wearer import SHANK_LENGTH
+from twin_gait.parameters.wearer import SHANK_LENGTH, Patient
 from twin_gait.viewer import arrows, body, shapes, surroundings
 from twin_gait.viewer import scene as drawn_scene
 from twin_gait.viewer.arrows import FULL_TORQUE

@@ -10,7 +10,9 @@ import pytest
 
 import twin_gait
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import BenchLeg, Treadmill, world_kinds, world_of
+from twin_gait.worlds.bench_leg import BenchLeg
+from twin_gait.worlds.registry import world_kinds, world_of
+from twin_gait.worlds.treadmill import Treadmill
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 
 # Its own module, and the list of public names.

@@ -5,7 +5,3 @@ line of its docstring says which mistake it finds. Each module lists its rules i
 of this package are the parts of the stability rules, which are the closed-loop transition matrix and the
 friction laws in it, and the function that computes the traffic on a CAN bus.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,10 +9,10 @@ from typing import Any
 from twin_gait.checking import exits, graph, leaving, network, sense, stability, torques
 from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, invalid_waiver, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
-from twin_gait.configuration import load_experiment, load_state_table, packaged_gait_tables
-from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
+from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment, presets
+from twin_gait.configuration.gait_table_file import load_state_table, packaged_gait_tables
 from twin_gait.docstrings import summary_of
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, part_of
 from twin_gait.gait.table import GaitTable, StateTable
@@ -47,7 +47,7 @@ def load_case(
             of the preset with the same name (or of the default preset) is checked against that preset, and a
             table for other joints is checked without an experiment.
         settings: Values that override those of the experiment, as in
-            :func:`~twin_gait.configuration.load_experiment`.
+            :func:`~twin_gait.configuration.experiments.load_experiment`.
 
     Returns:
         The case.

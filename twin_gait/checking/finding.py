@@ -11,7 +11,7 @@ from enum import StrEnum
 from functools import cached_property, lru_cache, wraps
 from typing import Any
 
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable, StateTable, Transition
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import Side

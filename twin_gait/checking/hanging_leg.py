@@ -13,10 +13,10 @@ from twin_gait.checking.linear_loop import LinearLoop, leg_motion
 from twin_gait.core import friction as core
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.signals import ANGLE, VELOCITY
-from twin_gait.leg_model import LegModel
-from twin_gait.parameters import FrictionLaw
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.friction import FrictionLaw
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 

@@ -11,7 +11,7 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters import BOARDS, ImpedancePlace, NetworkParameters
+from twin_gait.parameters.network import BOARDS, ImpedancePlace, NetworkParameters
 from twin_gait.simulation.problem import Problem
 
 # Units of the setpoints, in the order of a row of phases.

@@ -16,7 +16,7 @@ from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.guards import Comparison, atoms
 from twin_gait.gait.signals import ANGLE, OTHER, TIME, VELOCITY
-from twin_gait.parameters import FrictionLaw
+from twin_gait.parameters.friction import FrictionLaw
 
 _STEPS = 2000
 _STILL = 1e-7  # [rad]; the search ends when a step is smaller

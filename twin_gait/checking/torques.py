@@ -15,7 +15,7 @@ from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_ratio_of, impedance_torque
 from twin_gait.gait.table import TICK, Transition
-from twin_gait.parameters import FrictionLaw
+from twin_gait.parameters.friction import FrictionLaw
 
 # A step of a quarter of the torque limit within a millisecond is perceived as a knock (an assumption).
 KNOCK = 0.25

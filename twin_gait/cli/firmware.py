@@ -6,12 +6,14 @@ import argparse
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from twin_gait import configuration, firmware, runs
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
+
+if TYPE_CHECKING:
+    from twin_gait.configuration.experiments import LoadedExperiment
 
 WALK = 3.0  # [s], duration of the walk in the test vectors, which contains every phase of both legs
 
@@ -35,6 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from twin_gait.files import write_json
     from twin_gait.firmware.project_folder import MANIFEST
+    from twin_gait.firmware.verification import verify
     from twin_gait.report.pages import lines
     from twin_gait.runs.folders import FolderKind, staged_directory
 
@@ -49,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
             document |= {**_write(loaded, staging), "directory": out}
         if arguments.verify:
             with terminal.progress_bar("verifying", "tick") as progress:
-                found = firmware.verify(loaded.experiment, progress)
+                found = verify(loaded.experiment, progress)
             document |= found
             if staging is not None:
                 write_json(staging / "verification.json", found)
@@ -58,18 +61,19 @@ def run(arguments: argparse.Namespace) -> int:
     return FAILED if document.get("passed") is False else DONE
 
 
-def _write(loaded: configuration.LoadedExperiment, folder: Path) -> dict[str, Any]:
+def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Write the project to a folder, and return its manifest."""
     from twin_gait.configuration.experiments import resolved_document
     from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project
     from twin_gait.firmware.project_folder import write_project
     from twin_gait.runs.own_files import files_of, store_files
+    from twin_gait.runs.summary import versions
 
     experiment = loaded.experiment
     project = print_project(experiment)
     files = store_files(files_of(experiment), folder)
-    document = resolved_document(experiment, loaded.document, runs.versions(), files)
+    document = resolved_document(experiment, loaded.document, versions(), files)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress)

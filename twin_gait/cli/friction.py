@@ -7,14 +7,17 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from twin_gait import identification as of
-from twin_gait import parameters, simulation, studies
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, answer, progress_bar
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.vocabulary import JointName
+
+if TYPE_CHECKING:
+    from twin_gait.identification.identify import IdentificationOptions
+    from twin_gait.identification.processing import BenchSetup
+    from twin_gait.identification.reading import Quantity
 
 _PROTOCOL = "drops as in the thesis, or motion driven by the motor to ±2.5 rad/s (drop)"
 # Options for the parameters of the bench that recorded the logs, by field of BenchSetup.
@@ -74,17 +77,20 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     Simulate a testing campaign and write 45 .log files with the thesis's columns, and campaign.json with the
     true friction.
     """
-    joint, protocol, out = JointName(arguments.joint), studies.Protocol(arguments.protocol), arguments.out
-    campaign = studies.Campaign(joint=joint, protocol=protocol, seed=arguments.seed)
+    from twin_gait.simulation.run import RunStatus
+    from twin_gait.studies.campaign import Campaign, Protocol, run_campaign
+
+    joint, protocol, out = JointName(arguments.joint), Protocol(arguments.protocol), arguments.out
+    campaign = Campaign(joint=joint, protocol=protocol, seed=arguments.seed)
     if out.exists():
         raise RunDirectoryError(f"{out}: exists; choose another --out")
     with terminal.watched(str(protocol), "test") as watch:
-        result = studies.run_campaign(campaign, out, **watch)
+        result = run_campaign(campaign, out, **watch)
     print(f"{result['status']}: {len(result['tests'])} synthetic logs in {out}")
     diverged = [test["file"] for test in result["tests"] if test["status"] == "diverged"]
     if diverged:
         print(f"  diverged: {', '.join(diverged)}")
-    if result["status"] is simulation.RunStatus.INTERRUPTED:
+    if result["status"] is RunStatus.INTERRUPTED:
         return terminal.stopped("the logs so far are kept")
     return DONE
 
@@ -96,6 +102,7 @@ def identify(arguments: argparse.Namespace) -> int:
     one test. The command writes identification.json (best model first), parameter files for simulate, and
     figures.
     """
+    from twin_gait.identification.identify import identify_logs
     from twin_gait.identification.writing import IDENTIFICATION, PARAMETER_FILES, write_identification
     from twin_gait.report.pages import lines
     from twin_gait.runs.folders import check_target
@@ -104,7 +111,7 @@ def identify(arguments: argparse.Namespace) -> int:
     check_target(arguments.out, IDENTIFICATION, force=arguments.force)
     paths = list(_files(arguments.logs))
     with progress_bar("identifying", "step") as progress:
-        result = of.identify_logs(paths, chosen, progress)
+        result = identify_logs(paths, chosen, progress)
     joint = None if arguments.joint is None else JointName(arguments.joint)
     pictures = not arguments.no_pictures
     document = write_identification(result, arguments.out, joint, force=arguments.force, pictures=pictures)
@@ -113,31 +120,38 @@ def identify(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def make_options(arguments: argparse.Namespace) -> of.IdentificationOptions:
+def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     """Convert arguments to options of the identification."""
+    from twin_gait.identification.fitting import FitOptions
+    from twin_gait.identification.identify import IdentificationOptions
+    from twin_gait.identification.processing import Processing
+    from twin_gait.identification.reading import LogColumns, Quantity
     from twin_gait.parameters.quantities import SEEDS
 
-    def by_quantity(flag: str, text: str) -> dict[of.Quantity, str]:
-        given = options.pairs(flag, text, list(map(str, of.Quantity)))
-        return {of.Quantity(name): value for name, value in given.items()}
+    def by_quantity(flag: str, text: str) -> dict[Quantity, str]:
+        given = options.pairs(flag, text, list(map(str, Quantity)))
+        return {Quantity(name): value for name, value in given.items()}
 
     SEEDS.require("--seed", arguments.seed)
     names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)
-    return of.IdentificationOptions(
-        columns=of.LogColumns(names=names, units=units, unwrap=arguments.unwrap),
+    return IdentificationOptions(
+        columns=LogColumns(names=names, units=units, unwrap=arguments.unwrap),
         bench=_bench_of_logs(arguments),
-        processing=of.Processing(arguments.processing),
-        fit=of.FitOptions(physical=arguments.physical, seed=arguments.seed),
+        processing=Processing(arguments.processing),
+        fit=FitOptions(physical=arguments.physical, seed=arguments.seed),
         models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
         cross_validation=not arguments.no_cross_validation,
     )
 
 
-def _bench_of_logs(arguments: argparse.Namespace) -> of.BenchSetup | None:
+def _bench_of_logs(arguments: argparse.Namespace) -> BenchSetup | None:
     """Return the bench, or None if neither joint nor motor is given, so that the torque constant is unknown.
 
     Raises :class:`ParameterError` if the motor is given only in part and ``--joint`` is missing.
     """
+    from twin_gait.identification.processing import BenchSetup
+    from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
+
     motor: dict[str, Any] = options.given(**{field: getattr(arguments, field) for field in _MOTOR})
     if arguments.joint is None:
         if not motor:
@@ -151,10 +165,10 @@ def _bench_of_logs(arguments: argparse.Namespace) -> of.BenchSetup | None:
         stated["start_angle"] = None
     if arguments.current_delay_ms is not None:
         stated["current_delay"] = 1e-3 * arguments.current_delay_ms
-    actuator = parameters.HIP_ACTUATOR if arguments.joint == "hip" else parameters.KNEE_ACTUATOR
+    actuator = HIP_ACTUATOR if arguments.joint == "hip" else KNEE_ACTUATOR
     if "rotor_inertia" in motor:
         motor["gear_inertia"] = 0.0  # It is included in the given inertia.
-    return of.BenchSetup(actuator=replace(actuator, **motor), **stated)
+    return BenchSetup(actuator=replace(actuator, **motor), **stated)
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:

@@ -11,13 +11,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait import configuration
 from twin_gait.docstrings import docstring_of
 from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
 from twin_gait.files import check_replaceable
 
 if TYPE_CHECKING:
-    from twin_gait.experiment import Experiment
+    from twin_gait.configuration.experiments import LoadedExperiment
+
+if TYPE_CHECKING:
+    from twin_gait.experiment.experiment import Experiment
 
 PROCESSORS = os.cpu_count() or 1
 FIRST_PORT = 7000
@@ -111,12 +113,14 @@ def add_shorthand(
     parser.add_argument(flag, action="append", dest="settings", type=setting, metavar=unit, help=text)
 
 
-def experiment_of(arguments: argparse.Namespace, *defaults: str) -> configuration.LoadedExperiment:
+def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
     """Load the experiment of the arguments, and check its gait table unless ``--unchecked`` is given.
 
     ``defaults`` are settings ``KEY=VALUE`` that those of the user override.
     """
-    loaded = configuration.load_experiment(arguments.experiment, [*defaults, *arguments.settings])
+    from twin_gait.configuration.experiments import load_experiment
+
+    loaded = load_experiment(arguments.experiment, [*defaults, *arguments.settings])
     loaded.experiment.build_world()
     if not arguments.unchecked:
         check_table(loaded.experiment, arguments.experiment, arguments.settings)

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from twin_gait import live
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import RunDirectoryError
@@ -40,12 +39,17 @@ def add_parser(commands: Any) -> None:
 
 
 def _records(arguments: argparse.Namespace) -> Path:
-    return arguments.records or live.session_records.default_records()
+    from twin_gait.live.session_records import default_records
+
+    given: Path | None = arguments.records
+    return given or default_records()
 
 
 def list_sessions(arguments: argparse.Namespace) -> int:
     """List the sessions, one line each, the newest first."""
-    entries = live.session_records.list_sessions(_records(arguments), arguments.user)
+    from twin_gait.live import session_records
+
+    entries = session_records.list_sessions(_records(arguments), arguments.user)
     answer(arguments, [line_of(entry) for entry in entries] or ["no sessions"], entries)
     return DONE
 
@@ -66,28 +70,36 @@ def line_of(entry: Mapping[str, Any]) -> str:
 
 def show_session(arguments: argparse.Namespace) -> int:
     """Show one session with every change."""
-    found = live.session_records.read_session(_records(arguments), arguments.session)
+    from twin_gait.live import session_records
+
+    found = session_records.read_session(_records(arguments), arguments.session)
     print("\n".join(lines("session.txt", {"head": line_of(found), "log": found["log"]})))
     return DONE
 
 
 def export_session(arguments: argparse.Namespace) -> int:
     """Print one session as JSON, including table versions."""
-    found = live.session_records.read_session(_records(arguments), arguments.session)
+    from twin_gait.live import session_records
+
+    found = session_records.read_session(_records(arguments), arguments.session)
     print(json.dumps(found, indent=2, ensure_ascii=False))
     return DONE
 
 
 def delete_session(arguments: argparse.Namespace) -> int:
     """Delete a session from the record; its run folders stay."""
-    live.session_records.delete_session(_records(arguments), arguments.session)
+    from twin_gait.live import session_records
+
+    session_records.delete_session(_records(arguments), arguments.session)
     print(f"session {arguments.session} deleted; its run folders stay")
     return DONE
 
 
 def complete_run(arguments: argparse.Namespace) -> int:
     """Write the run directory of a killed session, up to its last second."""
-    done = live.journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
+    from twin_gait.live import journal
+
+    done = journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
     print("\n".join(map(str, done)) or "nothing had been simulated")
     return DONE
 

@@ -15,14 +15,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait import live, simulation
 from twin_gait.cli import options, terminal, view
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.files import private_files
 from twin_gait.runs.folders import staged_directory
 
 if TYPE_CHECKING:
-    from twin_gait.configuration import LoadedExperiment
+    from twin_gait.configuration.experiments import LoadedExperiment
+    from twin_gait.live.session import LiveSession
 
 
 def add_parser(commands: Any) -> None:
@@ -61,6 +61,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     Simulate a preset or an experiment file and write a run directory.
     """
     from twin_gait.runs.record import RUN_DIRECTORY, StoredRun, write_run
+    from twin_gait.simulation.run import RunStatus
+    from twin_gait.simulation.simulator import simulate
 
     if arguments.faults:
         arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
@@ -71,8 +73,8 @@ def simulate(arguments: argparse.Namespace) -> int:
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
         terminal.watched("simulating", "tick") as watch,
     ):
-        result, accuracy = simulation.simulate(loaded.experiment, **watch), None
-        if arguments.accuracy and result.status is simulation.RunStatus.COMPLETED:
+        result, accuracy = simulate(loaded.experiment, **watch), None
+        if arguments.accuracy and result.status is RunStatus.COMPLETED:
             from twin_gait.studies.accuracy import step_error
 
             accuracy = step_error(result, **watch)
@@ -86,16 +88,16 @@ def simulate(arguments: argparse.Namespace) -> int:
     if arguments.accuracy and accuracy is None:
         lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
     terminal.answer(arguments, lines, {**summary, "directory": out})
-    if result.status is simulation.RunStatus.INTERRUPTED:
+    if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
         from twin_gait.runs.run_page import page_of
 
         with contextlib.redirect_stdout(sys.stderr) if arguments.json else contextlib.nullcontext():
             view.serve(page_of([StoredRun(result, summary)]))
-    if result.status is simulation.RunStatus.DIVERGED:
+    if result.status is RunStatus.DIVERGED:
         return FAILED
-    return FAILED if result.status is simulation.RunStatus.FELL and arguments.fail_on_fall else DONE
+    return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
 
 
 def note_inherited(loaded: LoadedExperiment) -> None:
@@ -138,19 +140,21 @@ def walk_live(arguments: argparse.Namespace) -> int:
     """
     import asyncio
 
-    from twin_gait.experiment import LONGEST_RUN
+    from twin_gait.experiment.experiment import LONGEST_RUN
+    from twin_gait.live.session import LiveSession
+    from twin_gait.live.session_records import default_records
 
     options.check_port(arguments.port)
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
     # The signals of a terminal that closes and of a system that stops end the session in order, like Ctrl-C.
     with private_files(), terminal.stop_on_interrupt(signal.SIGTERM, signal.SIGHUP) as should_stop:
-        session = live.session.LiveSession(
+        session = LiveSession(
             loaded=loaded,
             folder=arguments.out or default_folder(f"{loaded.experiment.name}-live"),
             user=arguments.user,
             force=arguments.force,
             pictures=not arguments.no_pictures,
-            records=None if arguments.no_record else live.session_records.default_records(),
+            records=None if arguments.no_record else default_records(),
             can=arguments.can,
             on_compile=terminal.note_compilation,
             on_unkept=_warn,
@@ -160,23 +164,26 @@ def walk_live(arguments: argparse.Namespace) -> int:
 
 
 async def _serve(
-    session: live.session.LiveSession, arguments: argparse.Namespace, should_stop: Callable[[], bool]
+    session: LiveSession, arguments: argparse.Namespace, should_stop: Callable[[], bool]
 ) -> None:
     """Serve the pages until the run ends or is ended."""
     import asyncio
 
-    page = live.page.LivePage(session, port=arguments.port)
+    from twin_gait.live.can_link import leaves_machine
+    from twin_gait.live.page import PERIOD, LivePage
+
+    page = LivePage(session, port=arguments.port)
     try:
         await asyncio.to_thread(session.start)
-        if arguments.can is not None and live.can_link.leaves_machine(arguments.can):
+        if arguments.can is not None and leaves_machine(arguments.can):
             warning = "set points go out; no board that obeys them may hang on it"
             print(f"{arguments.can}: {warning}", file=sys.stderr)
         view.announce(page.url, browser=not arguments.no_browser)
         while session.news.alive and not should_stop():
             page.update()
-            await asyncio.sleep(live.page.PERIOD)
+            await asyncio.sleep(PERIOD)
         page.update()
-        await asyncio.sleep(live.page.PERIOD)  # so that the pages receive the last state
+        await asyncio.sleep(PERIOD)  # so that the pages receive the last state
     finally:
         await page.close()
         terminal.note_line("writing the run directory")
@@ -188,7 +195,7 @@ def _warn(text: str) -> None:
     print(f"twin-gait live: {text}", file=sys.stderr, flush=True)
 
 
-def _finish(session: live.session.LiveSession, interrupted: bool) -> int:
+def _finish(session: LiveSession, interrupted: bool) -> int:
     news, summary = session.news, session.summary
     if summary:
         print("\n".join(report(summary, *session.summaries)))

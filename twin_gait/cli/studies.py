@@ -7,7 +7,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait import simulation, studies
 from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.runs.folders import check_target
@@ -63,24 +62,28 @@ def sweep(arguments: argparse.Namespace) -> int:
     command resumes a sweep that was stopped or killed.
     """
     from twin_gait.report.pages import lines
+    from twin_gait.simulation.run import RunStatus
+    from twin_gait.studies.sweep.spec import load_sweep
+    from twin_gait.studies.sweep.sweep import run_sweep
+    from twin_gait.studies.workers import Workers, WorkersLost
 
     number = options.workers_of(arguments)
-    spec = studies.load_sweep(arguments.spec, arguments.settings)
+    spec = load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
         options.check_table(spec.experiment)
     again = f"the same command goes on from there: {arguments.out}"
     pictures = not arguments.no_pictures
     try:
         with (
-            studies.Workers(number, arguments.scheduler) as workers,
+            Workers(number, arguments.scheduler) as workers,
             terminal.watched("sweeping", "episode") as watch,
         ):
-            result = studies.run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
-    except studies.WorkersLost as error:
+            result = run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
+    except WorkersLost as error:
         return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
     document = {**result.summary, "directory": arguments.out}
     terminal.answer(arguments, lines("sweep.txt", document), document)
-    return terminal.stopped(again) if document["status"] is simulation.RunStatus.INTERRUPTED else DONE
+    return terminal.stopped(again) if document["status"] is RunStatus.INTERRUPTED else DONE
 
 
 def compare(arguments: argparse.Namespace) -> int:
@@ -120,6 +123,7 @@ def tune(arguments: argparse.Namespace) -> int:
     from twin_gait.report.walk_words import wearer_in_words
     from twin_gait.studies.tune import outcome, tune
     from twin_gait.studies.tune.tune import Settings
+    from twin_gait.studies.workers import Workers
 
     options.workers_of(arguments)
     experiment, out = options.experiment_of(arguments).experiment, arguments.out
@@ -128,7 +132,7 @@ def tune(arguments: argparse.Namespace) -> int:
     check_target(out, outcome.TUNING, force=arguments.force)
 
     with (
-        studies.Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+        Workers(options.workers_of(arguments), arguments.scheduler) as workers,
         terminal.stop_on_interrupt() as should_stop,
     ):
         tuning = tune.tune(
@@ -150,12 +154,14 @@ def faults(arguments: argparse.Namespace) -> int:
     and supply, and print a table of the outcomes. The exit status is 1 if a limit was exceeded, a value is
     empty, a trip did not end in the hold, or the experiment does not walk without a fault.
     """
-    from twin_gait.studies.fault_campaign import violations
+    from twin_gait.simulation.run import RunStatus
+    from twin_gait.simulation.simulator import simulate
+    from twin_gait.studies.fault_campaign import draw_faults, outcome_table, simulate_faults, violations
 
     workers, seed = options.workers_of(arguments), arguments.seed
     base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
-    drawn = studies.draw_faults(base, arguments.count, seed)
-    healthy = simulation.simulate(replace(base, faults=()))
+    drawn = draw_faults(base, arguments.count, seed)
+    healthy = simulate(replace(base, faults=()))
     terminal.clear_line()
     if problem := healthy.baseline_problem:
         text = f"{base.name}, {base.duration:g} s without a fault: {problem}; faults in it show nothing"
@@ -163,18 +169,18 @@ def faults(arguments: argparse.Namespace) -> int:
         terminal.answer(arguments, [text], known)
         return FAILED
     with terminal.watched("faults", "fault") as watch:
-        table = studies.simulate_faults(base, drawn, workers=workers, **watch)
-    status = simulation.RunStatus.COMPLETED if len(table) == len(drawn) else simulation.RunStatus.INTERRUPTED
+        table = simulate_faults(base, drawn, workers=workers, **watch)
+    status = RunStatus.COMPLETED if len(table) == len(drawn) else RunStatus.INTERRUPTED
     broken = list(violations(table)["fault"]) if len(table) else []
     lines = [f"{base.name}, {base.duration:g} s each, {len(table)} faults, seed {seed}"]
     if len(table):
-        lines.append(studies.outcome_table(table).to_string(index=False))
+        lines.append(outcome_table(table).to_string(index=False))
         lines.append(f"a limit broken, a value empty or a hold left: {', '.join(broken[:5]) or 'none'}")
     document = {
         "experiment": base.name, "duration_s": base.duration, "seed": seed, "status": str(status),
         "violations": broken, "faults": table.to_dict("records"),
     }  # fmt: skip
     terminal.answer(arguments, lines, document)
-    if status is simulation.RunStatus.INTERRUPTED:
+    if status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     return FAILED if broken else DONE

@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from twin_gait import configuration, replay
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
@@ -65,6 +64,8 @@ def show_presets(arguments: argparse.Namespace) -> int:
     List the packaged experiments, people and tables, or print one as a file that can be edited: a preset with
     every value, a person or a table.
     """
+    from twin_gait.configuration.experiments import people, presets
+    from twin_gait.configuration.gait_table_file import packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import json_schema
     from twin_gait.report.pages import lines
     from twin_gait.yaml12 import load_yaml
@@ -72,8 +73,8 @@ def show_presets(arguments: argparse.Namespace) -> int:
     if arguments.schema is not None:
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
     elif arguments.name is None:
-        experiments, persons = configuration.presets(), configuration.people()
-        tables, modes = configuration.packaged_gait_tables(), configuration.packaged_mode_tables()
+        experiments, persons = presets(), people()
+        tables, modes = packaged_gait_tables(), packaged_mode_tables()
         known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
         answer(arguments, lines("presets.txt", known), known)
     else:
@@ -83,18 +84,20 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 
 def _text_of(name: str, *, as_table: bool) -> str:
-    from twin_gait.configuration.gait_table_file import named_file
+    from twin_gait.configuration.documents import dump_yaml
+    from twin_gait.configuration.experiments import load_experiment, people, presets
+    from twin_gait.configuration.gait_table_file import named_file, packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import comment_for
 
-    named = name in configuration.packaged_gait_tables() and name not in configuration.presets()
+    named = name in packaged_gait_tables() and name not in presets()
     if as_table or named:
         return named_file(name).read_text(encoding="utf-8")
-    if name in configuration.packaged_mode_tables():
+    if name in packaged_mode_tables():
         return named_file(name, "modes").read_text(encoding="utf-8")
-    if name in configuration.people():
+    if name in people():
         return named_file(name, "people").read_text(encoding="utf-8")
-    document = configuration.load_experiment(name).document
-    return f"{comment_for('experiment')}\n{configuration.dump_yaml(document)}"
+    document = load_experiment(name).document
+    return f"{comment_for('experiment')}\n{dump_yaml(document)}"
 
 
 def draw_diagram(arguments: argparse.Namespace) -> int:
@@ -102,10 +105,11 @@ def draw_diagram(arguments: argparse.Namespace) -> int:
 
     Print the state-transition table, the truth table or the state diagram of a gait table.
     """
+    from twin_gait.configuration.gait_table_file import load_state_table
     from twin_gait.gait.documents import transition_table, truth_table
     from twin_gait.report.state_diagram import state_diagram_mermaid, state_diagram_svg
 
-    table = configuration.load_state_table(arguments.table)
+    table = load_state_table(arguments.table)
     writers = (transition_table, truth_table, state_diagram_svg, state_diagram_mermaid)
     print(dict(zip(DIAGRAMS, writers, strict=True))[arguments.format](table), end="")
     return DONE
@@ -155,11 +159,14 @@ def replay_walk(arguments: argparse.Namespace) -> int:
     koopman@1.5 (speed in km/h) or winter.
     """
     from twin_gait.conventions import find_convention
-    from twin_gait.measures import KILOMETRES_PER_HOUR
+    from twin_gait.measures.reference import KILOMETRES_PER_HOUR
+    from twin_gait.replay.machine import replay_log
+    from twin_gait.replay.recording import LogFormat
+    from twin_gait.replay.writing import summarise_replay, write_replay
     from twin_gait.report.pages import lines
 
     speed, named = arguments.speed, arguments.convention
-    log_format = replay.LogFormat(
+    log_format = LogFormat(
         convention=named and find_convention(named),
         columns=options.pairs("--columns", arguments.columns),
         units=arguments.units,
@@ -167,7 +174,7 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         cycle_time=arguments.cycle_time_s,
         **options.given(max_gap=arguments.max_gap_s),
     )
-    result = replay.replay_log(
+    result = replay_log(
         arguments.log,
         table=arguments.table,
         log_format=log_format,
@@ -175,8 +182,8 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         mass=arguments.total_mass,
     )
     if arguments.out is not None:
-        replay.write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
-    summary = replay.summarise_replay(result)
+        write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
+    summary = summarise_replay(result)
     document = {**summary, "directory": arguments.out}
     answer(arguments, lines("replay.txt", document), document)
     return DONE

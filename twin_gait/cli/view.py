@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from twin_gait import runs, viewer
 from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError
@@ -64,6 +63,8 @@ def view(arguments: argparse.Namespace) -> int:
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.runs.record import read_run
     from twin_gait.runs.run_page import page_of
+    from twin_gait.viewer.animation import urdf_page
+    from twin_gait.viewer.picture import take_picture
 
     targets, at, out, png = arguments.targets, arguments.at, arguments.out, arguments.png
     if len(targets) > 2:
@@ -76,7 +77,7 @@ def view(arguments: argparse.Namespace) -> int:
     if urdf is not None:
         if len(targets) > 1 or at is not None:
             raise ParameterError(f"{urdf}: is a URDF, which is shown by itself and without --at")
-        page = viewer.animation.urdf_page(urdf, up_axis=arguments.up or "z")
+        page = urdf_page(urdf, up_axis=arguments.up or "z")
     else:
         if arguments.up is not None:
             raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
@@ -92,7 +93,7 @@ def view(arguments: argparse.Namespace) -> int:
         write_atomically(out.expanduser(), page)
         print(out)
     if png is not None:
-        viewer.picture.take_picture(page, png.expanduser(), time=at or 0.0)
+        take_picture(page, png.expanduser(), time=at or 0.0)
         print(png)
     return DONE
 
@@ -101,8 +102,10 @@ def serve(page: str, port: int = options.FIRST_PORT, *, fragment: str = "", brow
     """Serve a page until Ctrl-C, and return the exit status."""
     import asyncio
 
+    from twin_gait.viewer.server import SceneServer
+
     async def serving() -> None:
-        server = viewer.server.SceneServer(page, first_port=port)
+        server = SceneServer(page, first_port=port)
         try:
             announce(f"{server.url}{fragment}", browser=browser)
             await asyncio.Event().wait()
@@ -153,8 +156,9 @@ def plot(arguments: argparse.Namespace) -> int:
     from twin_gait.report.canvas import RESOLUTION, picture_bytes
     from twin_gait.report.figures import plot_run, screen_figures
     from twin_gait.report.pages import FIGURES_FOLDER
+    from twin_gait.runs.record import load_run
 
-    shown, width, form = runs.load_run(arguments.directory), arguments.width, arguments.format
+    shown, width, form = load_run(arguments.directory), arguments.width, arguments.format
     if width is None and form != "png":
         width = COLUMN
     ending, resolution = ("", RESOLUTION) if width is None else (f"-{width:g}mm", PRINT_RESOLUTION)
@@ -185,10 +189,11 @@ def export(arguments: argparse.Namespace) -> int:
     .asc), which twin.dbc decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
-    from twin_gait.export import export_csv, export_inverse_dynamics, export_motion
     from twin_gait.export.can import export_can, messages_of, run_frames
-    from twin_gait.export.inverse_dynamics import MODEL_FILE
+    from twin_gait.export.inverse_dynamics import MODEL_FILE, export_inverse_dynamics
+    from twin_gait.export.motion import export_csv, export_motion
     from twin_gait.runs.folders import FolderKind, staged_directory
+    from twin_gait.runs.record import load_run
 
     out, named, force = arguments.out, arguments.convention, arguments.force
     endings = {Path(name).suffix: kind for kind, name in NAMES.items() if "." in name}
@@ -196,7 +201,7 @@ def export(arguments: argparse.Namespace) -> int:
     kind = arguments.format or endings.get(suffix, "csv" if named is None else "mot")
     if kind not in ("mot", "sto", "opensim") and named is not None:
         raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
-    run, device = runs.load_run(arguments.directory), arguments.of == "device"
+    run, device = load_run(arguments.directory), arguments.of == "device"
     convention = find_convention(named or DEFAULT_CONVENTION)
     path = out or arguments.directory / NAMES[kind]
     if kind != "opensim":

@@ -12,8 +12,8 @@ from twin_gait.configuration.events import events_document
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.readers import own_controller_document
 from twin_gait.configuration.sections import written
-from twin_gait.experiment import Experiment
-from twin_gait.gait import StateTable
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.gait.table import StateTable
 from twin_gait.yaml12 import dump_yaml as dump_yaml
 
 

@@ -16,13 +16,12 @@ from pydantic import Field, model_validator
 from twin_gait.configuration.sections import in_si
 from twin_gait.configuration.validation import Count, Number, Strict, converting, refuse_two_units, short
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Change, Event, Experiment, Push, Step, Stop
 from twin_gait.experiment.device import ControlParameters
-from twin_gait.experiment.events import FADE_TICKS
+from twin_gait.experiment.events import FADE_TICKS, Change, Event, Push, Step, Stop
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.modes import TimedRequest
 from twin_gait.gait.table import LONGEST, TICK, JointImpedance, PhaseParameters
-from twin_gait.parameters import require
-from twin_gait.parameters.quantities import Declaration, declarations
+from twin_gait.parameters.quantities import Declaration, declarations, require
 from twin_gait.simulation.settings import MODES, Settings, found_at
 from twin_gait.worlds.faults import Fault, parse_fault, with_time
 

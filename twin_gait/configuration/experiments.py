@@ -19,12 +19,11 @@ from twin_gait.configuration.readers import SIDES, own_controller, section_of, t
 from twin_gait.configuration.sections import known_sections
 from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import Engine, Experiment, default_integration
+from twin_gait.experiment.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
-from twin_gait.parameters import Patient
-from twin_gait.worlds import world_of
-from twin_gait.worlds.registry import load_plugin, words
+from twin_gait.parameters.wearer import Patient
+from twin_gait.worlds.registry import load_plugin, words, world_of
 
 _HEADER = ("schema_version", "description")  # keys in the file of a person that are not parameters
 # Keys whose value may be the name of a file that replaces the whole section, with the folder of shipped

@@ -15,8 +15,10 @@ from twin_gait.configuration.readers import section_of, type_of
 from twin_gait.configuration.sections import known_sections
 from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
-from twin_gait.gait import GaitTable, Mode, ModeTable, table
+from twin_gait.gait import table
 from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
+from twin_gait.gait.modes import Mode, ModeTable
+from twin_gait.gait.table import GaitTable
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.vocabulary import GaitPhase, Side
 

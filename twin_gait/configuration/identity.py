@@ -16,9 +16,9 @@ from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.configuration.readers import own_controller_document
 from twin_gait.configuration.sections import written
 from twin_gait.configuration.validation import packaged, read_yaml
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
-from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import Patient
 
 _DIGITS = 6  # digits of the hash in a label
 _LONGEST = 40  # characters of a name in a label

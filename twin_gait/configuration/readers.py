@@ -14,11 +14,10 @@ from twin_gait.configuration.sections import type_of as type_of
 from twin_gait.configuration.validation import Flag, Number, Strict
 from twin_gait.control.own_controller import OwnController
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment, Integration
+from twin_gait.experiment.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import LONGEST, TICK, PhaseParameters, Transition
-from twin_gait.parameters import JointCondition, Patient
-from twin_gait.parameters.wearer import WEARER_JOINTS
+from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition, Patient
 from twin_gait.vocabulary import JointName, Side
 
 SIDES = ("both", "left", "right")

@@ -163,7 +163,9 @@ def require_controller(controller: Any) -> None:
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
         got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
-        raise mistake(name, "an instance of a class derived from twin_gait.control.Controller", got)
+        raise mistake(
+            name, "an instance of a class derived from twin_gait.control.controller.Controller", got
+        )
     if controller.tick is None:
         return
     expected, signature = inspect.signature(controller_tick).parameters, inspect.signature(controller.tick)

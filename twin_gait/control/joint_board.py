@@ -24,7 +24,7 @@ from twin_gait.core.safety import (
     support_share,
     watch_joint,
 )
-from twin_gait.parameters import FrictionParameters
+from twin_gait.parameters.friction import FrictionParameters
 
 
 @dataclass(slots=True)

@@ -6,7 +6,3 @@ functions, so there is no second copy of a law that could differ. Exponentials, 
 :mod:`twin_gait.core.elementary`, and squares are plain products, because the functions of NumPy and of the C
 library differ in the last bit from one version and machine to the next.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

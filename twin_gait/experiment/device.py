@@ -5,17 +5,27 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
-from twin_gait import parameters
-from twin_gait.control import Controller, PathParameters
+from twin_gait.control.controller import Controller
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
+from twin_gait.control.controllers.position import PathParameters
 from twin_gait.core.plant import Plant, Spring, Stop
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters import quantities
+from twin_gait.parameters.drives import (
+    ActuatorParameters,
+    BatteryParameters,
+    ElectronicsParameters,
+    LimitParameters,
+    SafetyParameters,
+)
+from twin_gait.parameters.friction import FrictionLaw, FrictionParameters
+from twin_gait.parameters.surroundings import AnkleParameters, StopParameters
+from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
+from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 
 DELAYS = quantities.Range(0.0, 0.01, words=f"a multiple of {TICK:g} s from 0 to 0.01 s")
 
@@ -50,16 +60,14 @@ class ControlParameters(quantities.Parameters):
     mode: ControlMode = _USUAL
     assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
     path: PathParameters = field(default_factory=PathParameters)
-    friction_model: Mapping[JointName, parameters.FrictionParameters] = field(
-        default_factory=BENCH_FRICTION.copy
-    )
+    friction_model: Mapping[JointName, FrictionParameters] = field(default_factory=BENCH_FRICTION.copy)
     inertia_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     target_torque: Mapping[JointName, quantities.Torque] = field(
         default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
     )
-    limits: parameters.LimitParameters = field(default_factory=parameters.LimitParameters)
-    safety: parameters.SafetyParameters = field(default_factory=parameters.SafetyParameters)
-    patient: parameters.Patient | None = None
+    limits: LimitParameters = field(default_factory=LimitParameters)
+    safety: SafetyParameters = field(default_factory=SafetyParameters)
+    patient: Patient | None = None
     delay: Annotated[quantities.Time, DELAYS] = 0.0
 
     def __post_init__(self) -> None:
@@ -103,12 +111,12 @@ class PlantParameters(quantities.Parameters):
     friction_ratio: Annotated[Mapping[JointName, quantities.Ratio], FRICTION_RATIOS] = field(
         default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
     )
-    friction: Mapping[JointName, parameters.FrictionLaw] = field(default_factory=lambda: {**BENCH_FRICTION})
-    actuators: Mapping[JointName, parameters.ActuatorParameters] = field(default_factory=BENCH_ACTUATORS.copy)
-    battery: parameters.BatteryParameters = field(default_factory=parameters.BatteryParameters)
-    electronics: parameters.ElectronicsParameters = field(default_factory=parameters.ElectronicsParameters)
-    stops: parameters.StopParameters = field(default_factory=parameters.StopParameters)
-    ankle: parameters.AnkleParameters = field(default_factory=parameters.AnkleParameters)
+    friction: Mapping[JointName, FrictionLaw] = field(default_factory=lambda: {**BENCH_FRICTION})
+    actuators: Mapping[JointName, ActuatorParameters] = field(default_factory=BENCH_ACTUATORS.copy)
+    battery: BatteryParameters = field(default_factory=BatteryParameters)
+    electronics: ElectronicsParameters = field(default_factory=ElectronicsParameters)
+    stops: StopParameters = field(default_factory=StopParameters)
+    ankle: AnkleParameters = field(default_factory=AnkleParameters)
     gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
 
     def __post_init__(self) -> None:
@@ -138,6 +146,6 @@ class PlantParameters(quantities.Parameters):
                     row.armature = actuator.armature
         return found
 
-    def true_friction(self) -> dict[JointName, parameters.FrictionLaw]:
+    def true_friction(self) -> dict[JointName, FrictionLaw]:
         """Compute the friction of the plant: the law times the ratio, per joint."""
         return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}

@@ -8,7 +8,7 @@ events.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from twin_gait.parameters import require
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import GaitPhase
 
 FADE_TICKS = 300  # Default length of the fade of a change, in ticks.

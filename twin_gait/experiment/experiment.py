@@ -12,15 +12,19 @@ from twin_gait.experiment.device import ControlParameters, PlantParameters
 from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.leg_model import Bodies, LegModel
+from twin_gait.leg_model.joints import Bodies
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf_document import UrdfWarning
-from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters, require
-from twin_gait.parameters.quantities import SEEDS, AsInFile, Notation, Parameters, Range, Time, Word
+from twin_gait.parameters.drives import SensorParameters
+from twin_gait.parameters.network import NetworkParameters
+from twin_gait.parameters.quantities import SEEDS, AsInFile, Notation, Parameters, Range, Time, Word, require
+from twin_gait.parameters.surroundings import BraceParameters
+from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide
-from twin_gait.worlds import LegSource, Scenario, World
 from twin_gait.worlds.bracing import brace_world, carries
 from twin_gait.worlds.faults import Fault, FaultKind, parse_fault
 from twin_gait.worlds.registry import built
+from twin_gait.worlds.world import LegSource, Scenario, World
 
 
 class Engine(StrEnum):

@@ -9,17 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.control import SafetyState, TripCause
+from twin_gait.control.safety import SafetyState, TripCause
 from twin_gait.core.can_codec import pack_frame
 from twin_gait.exceptions import MissingOptionalDependency
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.signals import TRUNK_PITCH
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.network.messages import CODES, COUNTS
-from twin_gait.parameters import BOARDS
+from twin_gait.parameters.network import BOARDS
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 

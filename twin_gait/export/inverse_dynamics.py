@@ -35,13 +35,13 @@ from twin_gait.export.motion import joint_angles, write_storage
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.pinocchio import GroundContacts
-from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, export_bodies
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.run import Run
 from twin_gait.templates import templates_in
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import World
+from twin_gait.worlds.world import World
 
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"

@@ -14,7 +14,7 @@ from twin_gait.conventions import DEGREES, RADIANS, Convention
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.measures.leg_record import wearer_column
-from twin_gait.parameters import require
+from twin_gait.parameters.quantities import require
 
 
 def export_motion(

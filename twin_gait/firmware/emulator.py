@@ -119,7 +119,7 @@ class UnitProcess:
 
 
 class HostUnit(UnitProcess):
-    """A unit on this machine, built by :func:`~twin_gait.firmware.build_host`."""
+    """A unit on this machine, built by :func:`~twin_gait.firmware.cross.build_host`."""
 
     def __init__(self, program: Path, *, timeout: float = 10.0) -> None:
         """Store the program; nothing starts before the ``with`` statement."""
@@ -127,7 +127,7 @@ class HostUnit(UnitProcess):
 
 
 class Emulator(UnitProcess):
-    """A unit on an emulated Cortex-M4F, built by :func:`~twin_gait.firmware.build_image`.
+    """A unit on an emulated Cortex-M4F, built by :func:`~twin_gait.firmware.cross.build_image`.
 
     QEMU emulates the effects of instructions but not their duration: it counts instructions, not cycles.
     """

@@ -11,7 +11,7 @@ import pandas as pd
 from twin_gait.control.joint_board import Command, Demand
 from twin_gait.core.guards import GuardProgram
 from twin_gait.exceptions import FirmwareError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME

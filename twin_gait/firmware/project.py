@@ -10,7 +10,7 @@ import numpy as np
 from twin_gait.control.joint_board import Demand, Limits, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import units
 from twin_gait.firmware.can_codec import (
     CanCodec,
@@ -29,7 +29,7 @@ from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
-from twin_gait.parameters import ImpedancePlace, NetworkParameters
+from twin_gait.parameters.network import ImpedancePlace, NetworkParameters
 from twin_gait.simulation.filling import limits_of
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.templates import templates_in

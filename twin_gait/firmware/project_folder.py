@@ -8,7 +8,7 @@ from typing import Any
 
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.control import TripCause
+from twin_gait.control.safety import TripCause
 from twin_gait.firmware.linked import Vectors
 from twin_gait.firmware.project import Project, limits_apart
 from twin_gait.firmware.unit_vectors import excitation_csv, excitations_of, runner_records

@@ -14,7 +14,7 @@ from numpy.lib.recfunctions import assign_fields_by_name, require_fields, struct
 
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.exceptions import MissingToolError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import linked
 from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess

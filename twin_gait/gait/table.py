@@ -15,7 +15,8 @@ from typing import Annotated, ClassVar
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import LEG_WORDS, AllOf, Atom, Guard, GuardWords, atoms
 from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_of
-from twin_gait.parameters import quantities, require
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import PRE_SWING, Coded, Side
 
 TICK = 1e-3  # Control period of the firmware in [s] (thesis, section 2.1.2).

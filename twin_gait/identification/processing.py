@@ -14,9 +14,9 @@ from twin_gait.identification import signals
 from twin_gait.identification.models import FrictionTest, join_tests
 from twin_gait.identification.reading import FEWEST, Log, Quantity, clean
 from twin_gait.identification.signals import moving_average, zero_phase
-from twin_gait.parameters import ActuatorParameters, quantities
-from twin_gait.worlds import HORIZONTAL, LoadAngle
-from twin_gait.worlds.bench_joint import BENCH_STOPS, MOMENT
+from twin_gait.parameters import quantities
+from twin_gait.parameters.drives import ActuatorParameters
+from twin_gait.worlds.bench_joint import BENCH_STOPS, HORIZONTAL, MOMENT, LoadAngle
 
 _GRAVITY = 9.81  # [m] / [s²]
 

@@ -11,7 +11,6 @@ from typing import Any
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
-from twin_gait import parameters
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
 from twin_gait.files import plain, write_atomically, write_json
@@ -20,6 +19,13 @@ from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.models import Samples
 from twin_gait.identification.processing import BenchSetup
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, SKY_BLUE, VERMILLION
+from twin_gait.parameters.friction import (
+    AsymmetricFriction,
+    FrictionLaw,
+    FrictionParameters,
+    LuGreFriction,
+    StribeckFriction,
+)
 from twin_gait.report.canvas import readable, style_panel, write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
@@ -31,16 +37,16 @@ IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
 PRESET = "bench_leg"
 # Models that a simulation accepts, with the law whose keys are their parameters.
-PARAMETER_FILES: Mapping[str, Mapping[str, type[parameters.FrictionLaw]]] = {
+PARAMETER_FILES: Mapping[str, Mapping[str, type[FrictionLaw]]] = {
     PLANT_FILE: {
-        "rotational": parameters.FrictionParameters,
-        "asymmetric": parameters.AsymmetricFriction,
-        "asymmetric_stribeck": parameters.AsymmetricFriction,
-        "dahl": parameters.LuGreFriction,
-        "lugre": parameters.LuGreFriction,
-        "lugre_asymmetric": parameters.LuGreFriction,
+        "rotational": FrictionParameters,
+        "asymmetric": AsymmetricFriction,
+        "asymmetric_stribeck": AsymmetricFriction,
+        "dahl": LuGreFriction,
+        "lugre": LuGreFriction,
+        "lugre_asymmetric": LuGreFriction,
     },
-    COMPENSATOR_FILE: {"rotational": parameters.FrictionParameters},
+    COMPENSATOR_FILE: {"rotational": FrictionParameters},
 }
 
 
@@ -121,16 +127,16 @@ def _parameter_files(result: Identification, joint: JointName) -> dict[str, tupl
     return found
 
 
-def law_of(kind: type[parameters.FrictionLaw], values: dict[str, float]) -> parameters.FrictionLaw:
+def law_of(kind: type[FrictionLaw], values: dict[str, float]) -> FrictionLaw:
     """Create a law from the parameters of a model; linear viscous friction is the same in both directions."""
-    if issubclass(kind, parameters.StribeckFriction) and "viscous_friction_Nms_per_rad" in values:
+    if issubclass(kind, StribeckFriction) and "viscous_friction_Nms_per_rad" in values:
         linear = values.pop("viscous_friction_Nms_per_rad")
         values |= {"viscous_friction_forward_Nm": linear, "viscous_friction_backward_Nm": linear}
-    law: parameters.FrictionLaw = section_of(kind)(**values).convert()
+    law: FrictionLaw = section_of(kind)(**values).convert()
     return law
 
 
-def _parameter_file(file: str, law: parameters.FrictionLaw, model: str, joint: JointName) -> str:
+def _parameter_file(file: str, law: FrictionLaw, model: str, joint: JointName) -> str:
     """Write an experiment with the law in the plant or in the compensator.
 
     The other joint keeps the law of the preset. A plant that was measured has a friction ratio of 1.

@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.core.contact import Ground, Point, ground_contact_force, sloped_contact_force
-from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import contact_points
 from twin_gait.leg_model.joints import PELVIS_JOINT
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.vocabulary import Side
 from twin_gait.worlds.world import World
 

@@ -16,8 +16,7 @@ from twin_gait.leg_model.joints import ALL_GUIDES, FORWARD, GUIDES, LegJoints, r
 from twin_gait.leg_model.plausibility import check_couplings, check_segments
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.leg_model.urdf_document import urdf_text
-from twin_gait.parameters import Patient
-from twin_gait.parameters.wearer import SHANK_LENGTH
+from twin_gait.parameters.wearer import SHANK_LENGTH, Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 # Joints of robots turn by up to ten radians, or by thousands where they have no stops. A limit between two

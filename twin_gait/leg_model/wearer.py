@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.parameters import Patient, require
-from twin_gait.parameters.wearer import HEIGHT_RANGE, SHANK_LENGTH, TIBIA_RANGE
+from twin_gait.parameters.quantities import require
+from twin_gait.parameters.wearer import HEIGHT_RANGE, SHANK_LENGTH, TIBIA_RANGE, Patient
 from twin_gait.vocabulary import SegmentModel, Sex
 
 # Segment lengths as fractions of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.

@@ -24,7 +24,7 @@ from twin_gait.live.news import Block
 from twin_gait.live.protocol import MessageRefused, SetControl, Value, one_line
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
-from twin_gait.parameters import NetworkParameters
+from twin_gait.parameters.network import NetworkParameters
 
 if TYPE_CHECKING:
     import can

@@ -18,7 +18,7 @@ from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.configuration.validation import short
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.settings import MODES, Settings, changed_at, first_settings, found_at

@@ -25,9 +25,9 @@ import pyarrow as pa
 from pydantic import ConfigDict, TypeAdapter
 
 from twin_gait.configuration.experiments import experiment_from_mapping
-from twin_gait.control import Trip
+from twin_gait.control.safety import Trip
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import plain, require_regular
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK

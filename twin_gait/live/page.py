@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from tornado.web import HTTPError, RequestHandler
 
-from twin_gait.control import SafetyState
+from twin_gait.control.safety import SafetyState
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live import protocol

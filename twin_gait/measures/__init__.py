@@ -5,10 +5,3 @@ another shape. ``tick`` is the sampling period in [s], ``phases`` are indices of
 ``bounds`` are strides: the first tick of each stride and of the next one, shape ``(n_strides, 2)``.
 :func:`leg_record` extracts one leg of a run in the form that the measures read.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-
-# A module of the same name would be found instead of the function.
-from twin_gait.measures.leg_record import leg_record as leg_record  # noqa: E402

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from twin_gait.parameters import LimitParameters
+from twin_gait.parameters.drives import LimitParameters
 
 # The current differs from a target that is met by less than this because of floating-point rounding.
 CURRENT_TOLERANCE = 1e-9  # [A]

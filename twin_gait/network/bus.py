@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, Frame, Node, Outage, mixed
 from twin_gait.core.can_frame import new_header
 from twin_gait.network.dbc import Message
-from twin_gait.parameters import BOARDS, CCU, NODES, NetworkParameters, OutageKind
-from twin_gait.parameters import Outage as OutageParameters
+from twin_gait.parameters.network import BOARDS, CCU, NODES, NetworkParameters, OutageKind
+from twin_gait.parameters.network import Outage as OutageParameters
 
 SETPOINT, MEASUREMENT = "setpoint", "measurement"  # The two frames of a board.
 _PICOSECONDS = 1e12  # Number of picoseconds in a second.

@@ -7,7 +7,7 @@ layout.
 
 from collections.abc import Mapping
 
-from twin_gait.parameters import BOARDS
+from twin_gait.parameters.network import BOARDS
 
 COUNTS = 4  # Number of values of the counter of a frame, which has two bits.
 

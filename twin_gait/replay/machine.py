@@ -13,17 +13,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.configuration.experiments import load_experiment
+from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.core.belt import walk_command
 from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.exceptions import GaitTableError, ParameterError
-from twin_gait.experiment import Experiment, PlantParameters
-from twin_gait.gait import TICK, GaitTable, compile_guards, signals
+from twin_gait.experiment.device import PlantParameters
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.gait import signals
 from twin_gait.gait.guards import PhaseMembership, atoms
 from twin_gait.gait.machine import POSTURE, GaitStateMachine, PhaseSwitch
+from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import scale_table
-from twin_gait.parameters import SensorParameters
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.quantities import POSITIVE
 from twin_gait.replay.recording import LogFormat, is_normative, normative_walk, read_recording
 from twin_gait.replay.samples import Recording

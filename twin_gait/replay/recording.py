@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from twin_gait.control import SafetyState
+from twin_gait.control.safety import SafetyState
 from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Convention
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK
 from twin_gait.measures import reference
-from twin_gait.parameters import Patient, require
-from twin_gait.parameters.quantities import POSITIVE
+from twin_gait.parameters.quantities import POSITIVE, require
+from twin_gait.parameters.wearer import Patient
 from twin_gait.replay.samples import LONGEST_GAP, Recording, at_ticks, repeat_stride
 from twin_gait.runs.column_units import ANGLES, FORCES, TIMES, find_unit, plain_name, split_heading
 from twin_gait.runs.log_files import LogTable, number_of, read_table

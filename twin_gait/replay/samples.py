@@ -8,9 +8,9 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment import LONGEST_RUN
+from twin_gait.experiment.experiment import LONGEST_RUN
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import SensorParameters
+from twin_gait.parameters.drives import SensorParameters
 from twin_gait.vocabulary import JointName, Side
 
 # A log whose instants equal the ticks to this precision is used without resampling.

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.measures import reference
 from twin_gait.measures.strides import PERCENT, cadence
 from twin_gait.measures.walk import fore_aft_peaks, knee_shape, load_measures

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
 from twin_gait.report import canvas
 from twin_gait.report.canvas import put_legend, style_panel

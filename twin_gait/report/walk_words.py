@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from twin_gait.configuration.identity import parts_of, wearer_of
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.measures.load_shape import TWO_PEAKS
 from twin_gait.measures.strides import stride_count
 

@@ -3,7 +3,3 @@
 What is offered here is imported when it is first asked for: pictures and tables take longer than a walk to
 simulate.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,7 +17,7 @@ from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
 from twin_gait.measures.walk import mean_stride
-from twin_gait.parameters import ActuatorParameters, LimitParameters
+from twin_gait.parameters.drives import ActuatorParameters, LimitParameters
 from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName

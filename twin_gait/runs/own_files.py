@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import shipped_file, write_atomically
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.network.dbc import find_dbc

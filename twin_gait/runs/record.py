@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiments import load_experiment, resolved_document
-from twin_gait.control import Trip, TripCause
+from twin_gait.control.safety import Trip, TripCause
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import (
     read_json,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.report.walk_words import carried_by_belt, describe, missing_peaks, table_of_walk
 from twin_gait.runs.record import StoredRun
 from twin_gait.viewer.animation import recorded_run

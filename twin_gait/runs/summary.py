@@ -13,13 +13,13 @@ import pandas as pd
 
 import twin_gait
 from twin_gait.configuration.identity import parts_of, wearer_of
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import plain
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
-from twin_gait.parameters import STATED_AUTONOMY
+from twin_gait.parameters.drives import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
 from twin_gait.report.walk_words import describe
 from twin_gait.runs.leg_summary import MeasuredLeg, limit_shares, reference_error

@@ -1,5 +1,1 @@
 """Simulate an experiment, or one joint on its bench; nothing here touches a disk."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

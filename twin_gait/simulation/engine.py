@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from twin_gait.control import Trip, TripCause
+from twin_gait.control.safety import Trip, TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT
-from twin_gait.parameters import NODES
+from twin_gait.parameters.network import NODES
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Switch
 from twin_gait.simulation.log import LogArrays, log_layout
 from twin_gait.simulation.problem import Problem

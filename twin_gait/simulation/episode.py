@@ -20,7 +20,7 @@ from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
-from twin_gait.parameters import JointCondition
+from twin_gait.parameters.wearer import JointCondition
 from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4

@@ -22,7 +22,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import KernelBodies, body_values
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters import NetworkParameters
+from twin_gait.parameters.network import NetworkParameters
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation import episode
 from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks, ticks

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.gait.table import TICK
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation.problem import Problem
 from twin_gait.vocabulary import JointName
 
@@ -142,7 +142,7 @@ WORK = Columns(
 BRACE_WORK = Columns(brace_work_J=("e.works.brace", "of the braces"))
 MONITOR = Columns(
     safety_state=("1.0 if e.controller.trip.tick >= 0 else 0.0", "0 watching, 1 hold"),
-    trip_cause=("e.controller.trip.cause", "of twin_gait.control.TripCause, 0 without a trip"),
+    trip_cause=("e.controller.trip.cause", "of twin_gait.control.safety.TripCause, 0 without a trip"),
 )
 
 # Of a joint between device and wearer, of the pelvis between them, and of one that moves fore-aft.

@@ -16,9 +16,11 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST
-from twin_gait.parameters import ActuatorParameters, Patient, require
+from twin_gait.parameters.drives import ActuatorParameters
+from twin_gait.parameters.quantities import require
+from twin_gait.parameters.wearer import Patient
 from twin_gait.simulation.episode import Limb
 from twin_gait.simulation.wearer import limbs_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side

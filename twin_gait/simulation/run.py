@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 import twin_gait
-from twin_gait.control import Trip
-from twin_gait.experiment import Experiment
+from twin_gait.control.safety import Trip
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.leg_record import (

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
-from twin_gait.experiment import Experiment
 from twin_gait.experiment.events import HELD_PHASE
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.network.messages import CODES
 from twin_gait.simulation.problem import Problem, build_problem

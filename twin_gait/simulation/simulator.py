@@ -9,7 +9,7 @@ from itertools import islice
 
 from twin_gait.control.controller import Controller, UncompiledControllerError
 from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
-from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EpisodeEngine

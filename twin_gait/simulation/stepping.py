@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.control import Trip
+from twin_gait.control.safety import Trip
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison

@@ -6,8 +6,8 @@ The steps import these names; :mod:`twin_gait.simulation.binding` puts those of 
 from typing import TypeAlias
 
 from twin_gait.core import friction
-from twin_gait.experiment import IntegrationMethod
-from twin_gait.parameters import ImpedancePlace
+from twin_gait.experiment.experiment import IntegrationMethod
+from twin_gait.parameters.network import ImpedancePlace
 from twin_gait.simulation.problem import Problem
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;

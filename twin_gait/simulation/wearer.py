@@ -10,10 +10,9 @@ from twin_gait.core.estimation import new_delay_line
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
-from twin_gait.parameters import JointCondition
-from twin_gait.parameters.wearer import WEARER_JOINTS
+from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Limb
 from twin_gait.vocabulary import JointName
 

@@ -5,9 +5,10 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from twin_gait.experiment import Integration
+from twin_gait.experiment.experiment import Integration
 from twin_gait.gait.table import TICK
-from twin_gait.simulation import Run, simulate
+from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.jobs import Watch
 
 REFINEMENT = 10

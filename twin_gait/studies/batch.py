@@ -16,22 +16,27 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 import pandas as pd
 
-from twin_gait.configuration import LoadedExperiment, experiment_document, experiment_from_mapping
-from twin_gait.configuration.experiments import FILE_KEYS, named_document
+from twin_gait.configuration.documents import experiment_document
+from twin_gait.configuration.experiments import (
+    FILE_KEYS,
+    LoadedExperiment,
+    experiment_from_mapping,
+    named_document,
+)
 from twin_gait.configuration.validation import assign, converting, parse_path, refuse_two_units
 from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import plain
 from twin_gait.measures.walk import WALK_COLUMNS
-from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import Patient
 from twin_gait.runs.leg_summary import MeasuredLeg, limit_shares
 from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
-from twin_gait.simulation import Run, RunStatus
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import compile_ahead, simulate_together
 from twin_gait.studies.jobs import Watch, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import Walking
+from twin_gait.worlds.world import Walking
 from twin_gait.yaml12 import load_yaml
 
 
@@ -49,8 +54,8 @@ def run_episodes(
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; its log is then discarded.
 
-    Results, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.run_jobs`. An episode that cannot
-    be simulated is a ParameterError.
+    Results, ``workers`` and ``watch`` are those of :func:`twin_gait.studies.jobs.run_jobs`. An episode that
+    cannot be simulated is a ParameterError.
 
     Args:
         experiment_of: Function that creates the experiment of an item; it is sent to the workers, as are
@@ -139,7 +144,7 @@ def simulate_batch(
 
     All changes are checked before anything runs. The result does not depend on the number of workers or on
     the order in which they finish. With several workers a script must guard its own code, see
-    :func:`twin_gait.studies.run_jobs`, which also describes ``watch``.
+    :func:`twin_gait.studies.jobs.run_jobs`, which also describes ``watch``.
 
     Returns a table with a row for each episode in their order, of the first ones only if the work was
     stopped; its columns are those of :func:`table_of`. Raises WorkersLost if a worker process dies. Raises

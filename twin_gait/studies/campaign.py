@@ -10,14 +10,17 @@ from typing import Annotated, Any, Unpack
 
 import numpy as np
 
-from twin_gait import __version__, worlds
+from twin_gait import __version__
 from twin_gait.files import write_atomically, write_json
 from twin_gait.parameters import quantities
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.simulation import LOG_COLUMNS, BenchRun, BenchVariation, RunStatus, simulate_bench
+from twin_gait.simulation.bench_joint.episode import LOG_COLUMNS, BenchVariation
+from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
+from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.jobs import Watch, run_jobs
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds import BENCH_FRICTION, HORIZONTAL, BenchJoint, DutyControl, TorqueControl
+from twin_gait.worlds.bench_control import LOWEST_VELOCITIES, CosinePath, DutyControl, TorqueControl
+from twin_gait.worlds.bench_joint import BENCH_FRICTION, HORIZONTAL, BenchFriction, BenchJoint, bench_joint
 
 WEIGHTS = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3
 TESTS_PER_WEIGHT = 9
@@ -79,8 +82,8 @@ class Campaign(quantities.Parameters):
         """
         if self.bench is not None:
             return self.bench
-        friction = worlds.BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3)
-        return worlds.bench_joint(self.joint, friction=friction)
+        friction = BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3)
+        return bench_joint(self.joint, friction=friction)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +144,7 @@ def _drop(joint: JointName, mass: float, number: int) -> tuple[dict[str, float],
         amplitude=amplitude,
         frequency=FREQUENCY,
         transparency_gain=gain,
-        lowest_velocity=worlds.LOWEST_VELOCITIES[joint],
+        lowest_velocity=LOWEST_VELOCITIES[joint],
     )
     changes = {"control": control, "duration": LONGEST_DROP, "rest_at_stop": REST_AT_STOP}
     return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, changes
@@ -161,7 +164,7 @@ def _two_way(campaign: Campaign, number: int) -> tuple[dict[str, float], dict[st
         friction_compensation_gain=0.0,
         stiffness=TWO_WAY_STIFFNESS,
         damping=2.0 * TWO_WAY_DAMPING_RATIO * math.sqrt(TWO_WAY_STIFFNESS * armature),
-        path=worlds.CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
+        path=CosinePath(start_angle=HORIZONTAL, amplitude=amplitude, frequency=frequency),
     )
     settings = {"peak_speed_rad_per_s": speed, "period_s": TWO_WAY_PERIOD, "cycles": float(campaign.cycles)}
     return settings, {"control": control, "duration": campaign.cycles * TWO_WAY_PERIOD}

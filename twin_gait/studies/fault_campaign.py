@@ -9,11 +9,10 @@ from typing import Any, Unpack
 import numpy as np
 import pandas as pd
 
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import require
-from twin_gait.parameters.quantities import DEGREE
-from twin_gait.simulation import Run
+from twin_gait.parameters.quantities import DEGREE, require
+from twin_gait.simulation.run import Run
 from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.jobs import Watch
 from twin_gait.studies.workers import Workers
@@ -128,8 +127,8 @@ def simulate_faults(
     """Simulate an experiment once for each fault, which replaces faults of its own; return a row for each.
 
     ``row``: function that summarises a run. Other arguments and errors are those of
-    :func:`twin_gait.studies.run_episodes`; a run that cannot be simulated is a ParameterError. If the work
-    was stopped, only the rows of the first faults are returned.
+    :func:`twin_gait.studies.batch.run_episodes`; a run that cannot be simulated is a ParameterError. If the
+    work was stopped, only the rows of the first faults are returned.
     """
     experiment_of = partial(_with_fault, experiment)
     rows = run_episodes(

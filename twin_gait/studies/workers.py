@@ -20,7 +20,7 @@ from multiprocessing.connection import wait as wait_for_sentinels
 from typing import Any, TypeVar
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, TwinGaitError
-from twin_gait.parameters import require
+from twin_gait.parameters.quantities import require
 
 _DIED = (
     "a worker process died; is memory short? try fewer workers. Each runs the script from its beginning: the "

@@ -1,6 +1,6 @@
 """Test kit for gait tables.
 
-    >>> from twin_gait.testing import transition_tests
+    >>> from twin_gait.testing.cases import transition_tests
     >>> from twin_gait.configuration.gait_table_file import load_gait_table
     >>> tests = transition_tests(load_gait_table("treadmill"))
     >>> for test in tests:
@@ -9,7 +9,3 @@
 This package also contains the pytest plugin (:mod:`twin_gait.testing.plugin`), which every pytest loads;
 names are therefore imported when they are first used.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -24,7 +24,7 @@ from twin_gait.testing.scenarios import scenarios
 
 
 class Machine(Protocol):
-    """Interface that the kit needs of a machine; :class:`~twin_gait.gait.GaitStateMachine` implements it.
+    """Interface that the kit needs; :class:`~twin_gait.gait.machine.GaitStateMachine` implements it.
 
     Attributes:
         phase: Present phase.

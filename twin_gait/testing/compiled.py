@@ -2,7 +2,7 @@
 
 Guards, thresholds and the choice of a transition are printed as for the device, but with double precision.
 They are built by the C compiler of this machine, and called in place of the Python function of
-:class:`~twin_gait.gait.GaitStateMachine`.
+:class:`~twin_gait.gait.machine.GaitStateMachine`.
 """
 
 import ctypes
@@ -11,8 +11,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from twin_gait.core.guards import GuardProgram, next_transition
-from twin_gait.firmware import TranslationUnit, print_units
 from twin_gait.firmware.cross import compile_library
+from twin_gait.firmware.printer import TranslationUnit, print_units
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.gait.table import StateTable

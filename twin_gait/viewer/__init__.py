@@ -1,5 +1,1 @@
 """Viewer of a run or a URDF: a self-contained page, or a live page in the browser."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

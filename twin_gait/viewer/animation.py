@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from twin_gait.files import dump
 from twin_gait.gait.table import TICK
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.leg_model.urdf_document import Mimic, mimic_joints
 from twin_gait.measures.leg_record import leg_record

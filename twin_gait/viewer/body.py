@@ -9,9 +9,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.leg_model import SHOULDER_HEIGHT, LegJoints, wearer
-from twin_gait.parameters import CrutchParameters, Patient
-from twin_gait.parameters.wearer import SHANK_LENGTH
+from twin_gait.leg_model import wearer
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.leg_model.wearer import SHOULDER_HEIGHT
+from twin_gait.parameters.crutches import CrutchParameters
+from twin_gait.parameters.wearer import SHANK_LENGTH, Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
 from twin_gait.viewer.commands import State, Window, draw_mesh

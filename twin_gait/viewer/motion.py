@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.control import SafetyState
+from twin_gait.control.safety import SafetyState
 from twin_gait.exceptions import ViewerError
-from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.leg_record import driven_joints
 from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns

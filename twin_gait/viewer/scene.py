@@ -10,9 +10,12 @@ from typing import NamedTuple, TypedDict, Unpack
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.leg_model import LegJoints, LegModel
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.palette import phase_colour
-from twin_gait.parameters import ChairParameters, CrutchParameters, Patient
+from twin_gait.parameters.crutches import CrutchParameters
+from twin_gait.parameters.surroundings import ChairParameters
+from twin_gait.parameters.wearer import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import FORCE_ROOT, arc_state, arrow_state, draw_arrow
 from twin_gait.viewer.body import LEFT, draw_crutches, draw_harness, draw_ropes, draw_wearer

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from twin_gait.parameters import ChairParameters
+from twin_gait.parameters.surroundings import ChairParameters
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
-from twin_gait import parameters
 from twin_gait.core.actuator import Motor, saturate
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.parameters import quantities
+from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.vocabulary import JointName
 
 DUTIES = quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
@@ -159,7 +159,7 @@ class TorqueControl(quantities.Parameters):
         path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
     """
 
-    friction_model: parameters.FrictionParameters
+    friction_model: FrictionParameters
     old_model: OldFrictionModel | None = None
     friction_compensation_gain: Annotated[quantities.Ratio, GAINS] = 0.35
     follows_path: bool = False

@@ -10,8 +10,18 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated
 
-from twin_gait import parameters
-from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, quantities, require
+from twin_gait.parameters import quantities
+from twin_gait.parameters.drives import (
+    HIP_ACTUATOR,
+    KNEE_ACTUATOR,
+    ActuatorParameters,
+    BatteryParameters,
+    LimitParameters,
+    SensorParameters,
+)
+from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionLaw
+from twin_gait.parameters.quantities import require
+from twin_gait.parameters.surroundings import StopParameters
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import DutyControl, TorqueControl
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
@@ -54,7 +64,7 @@ class BenchFriction(quantities.Parameters):
         ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N m].
     """
 
-    law: parameters.FrictionLaw
+    law: FrictionLaw
     coulomb_per_load: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     coulomb_per_kelvin: Annotated[float, quantities.Unit("Nm_per_K", _PER_KELVIN)] = 0.0
     viscous_per_kelvin: Annotated[float, quantities.Unit("Nms_per_rad_K", _PER_KELVIN)] = 0.0
@@ -82,7 +92,7 @@ class LinkParameters(quantities.Parameters):
     inertia: Annotated[quantities.Inertia, quantities.POSITIVE] = 0.02
     moment: Annotated[float, MOMENT, quantities.NOT_NEGATIVE] = 0.0
     load_angle: LoadAngle = LoadAngle.CORRECTED
-    stops: parameters.StopParameters = field(default_factory=lambda: parameters.StopParameters(stiffness=2e5))
+    stops: StopParameters = field(default_factory=lambda: StopParameters(stiffness=2e5))
     lower_stop: Annotated[quantities.Angle, BENCH_STOPS] = LOWER_STOP
     upper_stop: Annotated[quantities.Angle, BENCH_STOPS] = STOP_ANGLE
 
@@ -208,7 +218,7 @@ class Torsion(quantities.Parameters):
 # Drives of the joints on the bench.
 BENCH_ACTUATORS = {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
 # Friction of the joints on the bench, table 3.1 of the thesis.
-BENCH_FRICTION = {JointName.HIP: parameters.HIP_FRICTION, JointName.KNEE: parameters.KNEE_FRICTION}
+BENCH_FRICTION = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
 # Inductance L of the 24 V winding from the data sheet. The inductance of the 36 V winding scales with the
 # square of K_t, as its resistance does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
 BENCH_INDUCTANCE: Mapping[JointName, float] = {
@@ -244,19 +254,17 @@ class BenchJoint(quantities.Parameters):
             that does not end there.
     """
 
-    actuator: parameters.ActuatorParameters
+    actuator: ActuatorParameters
     drive: DriveParameters
     friction: BenchFriction
     control: DutyControl | TorqueControl | None
     link: LinkParameters = field(default_factory=LinkParameters)
-    battery: parameters.BatteryParameters = field(default_factory=parameters.BatteryParameters)
+    battery: BatteryParameters = field(default_factory=BatteryParameters)
     efficiency: CatalogueEfficiency | None = None
     torsion: Torsion | None = None
-    sensors: parameters.SensorParameters = field(
-        default_factory=lambda: parameters.SensorParameters(ideal=False)
-    )
+    sensors: SensorParameters = field(default_factory=lambda: SensorParameters(ideal=False))
     inertial_unit: InertialUnit | None = None
-    limits: parameters.LimitParameters = field(default_factory=parameters.LimitParameters)
+    limits: LimitParameters = field(default_factory=LimitParameters)
     imposed_motion: ImposedMotionParameters | None = None
     start_angle: Annotated[quantities.Angle, BENCH_STOPS] = HORIZONTAL
     start_velocity: quantities.AngularVelocity = 0.0

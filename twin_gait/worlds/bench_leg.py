@@ -8,8 +8,9 @@ from typing import Annotated, ClassVar, Self
 import numpy as np
 
 from twin_gait.core.plant import ImposedMotion, Plant
-from twin_gait.leg_model import LegModel
-from twin_gait.parameters import quantities, require
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters import quantities
+from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.world import Posture, Scenario, World, start_posture, starting_at
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from twin_gait.core.plant import Brace, Plant
-from twin_gait.leg_model import LegModel
-from twin_gait.parameters import BraceParameters
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.surroundings import BraceParameters
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import Braces, World, start_posture
 

@@ -12,9 +12,11 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import new_delay_line
 from twin_gait.core.plant import Harness, Plant, Trunk
 from twin_gait.gait.table import TICK
-from twin_gait.leg_model import SHOULDER_HEIGHT, LegModel
-from twin_gait.parameters import ChairParameters, ContactParameters, quantities
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.leg_model.wearer import SHOULDER_HEIGHT
+from twin_gait.parameters import quantities
 from twin_gait.parameters.crutches import LEANS, ArmParameters, CrutchParameters
+from twin_gait.parameters.surroundings import ChairParameters, ContactParameters
 from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
 from twin_gait.worlds.arm_policy import SITS, new_policy, new_sense, plant_crutch
 from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, stand_on_both_feet

@@ -10,8 +10,8 @@ from pkgutil import iter_modules
 from typing import Any
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.leg_model import LegModel
-from twin_gait.parameters import require
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.quantities import require
 from twin_gait.worlds.world import Scenario, World
 
 GROUP = "twin_gait.worlds"  # group of entry points, each named by the kind of its world

@@ -9,9 +9,9 @@ import numpy as np
 
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.plant import Pad, Plant, Seat, pitching_moment, seat_the_hips, seat_the_thigh
-from twin_gait.leg_model import LegModel
-from twin_gait.parameters import ChairParameters, ContactParameters, require
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.quantities import require, taken_from
+from twin_gait.parameters.surroundings import ChairParameters, ContactParameters
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import Posture, Scenario, World
 

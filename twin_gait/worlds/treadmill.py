@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar
 
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
-from twin_gait.leg_model import LegModel
-from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
+from twin_gait.parameters.surroundings import BeltProfile, ContactParameters, SupportParameters
 from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
 from twin_gait.worlds.standing import FALL_SHARE, SplitStance, stand_on_both_feet
 from twin_gait.worlds.world import BELT_SPEED, Adjustment, Posture, Walking, World, start_posture, starting_at

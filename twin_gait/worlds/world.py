@@ -17,16 +17,18 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
-from twin_gait.leg_model import LegJoints, LegModel
-from twin_gait.parameters import ContactParameters, require
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.quantities import (
     Angle,
     Inline,
     Parameters,
     UnitInside,
     declarations,
+    require,
     taken_from,
 )
+from twin_gait.parameters.surroundings import ContactParameters
 from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 

@@ -10,11 +10,10 @@ from typing import Annotated, ClassVar, Self
 import numpy as np
 
 from twin_gait.core.plant import Plant
-from twin_gait.leg_model import LegModel
-from twin_gait.parameters import require
-from twin_gait.parameters.quantities import NOT_NEGATIVE, Key, RotaryDamping
+from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.quantities import NOT_NEGATIVE, Key, RotaryDamping, require
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
-from twin_gait.worlds import Posture, Scenario, World, start_posture
+from twin_gait.worlds.world import Posture, Scenario, World, start_posture
 
 _DEGREE = math.pi / 180.0
 

@@ -85,7 +85,7 @@ class AssistanceMemory:
 
 
 def assisted_tick(memory: Any, device: Any, tick: int, period: float) -> None:
-    """Run the tick of the other controller; see :class:`twin_gait.control.Controller`."""
+    """Run the tick of the other controller; see :class:`twin_gait.control.controller.Controller`."""
     raise NotImplementedError
 
 

@@ -5,7 +5,6 @@ What is said of motor and rotor is what the joint sees of them, behind the gear.
 
 from dataclasses import dataclass, field
 
-from twin_gait import worlds
 from twin_gait.control.joint_board import Command, Demand
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
@@ -14,6 +13,8 @@ from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.simulation.episode import COMPLETED, Recording
 from twin_gait.simulation.log import Columns, LogLayout
+from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
+from twin_gait.worlds.bench_joint import BenchJoint, CatalogueEfficiency, InertialUnit, Torsion
 
 # What drives the winding.
 OPEN, IDEAL, PI, DUTY = range(4)
@@ -127,7 +128,7 @@ class BenchEpisode:
     Parts that a test may lack stand here all the same, so that all tests share one compiled loop.
     """
 
-    test: worlds.BenchJoint  # Parameters of the parts that every test has.
+    test: BenchJoint  # Parameters of the parts that every test has.
     variation: BenchVariation  # What chance adds to them.
     fast_gain: float  # Of the fast velocity filter.
     encoder: Encoder  # On the motor.
@@ -138,20 +139,20 @@ class BenchEpisode:
     link: Body
     horizontal_angle: float  # At which the link is level, in [rad].
     moment: float  # Of weight and link in [kg m].
-    torsion: worlds.Torsion  # Of the gear.
+    torsion: Torsion  # Of the gear.
     compliant: bool  # Whether there is torsion.
-    efficiency: worlds.CatalogueEfficiency  # Of the gear, from its catalogue or constant.
+    efficiency: CatalogueEfficiency  # Of the gear, from its catalogue or constant.
     friction: PlantFriction  # Of motor and gear.
     ripple_cosine: float  # Part in [N m] of the friction that repeats with the angle.
     ripple_sine: float  # Likewise.
     imposed_motion: ImposedMotion  # Of the link; its place is 0, or -1 for none.
-    unit: worlds.InertialUnit  # Inertial unit on the link.
+    unit: InertialUnit  # Inertial unit on the link.
     acceleration: Acceleration  # For the inertia compensation.
-    torque_control: worlds.TorqueControl  # What the torque control asks for.
-    path: worlds.CosinePath  # Of its equilibrium angle.
-    old_model: worlds.OldFrictionModel  # TWIN's old friction model.
+    torque_control: TorqueControl  # What the torque control asks for.
+    path: CosinePath  # Of its equilibrium angle.
+    old_model: OldFrictionModel  # TWIN's old friction model.
     old: bool  # Whether it takes the place of the compensator's friction model.
-    duty_control: worlds.DutyControl  # What the control of duties asks for.
+    duty_control: DutyControl  # What the control of duties asks for.
     ticks_at_stop: int = 0  # Since the upper stop was reached.
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].

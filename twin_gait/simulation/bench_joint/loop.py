@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from twin_gait import worlds
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.elementary import sine_cosine
@@ -16,7 +15,7 @@ from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import KNEE_FRICTION
+from twin_gait.parameters.friction import KNEE_FRICTION
 from twin_gait.parameters.quantities import taken_from
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
@@ -26,13 +25,24 @@ from twin_gait.simulation.episode import DIVERGED
 from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.run import RunStatus
+from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
+from twin_gait.worlds.bench_joint import (
+    HORIZONTAL,
+    BenchJoint,
+    CatalogueEfficiency,
+    CurrentLoop,
+    InertialSensor,
+    InertialUnit,
+    LoadAngle,
+    Torsion,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class BenchRun:
     """What a test left behind."""
 
-    test: worlds.BenchJoint  # The test.
+    test: BenchJoint  # The test.
     # One row per tick; behind ``LOG_COLUMNS`` what no bench can see: friction, true motion, true current.
     log: pd.DataFrame
     status: RunStatus  # Completed or diverged.
@@ -43,7 +53,7 @@ class BenchRun:
 
 
 def simulate_bench(
-    test: worlds.BenchJoint,
+    test: BenchJoint,
     *,
     seed: int = 0,
     variation: record.BenchVariation | None = None,
@@ -95,7 +105,7 @@ def bound_rooms(other_laws: bool) -> dict[str, Any]:
     return {"OTHER_LAWS": other_laws, **kernel_functions(record.LAYOUT.writer, {"TICK": TICK})}
 
 
-def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
+def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
     """Draw the noise of a test; what is not noisy draws nothing.
 
     Returns shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial
@@ -112,7 +122,7 @@ def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
     return noise
 
 
-def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
+def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
     """The record of a test at tick 0.
 
     Raises ParameterError if parts of the test do not go together.
@@ -120,13 +130,13 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
     link, friction, sensors = test.link, test.friction, test.sensors
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
-    path = worlds.CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
+    path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
     constant = (test.actuator.gear_efficiency, 0.0, 0.0, 0.0, 0.0, 0.0)
     sine, cosine = sine_cosine(variation.ripple_phase)
     motion = ImposedMotion()
     if test.imposed_motion is not None:
         motion = taken_from(ImposedMotion, test.imposed_motion, place=0, start_angle=test.start_angle)
-    unit = test.inertial_unit or worlds.InertialUnit(sensor=worlds.InertialSensor.GYROSCOPE)
+    unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
     return record.BenchEpisode(
         test=replace(
             test, control=None, efficiency=None, torsion=None, inertial_unit=None, imposed_motion=None
@@ -139,11 +149,11 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
         bus_voltage=test.battery.voltage,
         rotor=record.Body(test.actuator.armature, test.start_angle, test.start_velocity),
         link=record.Body(link.total_inertia, test.start_angle, test.start_velocity),
-        horizontal_angle=worlds.HORIZONTAL if link.load_angle is worlds.LoadAngle.CORRECTED else 0.0,
+        horizontal_angle=HORIZONTAL if link.load_angle is LoadAngle.CORRECTED else 0.0,
         moment=link.total_moment,
-        torsion=test.torsion or worlds.Torsion(),
+        torsion=test.torsion or Torsion(),
         compliant=test.torsion is not None,
-        efficiency=test.efficiency or worlds.CatalogueEfficiency(coefficients=constant),
+        efficiency=test.efficiency or CatalogueEfficiency(coefficients=constant),
         friction=friction.law.scaled(variation.friction_ratio).in_plant(),
         ripple_cosine=friction.ripple * cosine,
         ripple_sine=friction.ripple * sine,
@@ -152,33 +162,33 @@ def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> 
         acceleration=_acceleration(test, unit),
         torque_control=replace(torque, old_model=None, path=None),
         path=torque.path or path,
-        old_model=torque.old_model or worlds.OldFrictionModel(),
+        old_model=torque.old_model or OldFrictionModel(),
         old=torque.old_model is not None,
-        duty_control=test.control if isinstance(test.control, worlds.DutyControl) else worlds.DutyControl(),
+        duty_control=test.control if isinstance(test.control, DutyControl) else DutyControl(),
     )
 
 
-def _periods(test: worlds.BenchJoint) -> int:
+def _periods(test: BenchJoint) -> int:
     return round(test.drive.rate * TICK)
 
 
-def _winding(test: worlds.BenchJoint) -> record.Winding:
+def _winding(test: BenchJoint) -> record.Winding:
     drive, periods = test.drive, _periods(test)
-    kind = record.PI if drive.loop is worlds.CurrentLoop.PI else record.IDEAL
-    if not isinstance(test.control, worlds.TorqueControl):
+    kind = record.PI if drive.loop is CurrentLoop.PI else record.IDEAL
+    if not isinstance(test.control, TorqueControl):
         kind = record.OPEN if test.control is None else record.DUTY
     gains = current_loop_gains(test.actuator.resistance, drive.inductance, drive.bandwidth)
     return record.Winding(kind, periods, TICK / periods, *gains, new_delay_line(drive.delay))
 
 
-def _acceleration(test: worlds.BenchJoint, unit: worlds.InertialUnit) -> record.Acceleration:
-    used = test.inertial_unit is not None and isinstance(test.control, worlds.TorqueControl)
-    source = 1 + list(worlds.InertialSensor).index(unit.sensor) if used else record.ENCODER
+def _acceleration(test: BenchJoint, unit: InertialUnit) -> record.Acceleration:
+    used = test.inertial_unit is not None and isinstance(test.control, TorqueControl)
+    source = 1 + list(InertialSensor).index(unit.sensor) if used else record.ENCODER
     time_constant = unit.time_constant if used else test.sensors.fast_time_constant
     return record.Acceleration(source, first_order_gain(TICK, time_constant), new_delay_line(unit.delay))
 
 
-def _torque_control(test: worlds.BenchJoint) -> worlds.TorqueControl:
-    if not isinstance(test.control, worlds.TorqueControl):
-        return worlds.TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
+def _torque_control(test: BenchJoint) -> TorqueControl:
+    if not isinstance(test.control, TorqueControl):
+        return TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
     return replace(test.control, friction_model=test.control.friction_model.normalised())

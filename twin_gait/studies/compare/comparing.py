@@ -10,10 +10,12 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
-from twin_gait.control import AssistanceParameters
-from twin_gait.experiment import ControlMode, Experiment
-from twin_gait.parameters import HEAVIEST_WEARER, require
-from twin_gait.simulation import Run
+from twin_gait.control.controllers.assistance import AssistanceParameters
+from twin_gait.experiment.device import ControlMode
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.parameters.quantities import require
+from twin_gait.parameters.wearer import HEAVIEST_WEARER
+from twin_gait.simulation.run import Run
 from twin_gait.studies.batch import run_episodes, walking_wearer
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.studies.jobs import Watch

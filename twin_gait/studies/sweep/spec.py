@@ -14,16 +14,18 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
-from twin_gait.configuration import LoadedExperiment, experiment_from_mapping, validation
+from twin_gait.configuration import validation
 from twin_gait.configuration.experiments import (
+    LoadedExperiment,
     beside,
+    experiment_from_mapping,
     load_experiment,
     named_document,
     resolved_document,
 )
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import shipped_file
 from twin_gait.runs.own_files import FILES_FOLDER, StoredFile, files_of, stored_file
 from twin_gait.runs.summary import versions

@@ -28,7 +28,7 @@ from twin_gait.report.failures import failed_pictures
 from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, sweep_figures, values_of
 from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
 from twin_gait.runs.own_files import store_files
-from twin_gait.simulation import RunStatus
+from twin_gait.simulation.run import RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.jobs import Stop, Watch, run_jobs
 from twin_gait.studies.sweep.spec import Sweep, check_episode

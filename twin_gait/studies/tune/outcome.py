@@ -9,17 +9,17 @@ from twin_gait.checking.check import build_case, check, counts
 from twin_gait.checking.finding import Severity
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import GaitTable
-from twin_gait.measures import KILOMETRES_PER_HOUR
+from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.report.canvas import write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.report.tune import drawings_of, page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import versions
-from twin_gait.simulation import simulate
+from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.tune.parts import AIM, EXCESS, HELD_TO, WORST, Rating, nominal_cost, part_costs
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune

@@ -24,7 +24,7 @@ from twin_gait.measures.effort import root_mean_square
 from twin_gait.measures.strides import normalise_strides, symmetry_index
 from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import MeasuredLeg
-from twin_gait.simulation import Run, RunStatus
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.yaml12 import load_yaml
 

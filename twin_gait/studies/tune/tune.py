@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import quantities
 from twin_gait.simulation.simulator import compile_ahead

@@ -10,12 +10,12 @@ from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
-from twin_gait.parameters import HEAVIEST_WEARER
+from twin_gait.parameters.wearer import HEAVIEST_WEARER
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import overridden, run_episodes, walking_wearer
 from twin_gait.studies.jobs import Watch
