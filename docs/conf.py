@@ -168,7 +168,7 @@ def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
     source[0] = re.sub(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)]*)?\)", inside, source[0])
 
 
-def _fields_with_their_comments(_: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]) -> None:
+def _document_fields(_: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]) -> None:
     """The comments beside the fields of a record are their documentation."""
     if what != "class" or not (dataclasses.is_dataclass(thing) or hasattr(thing, "_fields")):
         return
@@ -182,14 +182,14 @@ def _fields_with_their_comments(_: Any, what: str, __: str, thing: Any, ___: Any
     lines += ["", *told, ""] if told else []
 
 
-def _hints_without_ranges(_: Any, thing: Any, __: bool) -> None:
+def _strip_ranges(_: Any, thing: Any, __: bool) -> None:
     """A signature has the types of parameters; units and ranges are in the page of keys."""
     if inspect.isfunction(thing):
         with contextlib.suppress(NameError, TypeError):
             thing.__annotations__ = typing.get_type_hints(thing)
 
 
-def _members_need_no_call(
+def _hide_enum_signatures(
     _: Any, what: str, __: str, thing: Any, ___: Any, signature: str, returned: str
 ) -> tuple[str, str | None]:
     """Nobody makes a member of an enumeration."""
@@ -201,7 +201,7 @@ def setup(app: Any) -> None:
     """Prepare what is generated, before Sphinx looks for it."""
     api_pages.prepare(DOCS / "reference" / "api")
     gallery_pages.prepare(GENERATED, run=bool(RUN))
-    app.connect("autodoc-before-process-signature", _hints_without_ranges)
-    app.connect("autodoc-process-signature", _members_need_no_call)
-    app.connect("autodoc-process-docstring", _fields_with_their_comments)
+    app.connect("autodoc-before-process-signature", _strip_ranges)
+    app.connect("autodoc-process-signature", _hide_enum_signatures)
+    app.connect("autodoc-process-docstring", _document_fields)
     app.connect("source-read", _links_inside_the_site)

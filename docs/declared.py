@@ -61,7 +61,7 @@ def assumptions(_: str) -> list[dict[str, Any]]:
     """Keys of experiment files and gait tables whose meaning says that its default is an assumption."""
     from twin_gait.experiment.experiment import Experiment
     from twin_gait.parameters.quantities import Parameters, declarations
-    from twin_gait.worlds.registry import world_kinds, world_of
+    from twin_gait.worlds.registry import world_kinds, find_world
 
     rows: list[dict[str, Any]] = []
     seen: set[type] = set()
@@ -85,7 +85,7 @@ def assumptions(_: str) -> list[dict[str, Any]]:
 
     walk(Experiment, "")
     for name in sorted(world_kinds()):
-        walk(world_of(name), "scenario.", f", {name}")
+        walk(find_world(name), "scenario.", f", {name}")
     return rows
 
 

@@ -49,7 +49,7 @@ QUOTED = re.compile(rf"<!-- ({_KINDS}) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", 
 
 
 @cache
-def results_of(name: str) -> Any:
+def read_results(name: str) -> Any:
     """Results of a script in their full form."""
     places = [
         DOCS.parent / folder / "results" / name / "results.json" for folder in ("examples", "benchmarks")
@@ -63,17 +63,17 @@ def results_of(name: str) -> Any:
     return found
 
 
-def looked_up(name: str, key: str) -> Any:
+def find_entry(name: str, key: str) -> Any:
     """Return the entry of a result by its dotted key; the sum of several if their names are joined by +."""
     if "+" in name:
-        return sum(looked_up(one, key) for one in name.split("+"))
-    entry = results_of(name)
+        return sum(find_entry(one, key) for one in name.split("+"))
+    entry = read_results(name)
     for part in key.split("."):
         entry = entry[int(part)] if isinstance(entry, list) else entry[part]
     return entry
 
 
-def table_of(rows: list[dict[str, Any]]) -> str:
+def format_markdown_table(rows: list[dict[str, Any]]) -> str:
     """Rows as a table in Markdown, with the keys of the first as the heading."""
     lines = [list(rows[0]), ["---"] * len(rows[0]), *(list(row.values()) for row in rows)]
     return "\n".join(
@@ -145,7 +145,7 @@ def _section(path: str) -> Any:
     """Class of the parameters that a section of a file has."""
     from twin_gait.experiment.experiment import Experiment
     from twin_gait.gait import table
-    from twin_gait.worlds.registry import world_of
+    from twin_gait.worlds.registry import find_world
 
     in_table = {
         "joint": table.JointImpedance,
@@ -160,7 +160,7 @@ def _section(path: str) -> Any:
         name, _, choice = step.partition(":")
         item = next(item for item in declarations(kind) if item.key == name)
         if name == "scenario":
-            kind = world_of(choice)
+            kind = find_world(choice)
         else:
             kind = next(one for one in _classes(item.kind) if not choice or one.kind == choice)
     return kind
@@ -186,7 +186,7 @@ MAKERS: dict[str, Callable[[str], list[dict[str, Any]] | str]] = {
 }
 
 
-def with_results(page: str, *, licences: bool = True) -> str:
+def insert_results(page: str, *, licences: bool = True) -> str:
     """A page with every quoted number and table as the results have them.
 
     Args:
@@ -199,14 +199,14 @@ def with_results(page: str, *, licences: bool = True) -> str:
         if kind == "licences" and not licences:
             return match.group()
         if kind == "value":
-            text = format(looked_up(name, key), spec or "")
+            text = format(find_entry(name, key), spec or "")
         else:
             try:
-                made = MAKERS[kind](name) if kind in MAKERS else looked_up(name, key)
+                made = MAKERS[kind](name) if kind in MAKERS else find_entry(name, key)
             except declared.NotInstalled as error:  # an extra that this environment does without
                 print(f"the licences of {name} stay as they are: {error}", file=sys.stderr)
                 return match.group()
-            text = f"\n{made if isinstance(made, str) else table_of(made)}\n"
+            text = f"\n{made if isinstance(made, str) else format_markdown_table(made)}\n"
         return match.group().replace(f"-->{old}<!-- / -->", f"-->{text}<!-- / -->")
 
     return QUOTED.sub(current, page)
@@ -228,7 +228,7 @@ def main() -> int:
     stale = []
     for path in pages():
         page = path.read_text(encoding="utf-8")
-        current = with_results(page, licences=not check)
+        current = insert_results(page, licences=not check)
         if current != page:
             stale.append(str(path.relative_to(DOCS.parent)))
             if not check:

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from floor.walk import NOTHING, Goals, Search, Walk, require_casadi
-from gallery import form_of
+from gallery import read_options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from twin_gait import Run, TwinGaitError, load_experiment, simulate, summarise
+from twin_gait import Run, TwinGaitError, load_experiment, simulate, summarise_run
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.reference import reference_curve
@@ -77,7 +77,7 @@ def settings_of(guide: str, *more: str) -> list[str]:
 # %%
 def numbers_of(run: Run) -> dict[str, Any]:
     """Errors, effort and forces of a run; only what became of it if it has no strides."""
-    summary, record = summarise(run), run.experiment.scenario
+    summary, record = summarise_run(run), run.experiment.scenario
     sides = list(summary["sides"].values())
     if any(side.get("rmse_hip_by_contact_deg") is None for side in sides):
         return {"outcome": summary["outcome"]}
@@ -270,7 +270,7 @@ def simulated_tables(quick: bool) -> list[tuple[str, dict[str, Any], Run]]:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("attainable_floor")
+    form = read_options("attainable_floor")
     require_casadi()
     intervals, weights = (FEW_INTERVALS, WEIGHTS[:1]) if form.quick else (INTERVALS, WEIGHTS)
     tables = simulated_tables(form.quick)
@@ -298,7 +298,7 @@ if __name__ == "__main__":
     rows = [row for found in sweeps.values() for row, _ in found]
     floors = [found[-1][0] for found in sweeps.values()]
     save(draw(sweeps, tables), form.out / "attainable_floor.png", resolution=90)
-    form.keep(
+    form.write_results(
         {
             "stride_s": 2.0 * search.half,
             "optimality": max(row["optimality"] for row in [*rows, *prices] if "optimality" in row),

@@ -7,11 +7,11 @@ the knee follows a cosine path that is imposed on it. The true friction is half 
 
 # %%
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait import GaitPhase, load_experiment, simulate
 
-form = form_of("bench_leg")
+form = read_options("bench_leg")
 
 
 def settings(gain: float) -> list[str]:
@@ -44,7 +44,7 @@ for gain in (0.0, 0.2, 0.4):
     }
     print(row)
     rows.append(row)
-form.keep({"rows": rows})
+form.write_results({"rows": rows})
 
 # %% [markdown]
 # Homework: end the imposed motion (`scenario.imposed_motion.release_s=1`) at G = 0.4 and G = 0.7. What does

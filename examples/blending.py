@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from twin_gait import JointName, Run, load_experiment, simulate, simulate_batch, summarise
+from twin_gait import JointName, Run, load_experiment, simulate, simulate_batch, summarise_run
 from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.palette import BLACK, BLUISH_GREEN, JOINT_COLOURS, ORANGE, REDDISH_PURPLE
 from twin_gait.report.canvas import put_legend, readable, save, style_panel
@@ -67,7 +67,7 @@ AVERAGED = ("jerk_rms_rad_per_s3", "jerk_dimensionless", "switch_energy_J", "sat
 
 def measures(run: Run) -> dict[str, Any]:
     """Outcome, stride time and the measures of each joint as ``hip_…`` and ``knee_…``."""
-    summary = summarise(run)
+    summary = summarise_run(run)
     sides = list(summary["sides"].values())
     found: dict[str, Any] = {
         "outcome": summary["outcome"],
@@ -310,7 +310,7 @@ def robustness(blends: Sequence[Blend], points: Sequence[dict[str, float]], work
 
 # %%
 if __name__ == "__main__":
-    form = form_of("blending")
+    form = read_options("blending")
     blends = BLENDS[::3] if form.quick else BLENDS
     runs = {blend: walk(blend, 8.0 if form.quick else 20.0) for blend in blends}
     effects = {blend: switch_effects(run) for blend, run in runs.items()}
@@ -324,7 +324,7 @@ if __name__ == "__main__":
     mapped = robustness(blends, points, form.workers)
     shipped = load_experiment("treadmill").experiment.table.blending
     mine = (str(shipped.law), shipped.duration_ticks)
-    form.keep(
+    form.write_results(
         {
             "cases": [cells(row) for row in table.to_dict("records")],
             "measures": {f"{row['law']}_{row['duration_ms']}": row for row in table.to_dict("records")},

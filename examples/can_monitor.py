@@ -9,10 +9,10 @@ from pathlib import Path
 import can
 import cantools
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 from matplotlib.figure import Figure
 
-form = form_of("can_monitor")
+form = read_options("can_monitor")
 GROUP = "239.74.163.2"
 DRAWN, FREE = (2.0, 4.0) if form.quick else (4.0, 8.0)  # [s]
 
@@ -68,4 +68,4 @@ axes.plot(time, np.degrees(angle))
 axes.axvspan(DRAWN, FREE, alpha=0.15)
 axes.set(xlabel="time [s]", ylabel="knee [°]", title="Knee on the bus; shaded: impedance control")
 figure.savefig(form.out / "can_monitor.png", dpi=120)
-form.keep({"measurements": len(angles), "duration_s": float(time[-1]), "knee_rad": float(rest.mean())})
+form.write_results({"measurements": len(angles), "duration_s": float(time[-1]), "knee_rad": float(rest.mean())})

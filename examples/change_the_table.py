@@ -9,11 +9,11 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait import GaitPhase, GaitTable, load_experiment, simulate
 
-form = form_of("change_the_table")
+form = read_options("change_the_table")
 
 
 def with_shifted_equilibrium(table: GaitTable, phase: str, joint: str, degrees: float) -> GaitTable:
@@ -44,7 +44,7 @@ for degrees in (0.0, 5.0):
     }
     print(row)
     rows.append(row)
-form.keep({"rows": rows})
+form.write_results({"rows": rows})
 
 # %% [markdown]
 # Homework: how far can you shift it before the wearer falls? Which threshold would you move along?

@@ -11,7 +11,7 @@ Some minutes on two cores; page: docs/background/cohort.md.
 
 # %%
 from cohorts.walkers import DURATION, SUPPORT, cohort_row, failures, walkers
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait import load_experiment, simulate_batch
 from twin_gait.studies.workers import Workers
@@ -38,7 +38,7 @@ def walk_all(count: int, duration: float, workers: Workers) -> tuple[list[dict],
 
 # %%
 if __name__ == "__main__":
-    form = form_of("cohort")
+    form = read_options("cohort")
     with Workers(form.workers) as workers:
         cohorts, others = walk_all(2 if form.quick else COHORT, 5.0 if form.quick else DURATION, workers)
-    form.keep({"cohorts": cohorts, "others": others})
+    form.write_results({"cohorts": cohorts, "others": others})

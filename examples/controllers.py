@@ -16,15 +16,15 @@ import tempfile
 from typing import Any
 
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 from matplotlib.figure import Figure
 
-from twin_gait import Run, load_experiment, simulate, summarise
+from twin_gait import Run, load_experiment, simulate, summarise_run
 from twin_gait.measures.strides import normalise_strides
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, ORANGE, REDDISH_PURPLE
 from twin_gait.report.canvas import put_legend, save, style_panel
 
-form = form_of("controllers")
+form = read_options("controllers")
 DURATION = 12.0 if form.quick else 30.0  # [s]
 CONTROLLERS = {
     "table": [],
@@ -81,7 +81,7 @@ rows = []
 for name, run in runs.items():
     row = {"controller": name, "outcome": str(run.verdict.outcome)}
     if name in walked:
-        side = summarise(run)["sides"][AFFECTED]
+        side = summarise_run(run)["sides"][AFFECTED]
         row |= {
             "stride [s]": f"{side['stride_time_mean_s']:.2f}",
             "RMSE hip [°]": f"{side['rmse_hip_by_contact_deg']:.1f}",
@@ -108,4 +108,4 @@ with tempfile.TemporaryDirectory() as folder:
 compared: dict[str, Any] = json.loads(answer)
 for line in compared["table"]:
     print(" | ".join(line.values()))
-form.keep({"rows": rows, "subtitle": compared["subtitle"], "days": compared["table"]})
+form.write_results({"rows": rows, "subtitle": compared["subtitle"], "days": compared["table"]})

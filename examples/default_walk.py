@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 from scipy.stats import qmc
 
-from twin_gait import Experiment, Run, load_experiment, simulate, summarise
-from twin_gait.studies.batch import overridden, run_episodes
+from twin_gait import Experiment, Run, load_experiment, simulate, summarise_run
+from twin_gait.studies.batch import override_experiment, run_episodes
 from twin_gait.studies.workers import Workers
 
 TABLES = ("treadmill", "treadmill_pre_swing")
@@ -88,7 +88,7 @@ def measured(run: Run) -> dict[str, float | str]:
     power = run.walk_power()
     if found["outcome"] != "walked" or power is None:
         return found
-    summary, legs = summarise(run), list(run.walk_measures().values())
+    summary, legs = summarise_run(run), list(run.walk_measures().values())
     sides = list(summary["sides"].values())
     saturated = [joint["saturated_share"] for side in sides for joint in side["joints"].values()]
     reference = summary["walk_reference"]
@@ -115,7 +115,7 @@ def walk_of(item: tuple[str, dict[str, float]]) -> Experiment:
     """The experiment of a table and some changes."""
     name, changes = item
     settings = [f"table={name}", f"duration_s={DURATION}"]
-    return overridden(load_experiment("treadmill", settings).experiment, changes)
+    return override_experiment(load_experiment("treadmill", settings).experiment, changes)
 
 
 def draws(count: int) -> list[dict[str, float]]:
@@ -152,7 +152,7 @@ def speed_range(speeds: Sequence[float], walked: Sequence[bool], around: float) 
 def worked(changes: dict[str, float]) -> dict[str, float]:
     """What the default walk with some changes costs the motors; of the larger leg or joint, or their mean."""
     run = simulate(walk_of(("treadmill", changes)))
-    summary = summarise(run)
+    summary = summarise_run(run)
     sides = list(summary["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
     return {
@@ -222,7 +222,7 @@ def moved_rows(walks: dict[tuple[str, str], dict], nominal: dict[str, dict]) -> 
 
 # %%
 if __name__ == "__main__":
-    form = form_of("default_walk")
+    form = read_options("default_walk")
     count, speeds = (
         (DRAWS, np.round(np.arange(0.5, 3.01, 0.1), 1)) if not form.quick else (2, np.array([1.5]))
     )
@@ -245,7 +245,7 @@ if __name__ == "__main__":
         text = "none" if found is None else f"{found[0]:.1f} to {found[1]:.1f} km/h"
         summary.append({"table": name, "combined draws that walk": f"{sum(walked)} of {count}", "belt": text})
         print(name, nominal[name], summary[-1], sep="\n  ")
-    form.keep(
+    form.write_results(
         {
             "goals": goal_rows(nominal),
             "reach": summary,

@@ -13,7 +13,7 @@ minutes on two cores; page: docs/reference/faults.md.
 from dataclasses import asdict
 
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from injected_faults.audit import audited_row, stated_reaction
 from injected_faults.figure import draw_campaign
 
@@ -44,7 +44,7 @@ def what_held(table: pd.DataFrame) -> dict:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("fault_campaign")
+    form = read_options("fault_campaign")
     experiment = load_experiment("treadmill", [f"duration_s={3.0 if form.quick else DURATION}"]).experiment
     faults = draw_faults(experiment, 10 if form.quick else RUNS, SEED)
     table = simulate_faults(experiment, faults, row=audited_row, workers=form.workers)
@@ -55,7 +55,7 @@ if __name__ == "__main__":
     example = load_experiment("treadmill", [f"duration_s={DURATION}", f"faults=['{EXAMPLE}']"]).experiment
     save(draw_campaign(table, simulate(example)), form.out / "faults.png")
     safety, limits = experiment.control.safety, experiment.control.limits
-    form.keep(
+    form.write_results(
         {
             "outcomes": outcomes.to_dict("records"),
             "held": what_held(table),

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from printed_c.changed_constants import REASONS, Unit, classified
 
 from twin_gait import load_experiment
@@ -85,7 +85,7 @@ def constants_of(experiment: str, units: Sequence[str], step: int = 1) -> list[d
 
 # %%
 if __name__ == "__main__":
-    form = form_of("firmware")
+    form = read_options("firmware")
     chosen = {"bench_leg": ("bench_leg", "duration_s=3")} if form.quick else TABLES
     rows = [row_of(name, *words) for name, words in chosen.items()]
     if form.quick:
@@ -93,7 +93,7 @@ if __name__ == "__main__":
     else:
         constants = constants_of("treadmill", ("joint_board", "gait_controller", "exoskeleton", "can_codec"))
     print(pd.DataFrame(rows).T.to_string(header=False))
-    form.keep(
+    form.write_results(
         {
             "rows": rows,
             "constants": constants,

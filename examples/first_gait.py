@@ -2,12 +2,12 @@
 
 # %%
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 from matplotlib.figure import Figure
 
 from twin_gait import load_experiment, simulate
 
-form = form_of("first_gait")
+form = read_options("first_gait")
 
 # %% [markdown]
 # An experiment is one frozen value; `simulate` gives a run whose log has one row per tick of 1 ms.
@@ -33,7 +33,7 @@ axes.plot(percent, np.degrees(stride["left_knee_angle_rad"]), label="knee")
 axes.set(xlabel="stride [%]", ylabel="flexion [°]", title="One stride of the left leg")
 axes.legend()
 figure.savefig(form.out / "first_gait.png", dpi=120)
-form.keep({"outcome": str(run.verdict.outcome), "stride_s": len(stride) * 1e-3})
+form.write_results({"outcome": str(run.verdict.outcome), "stride_s": len(stride) * 1e-3})
 print(f"wrote {form.out / 'first_gait.png'}")
 
 # %% [markdown]

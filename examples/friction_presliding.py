@@ -19,7 +19,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -203,7 +203,7 @@ def draw(runs: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 def draw_steady(axes: Axes, law: FrictionLaw, look: Mapping[str, Any]) -> None:
     """Friction over a steady velocity."""
-    friction = law.in_plant()
+    friction = law.to_plant_friction()
     speeds = np.geomspace(1e-4, 0.6, 600).tolist()
     torques = [friction_torque(friction, w, steady_deflection(friction, w), 0.0) for w in speeds]
     axes.plot(speeds, torques, **look)
@@ -211,7 +211,7 @@ def draw_steady(axes: Axes, law: FrictionLaw, look: Mapping[str, Any]) -> None:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("friction_presliding")
+    form = read_options("friction_presliding")
     rest = 2.0 if form.quick else 20.0
     runs = {
         name: {
@@ -224,4 +224,4 @@ if __name__ == "__main__":
     save(draw(runs), form.out / "friction_presliding.png", resolution=80)
     numbers = numbers_of(runs)
     print(numbers)
-    form.keep(numbers)
+    form.write_results(numbers)

@@ -21,7 +21,7 @@ RESULTS = "results.json"
 
 
 @dataclass(frozen=True)
-class Form:
+class ScriptOptions:
     """How a script is run.
 
     Attributes:
@@ -36,13 +36,13 @@ class Form:
     workers: int
     more: Mapping[str, Any] = field(default_factory=dict)
 
-    def keep(self, results: Mapping[str, Any]) -> None:
+    def write_results(self, results: Mapping[str, Any]) -> None:
         """Write the numbers that pages quote (docs/insert.py): plain numbers, texts, lists and mappings."""
         text = json.dumps({"quick": self.quick, **results}, indent=1, ensure_ascii=False, allow_nan=False)
         (self.out / RESULTS).write_text(text + "\n", encoding="utf-8")
 
 
-def form_of(name: str, folder: Path | None = None, **more: Mapping[str, Any]) -> Form:
+def read_options(name: str, folder: Path | None = None, **more: Mapping[str, Any]) -> ScriptOptions:
     """Read the arguments of a script.
 
     Args:
@@ -65,4 +65,4 @@ def form_of(name: str, folder: Path | None = None, **more: Mapping[str, Any]) ->
         out = Path(tempfile.mkdtemp(prefix=f"{name}_"))
     out = out or (folder or Path(__file__).parent) / "results" / name
     out.mkdir(parents=True, exist_ok=True)
-    return Form(out, chosen.quick, chosen.workers, {option: getattr(chosen, option) for option in more})
+    return ScriptOptions(out, chosen.quick, chosen.workers, {option: getattr(chosen, option) for option in more})

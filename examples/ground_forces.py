@@ -9,12 +9,12 @@ what the measures mean: docs/reference/summary.md.
 from __future__ import annotations
 
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 
-from twin_gait import Run, load_experiment, simulate, summarise
+from twin_gait import Run, load_experiment, simulate, summarise_run
 from twin_gait.report.canvas import save
 
-form = form_of("ground_forces")
+form = read_options("ground_forces")
 SUPPORTS = (0.4, 0.6) if form.quick else (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 
 
@@ -50,11 +50,11 @@ MEASURES = {
 }
 rows = []
 for support in SUPPORTS:
-    summary = summarise(walk(support))
+    summary = summarise_run(walk(support))
     row = {"support": f"{support:.0%}", "outcome": summary["outcome"]}
     if "walk" in (left := summary["sides"]["left"]):
         found = {name: left["walk"][key] for name, key in MEASURES.items()}
         row |= {name: "–" if value is None else f"{value:.2f}" for name, value in found.items()}
     rows.append(row)
-form.keep({"rows": rows})
+form.write_results({"rows": rows})
 print(pd.DataFrame(rows).fillna("").to_string(index=False))

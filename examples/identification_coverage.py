@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait import JointName
 from twin_gait.identification.identify import IdentificationOptions, identify_tests
@@ -148,7 +148,7 @@ def row_of(joint: JointName, item: Any) -> dict[str, str]:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("identification_coverage")
+    form = read_options("identification_coverage")
     count, cycles = (QUICK_CAMPAIGNS, QUICK_CYCLES) if form.quick else (CAMPAIGNS, CYCLES)
     joints = (JointName.KNEE,) if form.quick else (JointName.KNEE, JointName.HIP)
     asked = [(joint, seed) for joint in joints for seed in range(count)]
@@ -165,7 +165,7 @@ if __name__ == "__main__":
             print(f"{joint}, {count} campaigns, {processing}\n{table.round(4).to_string(index=False)}\n")
     pd.concat(tables).to_csv(form.out / "coverage.csv", index=False)
     standard_error = math.sqrt(0.95 * 0.05 / count)
-    form.keep({"campaigns": count, "standard_error": standard_error, **rows, "warnings": warned})
+    form.write_results({"campaigns": count, "standard_error": standard_error, **rows, "warnings": warned})
 
 # %% [markdown]
 # Homework: the thesis only had falls in one direction (`Protocol.DROP`). Which parameters would you still

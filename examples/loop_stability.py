@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -299,7 +299,7 @@ def draw_mark(axes: Axes, result: Result) -> None:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("loop_stability")
+    form = read_options("loop_stability")
     results = run_jobs(cross_check, grid()[5::24] if form.quick else grid(), workers=form.workers)
     save(draw(results, 6 if form.quick else 33), form.out / "loop_stability.png", resolution=100)
     pd.DataFrame(map(row_of, results)).to_csv(form.out / "loop_stability.csv", index=False)
@@ -321,5 +321,5 @@ if __name__ == "__main__":
         "friction_ratio": {str(joint): ratio for joint, ratio in ratios.items()},
         "rows": [shown(result) for result in results if result.case.stiffness == STIFFNESSES[2]],
     }
-    form.keep(numbers)
+    form.write_results(numbers)
     print({name: value for name, value in numbers.items() if name != "rows"})

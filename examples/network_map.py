@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
@@ -197,7 +197,7 @@ def draw(walks: pd.DataFrame, swings: Sequence[Swing], linear: Sequence[float]) 
 
 # %%
 if __name__ == "__main__":
-    form = form_of("network_map")
+    form = read_options("network_map")
     duration = 12.0 if form.quick else 20.0
     delays, losses = ((0, 20), (0.0, 0.2)) if form.quick else (DELAYS, LOSSES)
     walks = outcome_map(delays, losses, duration, form.workers)
@@ -223,7 +223,7 @@ if __name__ == "__main__":
         if item.delay in SHOWN
     ]
     counted = {place: counts_of(block) for place, block in walks.groupby("springs")}
-    form.keep(
+    form.write_results(
         {
             "loads": bus_loads(),
             "places": counted,

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import matplotlib.pyplot as plt
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 
-from twin_gait import Experiment, Run, load_experiment, simulate, summarise
+from twin_gait import Experiment, Run, load_experiment, simulate, summarise_run
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 
 MASSES, HEIGHTS = (55, 65, 75, 85, 95), (1.60, 1.70, 1.80, 1.90)
@@ -93,7 +93,7 @@ def heel_off_delays(run: Run) -> list[float]:
 
 def beside_published(run: Run) -> list[dict[str, str]]:
     """The walk of the preset itself beside what is published."""
-    found = summarise(run)
+    found = summarise_run(run)
     free, arms = found["free_trunk"], list(found["free_trunk"]["arms"].values())
     steps = [side["walk"]["step_length_m"] for side in found["sides"].values()]
     ours = {
@@ -128,13 +128,13 @@ def draw(run: Run) -> plt.Figure:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("overground")
+    form = read_options("overground")
     walk = simulate(load_experiment("overground").experiment)
     draw(walk).savefig(form.out / "overground.png", dpi=110)
     comparison = beside_published(walk)
     for line in comparison:
         print(line)
-    free = summarise(walk)["free_trunk"]
+    free = summarise_run(walk)["free_trunk"]
     print("without arms:", free["without_arms"])
     grid = [(m, h, how) for how in TRIGGERS for m in MASSES for h in HEIGHTS]
     runs = [(case, simulate(experiment(*case))) for case in (grid[-1:] if form.quick else grid)]
@@ -145,7 +145,7 @@ if __name__ == "__main__":
     delays = [delay for case, run in runs if case[2] == "trunk lean" for delay in heel_off_delays(run)]
     print({how: f"{sum(there)} of {len(there)}" for how, there in reached.items()})
     print(f"heel off {np.median(delays):.2f} s after the held lean, {min(delays):.2f} to {max(delays):.2f}")
-    form.keep(
+    form.write_results(
         {
             "comparison": comparison,
             "without_arms": free["without_arms"],

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import matplotlib.pyplot as plt
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 
-from twin_gait import Experiment, Run, load_experiment, simulate, summarise
+from twin_gait import Experiment, Run, load_experiment, simulate, summarise_run
 
 PRESETS = {"orthosis alone": "treadmill", "motor and orthosis": "treadmill_ankle"}
 DURATION, SKIPPED = 20.0, 2  # [s], strides at the start
@@ -76,7 +76,7 @@ def of_ankle(run: Run) -> dict[str, float]:
 
 def of_walk(run: Run) -> dict[str, float]:
     """The walk itself, of the worse leg."""
-    summary = summarise(run)
+    summary = summarise_run(run)
     sides = list(summary["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
     return {
@@ -150,7 +150,7 @@ def draw(runs: dict[str, Run]) -> plt.Figure:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("powered_ankle")
+    form = read_options("powered_ankle")
     walks = {name: simulate(experiment(preset, 70, 1.75)) for name, preset in PRESETS.items()}
     ankles = {name: of_ankle(run) for name, run in walks.items()}
     rows = [power_row(name, found) for name, found in (*ankles.items(), *WINTER.items())]
@@ -162,7 +162,7 @@ if __name__ == "__main__":
         wearers.append(wearer_row(mass, height, others))
         print(wearers[-1])
     draw(walks).savefig(form.out / "powered_ankle.png", dpi=110)
-    form.keep(
+    form.write_results(
         {
             "power": rows,
             "ankle": {name.split()[0]: found for name, found in ankles.items()},

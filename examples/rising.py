@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait import JointName, Run, load_experiment, simulate
 from twin_gait.studies.jobs import run_jobs
@@ -271,7 +271,7 @@ def beside_published(runs: dict[Motion, Run]) -> list[dict[str, str]]:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("rising")
+    form = read_options("rising")
     shown = {motion: run_of(motion) for motion in (RISING, SITTING)}
     draw(shown).savefig(form.out / "rising.png", dpi=110)
     comparison = beside_published(shown)
@@ -279,4 +279,4 @@ if __name__ == "__main__":
     cases = run_jobs(row_of, grid[13:14] if form.quick else grid, workers=form.workers)
     for line in (*comparison, *cases):
         print(line)
-    form.keep({"comparison": comparison, "within_percent": 100.0 * WITHIN, "cases": cases})
+    form.write_results({"comparison": comparison, "within_percent": 100.0 * WITHIN, "cases": cases})

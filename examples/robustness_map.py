@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait.studies.sweep.spec import load_sweep
 from twin_gait.studies.sweep.sweep import run_sweep
@@ -113,7 +113,7 @@ def support_rows(walks: pd.DataFrame) -> list[dict]:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("robustness_map")
+    form = read_options("robustness_map")
     with tempfile.TemporaryDirectory() as folder, Workers(form.workers) as workers:
         sweep = load_sweep(spec_in(folder, quick=form.quick))
         out = Path(folder) / "map"
@@ -127,7 +127,7 @@ if __name__ == "__main__":
     beyond.to_csv(form.out / "beyond.csv", index=False, lineterminator="\n")
     share = float((walks["outcome"] == "walked").mean())
     print(f"{len(walks)} walks of {sweep.experiment.duration:g} s: {share:.1%} walked")
-    form.keep(
+    form.write_results(
         {
             "walks": len(walks),
             "walked": int((walks["outcome"] == "walked").sum()),

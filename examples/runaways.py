@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from injected_faults.runaways import (
     RATES,
     WITHOUT,
@@ -29,7 +29,7 @@ from injected_faults.runaways import (
 
 from twin_gait import Experiment, load_experiment, presets
 from twin_gait.report.canvas import save
-from twin_gait.studies.batch import overridden, run_episodes
+from twin_gait.studies.batch import override_experiment, run_episodes
 
 SEED = 0
 NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": 1e-4}
@@ -86,7 +86,7 @@ def shipped_rows(names: list[str], changes: dict[str, Any]) -> list[dict[str, An
     """Return the largest deviations in presets, with ideal and with noisy encoders."""
     rows = []
     for name in names:
-        experiment = overridden(load_experiment(name).experiment, changes)
+        experiment = override_experiment(load_experiment(name).experiment, changes)
         ideal, noisy = run_episodes(partial(walker_of, experiment), walker_row, [{}, NOISE])
         rows.append(
             {
@@ -110,7 +110,7 @@ def random_walks(count: int, duration: float, workers: int) -> dict[str, Any]:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("runaways")
+    form = read_options("runaways")
     campaigns = {DEFAULT: (8, 6.0, 1.0)} if form.quick else CAMPAIGNS
     rows, tables = [], {}
     for preset, (count, duration, first_time) in campaigns.items():
@@ -118,7 +118,7 @@ if __name__ == "__main__":
         tables[preset] = simulate_runaways(experiment, count, first_time, form.workers)
         rows += outcome_rows(preset, tables[preset])
     count, duration, first_time = campaigns[DEFAULT]
-    unbounded = overridden(load_experiment(DEFAULT, [f"duration_s={duration}"]).experiment, WITHOUT)
+    unbounded = override_experiment(load_experiment(DEFAULT, [f"duration_s={duration}"]).experiment, WITHOUT)
     before = simulate_runaways(unbounded, count, first_time, form.workers)
     print(pd.DataFrame(rows).T.to_string(header=False))
     tables[DEFAULT].to_csv(form.out / "runaways.csv", index=False, lineterminator="\n", float_format="%.6g")
@@ -127,7 +127,7 @@ if __name__ == "__main__":
     shipped = shipped_rows(["bench_leg"], {"duration_s": 2.0}) if form.quick else shipped_rows(presets(), {})
     walks = random_walks(4, 3.0, 1) if form.quick else random_walks(WALKERS, WALK_DURATION, form.workers)
     on_belt = [row for row in rows if row["preset"] != "overground"]
-    form.keep(
+    form.write_results(
         {
             "outcomes": rows,
             "without": outcome_rows(DEFAULT, before),

@@ -12,9 +12,9 @@ from functools import partial
 
 import pandas as pd
 from cohorts.shipped import MASS_ALONE, PASSIVE_ALONE, brace_row, person_row
-from gallery import form_of
+from gallery import read_options
 
-from twin_gait.configuration.experiments import people
+from twin_gait.configuration.experiments import list_patients
 from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.workers import Workers
 
@@ -22,8 +22,8 @@ BRACE_FACTORS = (0.3, 0.5, 1.0, 3.0, 10.0)
 
 # %%
 if __name__ == "__main__":
-    form = form_of("shipped_people")
-    who = [MASS_ALONE, "stroke_left"] if form.quick else [MASS_ALONE, PASSIVE_ALONE, *people()]
+    form = read_options("shipped_people")
+    who = [MASS_ALONE, "stroke_left"] if form.quick else [MASS_ALONE, PASSIVE_ALONE, *list_patients()]
     factors = (1.0,) if form.quick else BRACE_FACTORS
     long, short = (5.0, 5.0) if form.quick else (30.0, 20.0)
     with Workers(form.workers) as workers:
@@ -31,4 +31,4 @@ if __name__ == "__main__":
         braces = run_jobs(partial(brace_row, duration=short), factors, workers=workers)
     print(pd.DataFrame(walks).to_string(index=False))
     print(pd.DataFrame(braces).to_string(index=False))
-    form.keep({"people": walks, "braces": braces})
+    form.write_results({"people": walks, "braces": braces})

@@ -10,14 +10,14 @@ steady walk. Two minutes on two cores; page: docs/background/start_stop.md.
 
 # %%
 from cohorts.standing import ROWS, ending_of, line_of, trials_of, walk_of
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait.studies.batch import run_episodes
 from twin_gait.studies.workers import Workers
 
 # %%
 if __name__ == "__main__":
-    form = form_of("start_stop")
+    form = read_options("start_stop")
     rows = [ROWS[0]._replace(moments=2)] if form.quick else ROWS
     lines = []
     with Workers(form.workers) as workers:
@@ -25,4 +25,4 @@ if __name__ == "__main__":
             endings = run_episodes(walk_of, ending_of, trials_of(row), workers=workers)
             lines.append(line_of(row, endings))
             print(*lines[-1].values(), sep=" | ", flush=True)
-    form.keep({"trials": lines})
+    form.write_results({"trials": lines})

@@ -7,14 +7,14 @@ thesis/claims.yaml, what they come to in docs/background/reproduction.md.
 """
 
 # %%
-from gallery import form_of
+from gallery import read_options
 from thesis import bench, control, velocity
 from thesis import control_figures as figures
 from thesis.claims import Answers
 
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 
-answers = Answers("thesis_control", form_of("thesis_control"))
+answers = Answers("thesis_control", read_options("thesis_control"))
 
 # %% [markdown]
 # ## Figures 2.12 and 2.20: TWIN's old friction model, and the linear stiffness

@@ -7,7 +7,7 @@ docs/background/reproduction.md. 3 s on one core; exits with 1 if a predicted nu
 """
 
 # %%
-from gallery import form_of
+from gallery import read_options
 from thesis import falls_figures as figures
 from thesis.claims import Answers
 from thesis.falls import (
@@ -20,7 +20,7 @@ from thesis.falls import (
     neutral_gain,
 )
 
-answers = Answers("thesis_falls", form_of("thesis_falls"))
+answers = Answers("thesis_falls", read_options("thesis_falls"))
 
 # %% [markdown]
 # ## Figures A.1 and A.2: the two laws of the duty

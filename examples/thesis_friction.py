@@ -8,7 +8,7 @@ number leaves its band.
 """
 
 # %%
-from gallery import form_of
+from gallery import read_options
 from thesis import friction_figures as figures
 from thesis import velocity
 from thesis.claims import Answers
@@ -29,7 +29,7 @@ from thesis.friction import (
 
 from twin_gait.studies.campaign import TWO_WAY_SPEEDS
 
-form = form_of("thesis_friction")
+form = read_options("thesis_friction")
 answers = Answers("thesis_friction", form)
 
 # %% [markdown]

@@ -6,7 +6,7 @@ the leg; exits with 1 if a predicted number leaves its band.
 """
 
 # %%
-from gallery import form_of
+from gallery import read_options
 from thesis import limits_figures as figures
 from thesis.bench import RATIO
 from thesis.claims import Answers
@@ -16,7 +16,7 @@ from thesis.limits import RATIOS, limit_numbers, limits_of, released
 from twin_gait.simulation.bench_joint.loop import simulate_bench
 
 SHOWN_GAINS = (0.45, 0.6, 1.0)
-form = form_of("thesis_limits")
+form = read_options("thesis_limits")
 answers = Answers("thesis_limits", form)
 
 # %% [markdown]

@@ -11,7 +11,7 @@ beside the shipped table as its scaling law adapts it. Page: docs/background/coh
 import pandas as pd
 from cohorts.tuned import Job, experiment_of, tuned_walk
 from cohorts.walkers import cohort_row, walkers
-from gallery import form_of
+from gallery import read_options
 
 import twin_gait
 from twin_gait import simulate_batch
@@ -23,7 +23,7 @@ QUICK = {"generations": 1, "search_duration": 1.0, "robust_duration": 1.0}
 
 # %%
 if __name__ == "__main__":
-    form = form_of("tuned_cohort")
+    form = read_options("tuned_cohort")
     who = walkers(1 if form.quick else PEOPLE, SEED)
     settings = QUICK if form.quick else {"generations": GENERATIONS}
     jobs = [Job(number, walker, settings) for number, walker in enumerate(who)]
@@ -33,4 +33,4 @@ if __name__ == "__main__":
     rows = [cohort_row("treadmill, scaled", SEED, plain), cohort_row("tuned", SEED, tuned)]
     print(pd.DataFrame(rows).to_string(index=False))
     version = twin_gait.__version__
-    form.keep({"version": version, "generations": GENERATIONS, "people": len(who), "tunings": rows})
+    form.write_results({"version": version, "generations": GENERATIONS, "people": len(who), "tunings": rows})

@@ -8,11 +8,11 @@ conservation of energy, and prints every figure beside its limit. Takes seconds;
 import importlib.util
 
 from crosscheck import checks
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait import load_experiment, simulate
 
-form = form_of("validation")
+form = read_options("validation")
 mujoco = importlib.util.find_spec("mujoco") is not None
 rows = []
 
@@ -85,7 +85,7 @@ if not mujoco:
     print("without MuJoCo, which pip install 'twin-gait[test]' brings: its checks are left out")
 failed = sum(row["passed"] != "yes" for row in rows)
 with_mujoco = sum(row["compared with"].startswith("MuJoCo") for row in rows)
-form.keep(
+form.write_results(
     {"checks": rows, "count": len(rows), "with_mujoco": with_mujoco, "failed": failed, "mujoco": mujoco}
 )
 print(f"{len(rows) - failed} passed, {failed} failed")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -277,7 +277,7 @@ def draw_limits(panels: np.ndarray, limits: pd.DataFrame) -> None:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("whatif_friction_map")
+    form = read_options("whatif_friction_map")
     table, limits, costs = (
         pd.DataFrame(run_jobs(function, items, workers=form.workers))
         for function, items in (
@@ -290,5 +290,5 @@ if __name__ == "__main__":
         rows.to_csv(form.out / f"{name}.csv", index=False)
     save(draw(table, limits, costs), form.out / "friction_map.png", resolution=80)
     numbers = {"map": of_the_map(table), "limits": of_the_limits(limits), "costs": of_the_costs(costs)}
-    form.keep(numbers)
+    form.write_results(numbers)
     print(pd.Series(numbers["map"]).to_string())

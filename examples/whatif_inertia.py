@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -190,7 +190,7 @@ def draw_lines(axes: Axes, table: pd.DataFrame, by: str, simulated: str, predict
 
 # %%
 if __name__ == "__main__":
-    form = form_of("whatif_inertia")
+    form = read_options("whatif_inertia")
     held, filtered = settings_by_delay(quick=form.quick), settings_by_filter(quick=form.quick)
     shares, noise_shares = (SHARES[3::4], NOISE_SHARES[1:2]) if form.quick else (SHARES, NOISE_SHARES)
     table, limits, noise = (
@@ -205,5 +205,5 @@ if __name__ == "__main__":
         rows.to_csv(form.out / f"{name}.csv", index=False)
     save(draw(table, limits, noise), form.out / "inertia.png", resolution=80)
     numbers = {"stability": of_stability(table, limits), "noise": of_noise(noise)}
-    form.keep(numbers)
+    form.write_results(numbers)
     print(pd.Series(numbers["stability"]).to_string())

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
-from gallery import form_of
+from gallery import read_options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from whatif.endings import Ending
@@ -168,7 +168,7 @@ def draw_others(axes: Axes, rows: pd.DataFrame) -> None:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("whatif_temperature")
+    form = read_options("whatif_temperature")
     asked = list(cases(quick=form.quick))
     tried = [case._replace(gain=gain) for case in asked for gain in GAINS[:: 4 if form.quick else 1]]
     table = pd.DataFrame(run_jobs(case_row, tried, workers=form.workers))
@@ -176,5 +176,5 @@ if __name__ == "__main__":
     table.to_csv(form.out / "cases.csv", index=False)
     best.to_csv(form.out / "best.csv", index=False)
     save(draw(table, best), form.out / "temperature.png", resolution=80)
-    form.keep(numbers_of(table, best))
+    form.write_results(numbers_of(table, best))
     print(best.to_string(index=False))

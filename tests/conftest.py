@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from example_robots import twin_joints
 from hypothesis import HealthCheck, settings
-from tested_copy import complaint, copies_in_use
+from tested_copy import describe_mismatch, copies_in_use
 
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
@@ -35,7 +35,7 @@ ARMATURE = {JointName.HIP: HIP_ACTUATOR.armature, JointName.KNEE: KNEE_ACTUATOR.
 def pytest_configure(config: pytest.Config) -> None:
     """An edit of a law must not pass its tests because an older, installed copy was tested."""
     if not hasattr(config, "workerinput"):  # once, not in every worker of xdist
-        problem = next(filter(None, map(complaint, copies_in_use())), None)
+        problem = next(filter(None, map(describe_mismatch, copies_in_use())), None)
         if problem:
             pytest.exit(problem, returncode=pytest.ExitCode.USAGE_ERROR)
 

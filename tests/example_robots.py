@@ -18,14 +18,14 @@ def robot_urdf(name: str) -> Path:
     try:
         recorded = metadata.files("example-robot-data") or []
     except metadata.PackageNotFoundError:
-        _lack("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
+        _skip_or_fail("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
     for item in recorded:
         if str(item).endswith(f"/robots/{name}"):
             return Path(str(item.locate()))
-    _lack(f"this version of example-robot-data has no {name}")
+    _skip_or_fail(f"this version of example-robot-data has no {name}")
 
 
-def _lack(reason: str) -> NoReturn:
+def _skip_or_fail(reason: str) -> NoReturn:
     """Skip a test, or fail it where the robots are expected."""
     if os.environ.get(ROBOTS_VARIABLE):
         pytest.fail(f"{ROBOTS_VARIABLE} is set, but {reason}")

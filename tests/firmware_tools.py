@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware.cross import Unit, find_tool
+from twin_gait.firmware.cross import UnitSources, find_tool
 
 FIRMWARE_VARIABLE = "TWIN_GAIT_REQUIRE_FIRMWARE"
 TARGET_TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
@@ -37,7 +37,7 @@ def symbols(objects: Sequence[Path]) -> Mapping[str, str]:
 
 def write_unit(
     folder: Path, *, inputs: str, outputs: str, state: str, step: str, name: str = "probe"
-) -> Unit:
+) -> UnitSources:
     """A unit in a folder that does not exist: fields of its records, and the body of its step."""
     folder.mkdir()
     records = zip(("Inputs", "Outputs", ""), (inputs, outputs, state), strict=True)
@@ -54,4 +54,4 @@ def write_unit(
         f"void {name}_init({title} *unit) {{ *unit = ({title}){{0}}; }}\n"
         f"void {name}_step({title} *unit, const {title}Inputs *in, {title}Outputs *out) {{ {step} }}\n"
     )
-    return Unit(name, folder)
+    return UnitSources(name, folder)

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 from kit_mutants import Mutant
 
-from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, ways
+from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Case, comparison_bound, enumerate_cases
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, GaitTable, Transition
 from twin_gait.testing.exits import Exit, decisive, reads_only_own_time, reads_own_time, turning_tick
-from twin_gait.testing.reference import Vector, exits, holds
+from twin_gait.testing.reference import Measurements, exit_indices, holds
 
 SAME = "nothing has changed: zero is zero in every unit"
 ONE_CONDITION = "a list of one condition: all and any are the same"
@@ -31,7 +31,7 @@ NO_EXIT_SOONER = "no exit can be taken in the ticks that it changes"
 NEVER_BOTH = "the two, and those between them, are never due in one tick with different outcomes"
 
 
-class Window(NamedTuple):
+class TickWindow(NamedTuple):
     """Ticks in the phase; free asks for one moment in between, found by the solver, instead of both ends."""
 
     first: int
@@ -119,7 +119,7 @@ def is_dead(leave: Exit) -> bool:
 def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
     """Ticks at which other exits, whose guard is never closed, leave the phase, with their index."""
     others = [item for item in leave.siblings if item.index != leave.index]
-    always = Window(1, math.inf, free=True)
+    always = TickWindow(1, math.inf, free=True)
     return [
         (max(item.gate, item.debounce), item.index)
         for item in others
@@ -127,7 +127,7 @@ def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
     ]
 
 
-def possible(table: GaitTable, requirements: Sequence[Requirement], window: Window) -> bool:
+def possible(table: GaitTable, requirements: Sequence[Requirement], window: TickWindow) -> bool:
     """Whether some measurements fulfil all requirements, with the other leg in any phase or not there."""
     if window.first > window.last:
         return False
@@ -138,20 +138,20 @@ def possible(table: GaitTable, requirements: Sequence[Requirement], window: Wind
 
     def bounds_of(atom: Comparison, true: bool) -> list[Bound] | None:
         if window.free or not reads_own_time(atom):
-            return [bound_of(atom, true)]
+            return [comparison_bound(atom, true)]
         if reads_only_own_time(atom):
-            return [] if all(holds(atom, Vector({}, None), int(tick)) is true for tick in ends) else None
-        return [bound_of(atom, true).at(TIME, tick * TICK) for tick in ends]
+            return [] if all(holds(atom, Measurements({}, None), int(tick)) is true for tick in ends) else None
+        return [comparison_bound(atom, true).substitute(TIME, tick * TICK) for tick in ends]
 
     return any(
-        next(ways(Way(phases, tuple(start)), requirements, bounds_of, feasible), None) is not None
+        next(enumerate_cases(Case(phases, tuple(start)), requirements, bounds_of, feasible), None) is not None
         for phases in (table.phase_names, (None,))
     )
 
 
 def _guard_reason(before: Exit, after: Guard) -> str | None:
     guard = before.item.guard
-    if _flat(guard) == _flat(after):
+    if _flatten(guard) == _flatten(after):
         return ONE_CONDITION
     if not _differ(before, guard, after, []):
         return SAME_GUARD
@@ -162,14 +162,14 @@ def _guard_reason(before: Exit, after: Guard) -> str | None:
 
 
 def _acts_at_once(leave: Exit) -> bool:
-    return leave.debounce == 1 and leave.item.time_out_ticks is None
+    return leave.debounce == 1 and leave.item.timeout_ticks is None
 
 
-def _flat(guard: Guard) -> Guard:
+def _flatten(guard: Guard) -> Guard:
     """The guard without lists of one condition."""
     if not isinstance(guard, (AllOf, AnyOf)):
         return guard
-    inner = tuple(_flat(item) for item in guard.guards)
+    inner = tuple(_flatten(item) for item in guard.guards)
     return inner[0] if len(inner) == 1 else type(guard)(guards=inner)
 
 
@@ -183,22 +183,22 @@ def _differ(leave: Exit, guard: Guard, other: Guard, closed: Sequence[Exit]) -> 
     )
 
 
-def _windows(leave: Exit, guards: Sequence[Guard]) -> list[Window]:
+def _windows(leave: Exit, guards: Sequence[Guard]) -> list[TickWindow]:
     """Moments that stand for all: about each threshold in time, or any moment if one is a difference."""
     atoms = [entry.atom for guard in guards for entry in decisive(guard)]
     times = [atom for atom in atoms if isinstance(atom, Comparison) and reads_own_time(atom)]
     if not all(reads_only_own_time(atom) for atom in times):
-        return [Window(1, leave.latest, free=True)]
+        return [TickWindow(1, leave.latest, free=True)]
     turns = {turning_tick(atom) for atom in times}
     ticks = {1, *turns, *(turn - 1 for turn in turns)}
-    return [Window(tick, tick) for tick in sorted(ticks) if 1 <= tick <= leave.latest]
+    return [TickWindow(tick, tick) for tick in sorted(ticks) if 1 <= tick <= leave.latest]
 
 
 def _wait_reason(before: Exit, after: Transition) -> str | None:
     """Debounce or time-out has changed, the guard has not."""
     item = before.item
-    waits = [max(entry.time_out_ticks or 0, entry.debounce_ticks) for entry in (item, after)]
-    if waits[0] == waits[1] and item.is_time_out:
+    waits = [max(entry.timeout_ticks or 0, entry.debounce_ticks) for entry in (item, after)]
+    if waits[0] == waits[1] and item.is_timeout:
         return LONG_OPEN
     if item.debounce_ticks == after.debounce_ticks:
         shortest = before.table.phases[before.item.source].minimum_ticks
@@ -210,10 +210,10 @@ def _wait_reason(before: Exit, after: Transition) -> str | None:
 def _minimum_duration_is_free(table: GaitTable, mutant: Mutant) -> bool:
     """Whether no exit can be due in a tick that one minimum duration allows and the other does not."""
     ticks = sorted(item.phases[mutant.phase].minimum_ticks for item in (table, mutant.table))
-    for index in exits(table, mutant.phase):
+    for index in exit_indices(table, mutant.phase):
         item = table.transitions[index]
-        first = max(1, ticks[0], item.time_out_ticks or 0, item.debounce_ticks)
-        if possible(table, [Requirement(item.guard)], Window(first, ticks[1] - 1, free=True)):
+        first = max(1, ticks[0], item.timeout_ticks or 0, item.debounce_ticks)
+        if possible(table, [Requirement(item.guard)], TickWindow(first, ticks[1] - 1, free=True)):
             return False
     return True
 
@@ -221,7 +221,7 @@ def _minimum_duration_is_free(table: GaitTable, mutant: Mutant) -> bool:
 def _order_is_free(table: GaitTable, first: int, second: int) -> bool:
     """Whether the order of two exits, and of those between them, never matters."""
     phase = table.transitions[first].source
-    between = [index for index in exits(table, phase) if first <= index <= second]
+    between = [index for index in exit_indices(table, phase) if first <= index <= second]
     pairs = {(first, index) for index in between[1:]} | {(index, second) for index in between[:-1]}
     return all(_pair_is_free(Exit(table, one), Exit(table, two)) for one, two in pairs)
 
@@ -232,12 +232,12 @@ def _pair_is_free(one: Exit, two: Exit) -> bool:
     if is_dead(one) or is_dead(two):
         return True
     due = [
-        max(item.item.time_out_ticks or 0, item.debounce) if item.item.is_time_out else None
+        max(item.item.timeout_ticks or 0, item.debounce) if item.item.is_timeout else None
         for item in (one, two)
     ]
     known = [tick for tick in due if tick is not None]
     if len(known) == 2:
         return known[0] != known[1]
     both = [Requirement(one.item.guard), Requirement(two.item.guard)]
-    window = Window(known[0], known[0]) if known else Window(1, one.latest, free=True)
+    window = TickWindow(known[0], known[0]) if known else TickWindow(1, one.latest, free=True)
     return not possible(one.table, both, window)

@@ -83,7 +83,7 @@ def is_caught(mutant: Mutant, tests: Iterable[TransitionTest], machine: MachineF
 
 def kit_ticks(test: TransitionTest) -> int:
     """About how many ticks a test drives a machine through."""
-    again = 17 * len(test.table.joints) if test.scenario.refuses else 1
+    again = 17 * len(test.table.joints) if test.scenario.expects_rejection else 1
     return again * len(test.scenario.steps)
 
 

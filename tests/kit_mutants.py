@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, all_signal_names, signal_scale
-from twin_gait.gait.table import LONGEST, TICK, GaitTable, PhaseParameters, Transition
-from twin_gait.testing.reference import exits
+from twin_gait.gait.table import MAX_TICKS, TICK, GaitTable, PhaseParameters, Transition
+from twin_gait.testing.reference import exit_indices
 
 SHIFT = 1e-6  # of a threshold, relative to it or to 1, in the unit of the table; one tick of a time
 _UNIT = {"deg": 180.0 / math.pi, "bw": 100.0, "s": 1000.0}  # read as rad, per cent, ms
@@ -52,8 +52,8 @@ def mutants(table: GaitTable) -> Iterator[Mutant]:
     for index, item in enumerate(table.transitions):
         title = f"{item.source}→{item.target} ({item.cause})"
         for kind, text, changed in _transition_mutants(table, item):
-            yield Mutant(kind, f"{title}: {text}", _with(table, index, changed), item.source, (index,))
-        yield from _everywhere(table, index, title)
+            yield Mutant(kind, f"{title}: {text}", _replace_transition(table, index, changed), item.source, (index,))
+        yield from _add_to_all_phases(table, index, title)
     yield from _orders(table)
     yield from _minimum_durations(table)
 
@@ -66,12 +66,12 @@ def unchecked(table: GaitTable, **changes: object) -> GaitTable:
     return changed
 
 
-def _with(table: GaitTable, index: int, item: Transition) -> GaitTable:
+def _replace_transition(table: GaitTable, index: int, item: Transition) -> GaitTable:
     items = (*table.transitions[:index], item, *table.transitions[index + 1 :])
     return unchecked(table, transitions=items)
 
 
-def _everywhere(table: GaitTable, index: int, title: str) -> Iterator[Mutant]:
+def _add_to_all_phases(table: GaitTable, index: int, title: str) -> Iterator[Mutant]:
     """The exit is there in one more phase too, below all others."""
     item = table.transitions[index]
     for phase in table.phase_names:
@@ -101,20 +101,20 @@ def _debounces(item: Transition) -> Changed:
 
 
 def _time_outs(item: Transition) -> Changed:
-    time = item.time_out_ticks
+    time = item.timeout_ticks
     if time is None:
         return
-    changes = {"never": LONGEST, "at once": 1, "one tick sooner": time - 1, "one tick later": time + 1}
+    changes = {"never": MAX_TICKS, "at once": 1, "one tick sooner": time - 1, "one tick later": time + 1}
     for text, ticks in changes.items():
-        if 1 <= ticks <= LONGEST and ticks != time:
+        if 1 <= ticks <= MAX_TICKS and ticks != time:
             yield "time-out", text, replace(item, time_out_ticks=ticks)
-    if time * 1000 <= LONGEST:
+    if time * 1000 <= MAX_TICKS:
         yield "unit", "time-out read in another unit", replace(item, time_out_ticks=time * 1000)
 
 
 def _orders(table: GaitTable) -> Iterator[Mutant]:
     for phase in table.phase_names:
-        leaving = exits(table, phase)
+        leaving = exit_indices(table, phase)
         for place, first in enumerate(leaving):
             for second in leaving[place + 1 :]:
                 items = list(table.transitions)
@@ -184,11 +184,11 @@ def _comparison_mutants(table: GaitTable, guard: Comparison) -> Guards:
     if guard.signal not in ("walk", "step"):
         factor = _UNIT[guard.signal.rsplit("_", 1)[-1]]
         yield "unit", f"{guard} in another unit", replace(guard, threshold=guard.threshold * factor)
-    for name in _mistaken(table, guard.signal):
+    for name in _confusable_signals(table, guard.signal):
         if name != guard.minus:
             yield "signal", f"{guard} reads {name} for {guard.signal}", replace(guard, signal=name)
     if guard.minus is not None:
-        for name in _mistaken(table, guard.minus):
+        for name in _confusable_signals(table, guard.minus):
             if name != guard.signal:
                 yield "signal", f"{guard} reads {name} for {guard.minus}", replace(guard, minus=name)
         turned = replace(guard, signal=guard.minus, minus=guard.signal)
@@ -212,7 +212,7 @@ def _not_strict(guard: Comparison) -> float:
     return moved
 
 
-def _mistaken(table: GaitTable, name: str) -> list[str]:
+def _confusable_signals(table: GaitTable, name: str) -> list[str]:
     """Signals that one slip turns a signal into: the other leg's, another joint's, another quantity."""
     leg = OTHER if name.startswith(OTHER) else ""
     part, _, quantity = name.removeprefix(OTHER).rpartition(".")

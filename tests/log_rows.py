@@ -7,13 +7,13 @@ import numpy as np
 from twin_gait.simulation.run import Run
 
 
-def rows_of(run: Run) -> np.ndarray:
+def log_matrix(run: Run) -> np.ndarray:
     """The log without the time and with phases by number, shape ``(n_ticks, n_columns)``."""
     log = run.log.drop(columns="time_s")
     columns = [log[name].cat.codes if name.endswith("_phase") else log[name] for name in log]
     return np.array(columns, dtype=float).reshape(log.shape[1], len(log)).T
 
 
-def ending_of(run: Run) -> tuple[Any, ...]:
+def run_result(run: Run) -> tuple[Any, ...]:
     """Switches, how it ended, trip and traffic."""
     return run.switches, run.status, run.reason, run.trip, run.traffic

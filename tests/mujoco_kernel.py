@@ -15,19 +15,19 @@ import numpy as np
 from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_spec
 
 from twin_gait import Experiment, LegModel, Patient
-from twin_gait.core.contact import Ground, Point, ground_contact_force
+from twin_gait.core.contact import Ground, ContactState, ground_contact_force
 from twin_gait.leg_model.joints import PELVIS_JOINT
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 
 
-class Legs:
+class MujocoLegs:
     """A leg model in MuJoCo, in the order of our coordinates."""
 
     def __init__(self, experiment: Experiment, model: LegModel, patient: Patient | None) -> None:
         """Build it from the URDF and the tables of the literature."""
         spec = legs_spec(model, patient, fit_device=experiment.leg.fit_device)
         armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
-        gravity, step = experiment.plant.gravity, experiment.stepping.step
+        gravity, step = experiment.plant.gravity, experiment.resolved_integration.step
         self.model = compiled_legs(spec, model, armature, gravity=gravity, step=step)
         self.data = mujoco.MjData(self.model)
         self.order = coordinate_order(self.model, model)
@@ -36,7 +36,7 @@ class Legs:
         """Number of the body that a joint carries."""
         return int(self.model.jnt_bodyid[self.model.joint(joint).id])
 
-    def place(self, q: list[float], v: list[float] | None = None) -> None:
+    def set_state(self, q: list[float], v: list[float] | None = None) -> None:
         """Go to a state, at rest without velocities; tips of crutches come last and are not in here."""
         own = len(self.order)
         self.data.qpos[self.order] = q[:own]
@@ -54,13 +54,13 @@ class Legs:
 class MujocoKernel:
     """The functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: SimulationSetup) -> None:
         """Build plant and controller's model."""
         experiment, world = problem.experiment, problem.world
         assert world.braces is None
         known = experiment.patient if experiment.control.patient is None else experiment.control.patient
-        self._legs = Legs(experiment, world.model, experiment.patient)
-        self._control = Legs(experiment, problem.control_model, known)
+        self._legs = MujocoLegs(experiment, world.model, experiment.patient)
+        self._control = MujocoLegs(experiment, problem.control_model, known)
         self._guide = None if world.model.pelvis_index is None else self._legs.body(PELVIS_JOINT)
         # Heels and toes are bodies of their own, without mass.
         names = [name for side in world.model.legs for name in world.contact_frames.get(side, ())]
@@ -83,7 +83,7 @@ class MujocoKernel:
         gravity: float,
         ground: Ground,
         a: list[float],
-        points: list[Point],
+        points: list[ContactState],
     ) -> float:
         """Accelerations; the ground's forces are applied to the feet."""
         power = self.contact_forces(q, v, bodies, ground, points)
@@ -92,10 +92,10 @@ class MujocoKernel:
         return power
 
     def contact_forces(
-        self, q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[Point]
+        self, q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[ContactState]
     ) -> float:
         """Forces of the ground on the points of the soles, by velocities that MuJoCo's Jacobians give."""
-        self._legs.place(q, v)
+        self._legs.set_state(q, v)
         model, data, jacobian, power = (
             self._legs.model,
             self._legs.data,
@@ -142,14 +142,14 @@ class MujocoKernel:
         self, q: list[float], bodies: list[float], gravity: float, torque: list[float]
     ) -> None:
         """Gravity torques of the controller's model: its bias at rest."""
-        self._control.place(q)
+        self._control.set_state(q)
         torque[:] = self._control.data.qfrc_bias[self._control.order].tolist()
 
     def control_inertia(
         self, q: list[float], a: list[float], bodies: list[float], torque: list[float]
     ) -> None:
         """Inertia torques of the controller's model."""
-        self._control.place(q)
+        self._control.set_state(q)
         given, found = np.zeros((2, len(q)))
         given[self._control.order] = a
         mujoco.mj_mulM(self._control.model, self._control.data, found, given)

@@ -21,7 +21,7 @@ from twin_gait.gait.guards import AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.parameters.friction import FrictionParameters
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.vocabulary import Side
 
 # Parameters a, b, c, d of equation (3.1) of the thesis.
@@ -48,10 +48,10 @@ def friction_torque(velocity: np.ndarray, law: np.ndarray) -> np.ndarray:
     return np.asarray(bump + b * np.tanh(velocity / (c / 10.0)) + d * velocity)
 
 
-class Phases:
+class PhaseMachine:
     """Phase of one leg on ``transitions``, whose conditions are Python functions."""
 
-    def __init__(self, problem: Problem, side: Side) -> None:
+    def __init__(self, problem: SimulationSetup, side: Side) -> None:
         """Add every transition of the gait table under one trigger."""
         table = problem.table
         self.signals: dict[str, float] = {}
@@ -66,7 +66,7 @@ class Phases:
             auto_transitions=False,
         )
         for number, item in enumerate(table.transitions):
-            ticks = max(item.time_out_ticks or 0, table.phases[item.source].minimum_ticks)
+            ticks = max(item.timeout_ticks or 0, table.phases[item.source].minimum_ticks)
             condition = self._condition(number, self._guard(item.guard), ticks, item.debounce_ticks)
             machine.add_transition("advance", item.source, item.target, conditions=condition, after="enter")
         # From here on the attribute is kept by the machine.
@@ -112,7 +112,7 @@ class Phases:
 class Controller:
     """Measurement, state machines and control law of one run."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: SimulationSetup) -> None:
         """Read the parameters; sensors are ideal."""
         experiment = problem.experiment
         self._problem = problem
@@ -136,7 +136,7 @@ class Controller:
         window = self._sensors.window
         self._samples: deque[np.ndarray] = deque([np.zeros(count)] * window, maxlen=window)
         self._voltage = self._battery.voltage
-        self.machines = {side: Phases(problem, side) for side in problem.sides}
+        self.machines = {side: PhaseMachine(problem, side) for side in problem.sides}
         self._blended = problem.phase_rows[np.arange(len(self.machines)), self.phases()]
         self._start = self._blended.copy()
 
@@ -245,10 +245,10 @@ class Controller:
         return np.asarray(self._constant * current)
 
 
-class Leg:
+class LegPlant:
     """Passive torques, contact and forward dynamics."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: SimulationSetup) -> None:
         """Read the parameters."""
         world = problem.world
         self.world, self.model, self.data = world, world.model.model, world.model.data
@@ -351,7 +351,7 @@ class Leg:
         return q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
 
-class Motion(NamedTuple):
+class RecordedMotion(NamedTuple):
     """What the loop did, tick by tick.
 
     Attributes:
@@ -365,14 +365,14 @@ class Motion(NamedTuple):
     phases: np.ndarray
 
 
-def motion(problem: Problem, ticks: int) -> Motion:
+def motion(problem: SimulationSetup, ticks: int) -> RecordedMotion:
     """Step through some ticks of a problem."""
     _require_known(problem)
-    stepping, world = problem.experiment.stepping, problem.world
+    stepping, world = problem.experiment.resolved_integration, problem.world
     rk4 = stepping.method is IntegrationMethod.RK4
-    controller, leg = Controller(problem), Leg(problem)
+    controller, leg = Controller(problem), LegPlant(problem)
     q, v = world.start_q.copy(), world.start_v.copy()
-    trace = Motion(*(np.zeros((ticks, count)) for count in (len(q), len(q), len(problem.sides))))
+    trace = RecordedMotion(*(np.zeros((ticks, count)) for count in (len(q), len(q), len(problem.sides))))
     for tick in range(ticks):
         motor = controller.torque(tick, q, v, leg.loads(q, v))
         if leg.upper_body is not None:
@@ -386,7 +386,7 @@ def motion(problem: Problem, ticks: int) -> Motion:
     return trace
 
 
-def _require_known(problem: Problem) -> None:
+def _require_known(problem: SimulationSetup) -> None:
     """Refuse what the loop would leave out."""
     experiment, world, control = problem.experiment, problem.world, problem.experiment.control
     assert experiment.sensors.ideal and not experiment.sensors.offset

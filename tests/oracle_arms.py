@@ -11,21 +11,21 @@ from types import SimpleNamespace
 import numpy as np
 
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.worlds.overground import Overground
 
 SHOULDER = 0.288  # of the height above the hips: Winter (2009), figure 4.1
-Pressed = Callable[[float, float], float]
+NormalForceLaw = Callable[[float, float], float]
 
 
 class UpperBody:
     """Trunk, harness, and two arms with their crutches; coordinates of the tips follow all others."""
 
-    def __init__(self, problem: Problem, pressed: Pressed) -> None:
+    def __init__(self, problem: SimulationSetup, normal_force: NormalForceLaw) -> None:
         """Take the law of the normal force of the ground."""
         scenario, patient = problem.experiment.scenario, problem.experiment.patient
         assert isinstance(scenario, Overground) and scenario.crutches is not None and patient is not None
-        self.habit, self.limits, self.pressed = scenario.arms, scenario.crutches, pressed
+        self.habit, self.limits, self.pressed = scenario.arms, scenario.crutches, normal_force
         model, self.harness, self.tall = problem.world.model, scenario.harness, patient.height
         self.weight = model.total_mass * problem.experiment.plant.gravity
         self.rubbing = scenario.contact.friction_coefficient
@@ -36,7 +36,7 @@ class UpperBody:
         self.arms = []
         for tip in (model.nv, model.nv + 2):
             arm = SimpleNamespace(
-                tip=[tip, tip + 1], load=0.0, off=0.0, push=self.habit.push * self.weight, turn=0.0
+                tip=[tip, tip + 1], load=0.0, off=0.0, push=self.habit.axial_force * self.weight, turn=0.0
             )
             arm.length, arm.held_angle, *_ = self._strut(q, arm.tip)
             arm.stuck = q[tip]
@@ -95,7 +95,7 @@ class UpperBody:
         arm.doing, arm.since, arm.held = "planted", 0, arm.length
         arm.held_angle -= arm.off / arm.length
         arm.k, arm.b = habit.stiffness, habit.damping
-        arm.kt, arm.bt = habit.turning_stiffness, habit.turning_damping
+        arm.kt, arm.bt = habit.transverse_stiffness, habit.transverse_damping
 
     def decide(self, q: np.ndarray, v: np.ndarray, swinging: bool) -> None:
         """What the person does with the arms in a tick, of what was felt the delay before."""
@@ -112,8 +112,8 @@ class UpperBody:
 
     def _planted(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
         habit, rest = self.habit, round(self.habit.planted / TICK)
-        wanted = habit.push + habit.push_per_lean * (lean - habit.lean) + habit.push_per_rate * rate
-        arm.push, arm.turn = np.clip(wanted * self.weight, 0.0, self.limits.push_limit), -habit.turn
+        wanted = habit.axial_force + habit.axial_force_per_lean * (lean - habit.lean) + habit.axial_force_per_lean_rate * rate
+        arm.push, arm.turn = np.clip(wanted * self.weight, 0.0, self.limits.push_limit), -habit.shoulder_moment
         share = 1.0 - np.exp(-TICK / habit.yielding)
         arm.held += share * (arm.length - arm.held)
         arm.held_angle -= share * arm.off / arm.length

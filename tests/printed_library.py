@@ -13,7 +13,7 @@ from twin_gait.firmware.printer import Program
 from twin_gait.simulation.problem import NEVER
 
 
-class Library:
+class CLibrary:
     """Functions of a printed program, compiled for this machine.
 
     Attributes:
@@ -36,7 +36,7 @@ class Library:
             path = compile_library(sorted(Path(folder).glob("*.c")), compiler=compiler, flags=more)
             self.handle = ctypes.CDLL(str(path))
 
-    def call(self, name: str, *given: Any) -> Any:
+    def call(self, name: str, *arguments: Any) -> Any:
         """Call an entry by its name in Python with numbers, and records and lists, which it may change.
 
         Structures of :meth:`structure` are handed on as they are.
@@ -45,25 +45,25 @@ class Library:
         called = self.handle[identifier(name)]
         called.restype = self._result_type(function.returns)
         kinds, taken = list(function.params.values()), []
-        for kind, item in zip(kinds, given, strict=True):
-            taken.append(item if isinstance(item, ctypes.Structure) else self._taken(kind, item))
+        for kind, item in zip(kinds, arguments, strict=True):
+            taken.append(item if isinstance(item, ctypes.Structure) else self._to_c(kind, item))
         passed = [ctypes.byref(item) if isinstance(item, ctypes.Structure) else item for item in taken]
         result = called(*passed)
-        for item, made, kind, param in zip(given, taken, kinds, function.params, strict=True):
+        for item, made, kind, param in zip(arguments, taken, kinds, function.params, strict=True):
             if param in function.written and item is not made:
-                self._give_back(kind, made, item)
+                self._copy_back(kind, made, item)
         if isinstance(function.returns, tuple):
             return tuple(getattr(result, f"value_{k}") for k in range(len(function.returns)))
         return result
 
     def structure(self, record: Any) -> ctypes.Structure:
         """A record as C has it, with the tables that it leads to."""
-        made: ctypes.Structure = self._taken(type(record), record)
+        made: ctypes.Structure = self._to_c(type(record), record)
         return made
 
     def read_back(self, structure: ctypes.Structure, record: Any) -> None:
         """Bring what C has changed in a structure back into the record that it was made of."""
-        self._give_back(type(record), structure, record)
+        self._copy_back(type(record), structure, record)
 
     def _scalar(self, kind: Scalar) -> Any:
         return {REAL: self._number, BOOL: ctypes.c_bool, INT: ctypes.c_int32}[kind]
@@ -96,7 +96,7 @@ class Library:
     def _item(self, kind: Kind) -> Any:
         return self._scalar(kind) if isinstance(kind, Scalar) else self._type(kind)  # type: ignore[arg-type]
 
-    def _taken(self, kind: Kind, value: Any) -> Any:
+    def _to_c(self, kind: Kind, value: Any) -> Any:
         """A value for C."""
         if isinstance(kind, Scalar):
             return self._scalar(kind)(value)
@@ -115,20 +115,20 @@ class Library:
     def _entry(self, kind: Kind, value: Any) -> Any:
         if kind is INT and value == NEVER:
             return INT_LIMIT - 1
-        return value if isinstance(kind, Scalar) else self._taken(kind, value)
+        return value if isinstance(kind, Scalar) else self._to_c(kind, value)
 
-    def _give_back(self, kind: Kind, made: Any, value: Any) -> None:
+    def _copy_back(self, kind: Kind, made: Any, value: Any) -> None:
         """Bring what C has changed back into a record or a list."""
         if isinstance(kind, ListKind):
             for number, item in enumerate(made):
                 if isinstance(kind.item, Scalar):
                     value[number] = item
                 else:
-                    self._give_back(kind.item, item, value[number])
+                    self._copy_back(kind.item, item, value[number])
             return
         assert isinstance(kind, type)
         for name, inner in self._records.used(kind):
             if isinstance(inner, Scalar):
                 setattr(value, name, getattr(made, name))
             elif not self._records.is_table(kind, name):
-                self._give_back(inner, getattr(made, name), getattr(value, name))
+                self._copy_back(inner, getattr(made, name), getattr(value, name))

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from table_builder import JOINTS, phase
 
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
-from twin_gait.gait.signals import all_signal_names, signal_of
+from twin_gait.gait.signals import all_signal_names, find_signal
 from twin_gait.gait.table import GaitTable, Transition
 
 PHASES = ("stance", "swing", "rest")
@@ -22,7 +22,7 @@ def _threshold(draw: st.DrawFn, name: str) -> float:
 @st.composite
 def comparisons(draw: st.DrawFn) -> Comparison:
     signal = draw(st.sampled_from(_NAMES))
-    alike = [name for name in _NAMES if signal_of(name).unit == signal_of(signal).unit]
+    alike = [name for name in _NAMES if find_signal(name).unit == find_signal(signal).unit]
     minus = draw(st.none() | st.sampled_from(alike))
     threshold = _threshold(draw, signal)
     return Comparison(signal=signal, minus=minus, operator=draw(st.sampled_from("<>")), threshold=threshold)
@@ -52,7 +52,7 @@ def transitions(draw: st.DrawFn, source: str) -> Transition:
         cause=draw(st.sampled_from(["one", "two", "three"])),
         guard=AllOf(guards=()) if kind == "time_out" else draw(guards()),
         debounce_ticks=draw(st.sampled_from([1, 1, 1, 2, 3, 7])),
-        time_out_ticks=None if kind == "guard" else draw(st.integers(12, 40)),
+        timeout_ticks=None if kind == "guard" else draw(st.integers(12, 40)),
     )
 
 

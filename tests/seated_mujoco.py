@@ -12,7 +12,7 @@ from crosscheck import mujoco_legs
 from mujoco_kernel import MujocoKernel
 
 from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 
 TRUNK_LENGTH, GYRATION = 0.288, 0.496  # of head, arms and trunk (Winter 2009, table 4.1)
 
@@ -45,7 +45,7 @@ def free_order(legs: mujoco.MjModel, model: Any) -> list[int]:
 class SeatedMujocoKernel(MujocoKernel):
     """The kernel with a seat that the loop knows nothing of."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: SimulationSetup) -> None:
         """Build plant and controller's model of a free body."""
         kept = mujoco_kernel.legs_spec, mujoco_kernel.coordinate_order
         mujoco_kernel.legs_spec, mujoco_kernel.coordinate_order = free_spec, free_order

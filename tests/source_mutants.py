@@ -60,7 +60,7 @@ def source_mutants(module: ModuleType, functions: set[str]) -> Iterator[tuple[st
         What was changed (``function: line: old → new``) and the namespace of the changed module.
     """
     source = inspect.getsource(module)
-    for place, (*_, node) in enumerate(_places(ast.parse(source), functions)):
+    for place, (*_, node) in enumerate(_find_sites(ast.parse(source), functions)):
         for choice in range(len(list(_changes(node)))):
             yield _mutant(source, module.__name__, functions, place, choice)
 
@@ -69,7 +69,7 @@ def _mutant(
     source: str, module: str, functions: set[str], place: int, choice: int
 ) -> tuple[str, dict[str, Any]]:
     tree = ast.parse(source)
-    name, parent, field, index, node = list(_places(tree, functions))[place]
+    name, parent, field, index, node = list(_find_sites(tree, functions))[place]
     changed = list(_changes(node))[choice]
     line = source.splitlines()[node.lineno - 1].strip() if hasattr(node, "lineno") else ""
     text = f"{name}: {line}: {ast.unparse(node)} → {ast.unparse(changed)}"
@@ -79,17 +79,17 @@ def _mutant(
     return text, namespace
 
 
-Place = tuple[str, ast.AST, str, int | None, ast.AST]
+MutationSite = tuple[str, ast.AST, str, int | None, ast.AST]
 
 
-def _places(tree: ast.AST, functions: set[str]) -> Iterator[Place]:
+def _find_sites(tree: ast.AST, functions: set[str]) -> Iterator[MutationSite]:
     for item in ast.walk(tree):
         if isinstance(item, ast.FunctionDef) and item.name in functions:
             for part in ast.walk(item):
                 yield from _children(item.name, part)
 
 
-def _children(name: str, parent: ast.AST) -> Iterator[Place]:
+def _children(name: str, parent: ast.AST) -> Iterator[MutationSite]:
     if isinstance(parent, ast.arguments | ast.JoinedStr | ast.Raise):
         return
     for field, value in ast.iter_fields(parent):

@@ -73,7 +73,7 @@ def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
         time.sleep(0.01)
 
 
-def kept_episodes(out: Path) -> tuple[list[int], list[int]]:
+def stored_episodes(out: Path) -> tuple[list[int], list[int]]:
     """Episodes in the parts, and in the table, of a sweep."""
     parts = sorted((out / "parts").glob("*.parquet"))
     in_parts = [episode for path in parts for episode in _episodes(path)]

@@ -12,10 +12,10 @@ import numpy as np
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.log import log_layout, state_columns
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import Side
-from twin_gait.worlds.standing import stand_on_both_feet
+from twin_gait.worlds.standing import level_feet
 
 SPEED, STRIDE = 0.375, 1.6  # [m/s], [s]
 LOAD = 150.0  # on a crutch that stands [N]
@@ -31,7 +31,7 @@ def floor_walk(duration: float, *overrides: str) -> Run:
     """
     experiment = load_experiment("overground", [f"duration_s={duration}", *overrides]).experiment
     model, time = experiment.build_world().model, TICK * np.arange(round(duration / TICK))
-    layout = log_layout(build_problem(experiment))
+    layout = log_layout(build_setup(experiment))
     columns = {name: np.zeros(len(time)) for name in layout.names}
     columns["pelvis_forward_m"] = SPEED * time
     columns["trunk_pitch_rad"] = np.radians(11.5 + 3.5 * np.sin(2.0 * math.pi * time / STRIDE))
@@ -40,7 +40,7 @@ def floor_walk(duration: float, *overrides: str) -> Run:
     q = np.array([columns[name] for name in state_columns(model)[0]]).T
     assert model.pelvis_index is not None
     looks = np.arange(0, len(time), LOOK)
-    heights = [stand_on_both_feet(model, posture, 0.0) for posture in q[looks]]
+    heights = [level_feet(model, posture, 0.0) for posture in q[looks]]
     columns["pelvis_height_m"] = np.interp(time, time[looks], heights)
     return Run(
         experiment=experiment,

@@ -20,7 +20,7 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import reference_curve
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 from twin_gait.worlds.treadmill import Treadmill
@@ -70,7 +70,7 @@ def phase_codes(side: Side) -> np.ndarray:
     return cycle[(np.arange(LENGTH) - SHIFT[side]) % STRIDE]
 
 
-def since_strike(side: Side) -> np.ndarray:
+def ticks_since_strike(side: Side) -> np.ndarray:
     """Ticks since the last heel strike, as if strides had gone on before the start."""
     return (np.arange(LENGTH) - SHIFT[side] - LAG) % STRIDE
 
@@ -87,7 +87,7 @@ def switches(side: Side, table: GaitTable, timed_out: Collection[int]) -> list[P
 
 def swing_clearance(side: Side) -> np.ndarray:
     """-5 mm in stance; in swing 3 cm but for a dip at its middle and 1 mm in its first and last tenth."""
-    swung = (since_strike(side) - (STRIDE - SWING)) / SWING
+    swung = (ticks_since_strike(side) - (STRIDE - SWING)) / SWING
     clearance = np.full(LENGTH, -0.005)
     clearance[swung >= 0.0] = CLEARANCE
     clearance[(swung >= 0.0) & (np.abs(swung - 0.5) > 0.4)] = 0.001
@@ -98,7 +98,7 @@ def swing_clearance(side: Side) -> np.ndarray:
 def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
     """Write the log of the walk; the switches at some ticks may be time-outs."""
     experiment = synthetic_experiment()
-    layout = log_layout(build_problem(experiment))
+    layout = log_layout(build_setup(experiment))
     columns = {name: np.zeros(LENGTH) for name in layout.names}
     for side in Side:
         columns.update(_leg_columns(side, experiment))
@@ -119,7 +119,7 @@ def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
 def _leg_columns(side: Side, experiment: Experiment) -> dict[str, np.ndarray]:
     scenario, patient = experiment.scenario, experiment.patient
     assert isinstance(scenario, Treadmill) and patient is not None
-    progress = since_strike(side) / STRIDE
+    progress = ticks_since_strike(side) / STRIDE
     errors = {
         JointName.HIP: np.full(LENGTH, HIP_OFFSET),
         JointName.KNEE: KNEE_AMPLITUDE * np.sin(2.0 * math.pi * progress),
@@ -132,7 +132,7 @@ def _leg_columns(side: Side, experiment: Experiment) -> dict[str, np.ndarray]:
         columns[f"{side}_{joint}_impedance_torque_Nm"] = 20.0 * np.sin(2.0 * math.pi * progress)
         columns[f"{side}_{joint}_motor_command_torque_Nm"] = 20.0 * np.sin(2.0 * math.pi * progress)
         columns[f"{side}_{joint}_motor_torque_Nm"] = 20.0 * np.sin(2.0 * math.pi * progress)
-    in_stance = since_strike(side) < STRIDE - SWING
+    in_stance = ticks_since_strike(side) < STRIDE - SWING
     columns[f"{side}_foot_normal_force_N"] = np.where(in_stance, 400.0, 0.0)
     columns[f"{side}_foot_clearance_m"] = swing_clearance(side)
     return columns

@@ -15,7 +15,7 @@ from twin_gait.configuration.validation import merge, quantity_of
 from twin_gait.docstrings import docstring_of, summary_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.drives import ActuatorParameters
-from twin_gait.parameters.quantities import EXCHANGEABLE, Unit
+from twin_gait.parameters.quantities import EXCHANGEABLE, QuantityUnits
 
 PACKAGE = Path(twin_gait.__file__).parent
 
@@ -83,7 +83,7 @@ def test_units_that_are_declared_after_the_import_are_known() -> None:
     assert quantity_of("grip_stone_per_ell") == "grip_stone_per_ell"
     before = set(EXCHANGEABLE)
     try:
-        Unit("kg_per_m", stone_per_ell=5.6)
+        QuantityUnits("kg_per_m", stone_per_ell=5.6)
         assert quantity_of("grip_stone_per_ell") == quantity_of("grip_kg_per_m") == "grip"
         assert merge({"grip_kg_per_m": 1.0}, {"grip_stone_per_ell": 2.0}) == {"grip_stone_per_ell": 2.0}
         with raises(ParameterError, "grip_kg_per_m", "grip_stone_per_ell"):

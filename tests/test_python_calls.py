@@ -15,7 +15,7 @@ from twin_gait.configuration.experiments import load_experiment
 from twin_gait.live.protocol import SetControl
 from twin_gait.live.session import LiveSession
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import simulate_batch
 
@@ -58,7 +58,7 @@ def test_an_episode_of_a_batch_is_cheap() -> None:
 
 
 def test_a_run_without_a_log_makes_no_table() -> None:
-    problem = build_problem(load_experiment("bench_leg", ["duration_s=1"]).experiment)
+    problem = build_setup(load_experiment("bench_leg", ["duration_s=1"]).experiment)
     engine = CompiledEngine(problem)
     start = engine.store.copy()
 
@@ -79,10 +79,10 @@ def test_a_slider_rebuilds_what_it_changes(
     session._prepare()
     walk, outcomes = SteppedRun(session.panel.problem), []
     walk.advance(3000)
-    answer = {"moment": walk.moment(), "tick": walk.tick}
-    monkeypatch.setattr(session.news, "ask", lambda command: answer)
+    answer = {"moment": walk.snapshot(), "tick": walk.tick}
+    monkeypatch.setattr(session.walk, "ask", lambda command: answer)
     monkeypatch.setattr(
-        session.book, "answer", lambda message, outcome, *more, **about: outcomes.append(outcome)
+        session.event_log, "answer", lambda message, outcome, *more, **about: outcomes.append(outcome)
     )
     values = iter((1.0, 1.1))
 

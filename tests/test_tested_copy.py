@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tested_copy import CHECKOUT, complaint, copies_in_use
+from tested_copy import CHECKOUT, describe_mismatch, copies_in_use
 
 
 @pytest.fixture(scope="module")
@@ -22,11 +22,11 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_what_is_tested_here_is_the_checkout() -> None:
-    assert [complaint(copy) for copy in copies_in_use()] == [None, None]
+    assert [describe_mismatch(copy) for copy in copies_in_use()] == [None, None]
 
 
 def test_an_equal_copy_will_do(installed: Path) -> None:
-    assert complaint(installed) is None
+    assert describe_mismatch(installed) is None
 
 
 def test_an_edit_a_new_file_and_a_lost_one_are_found(installed: Path, tmp_path: Path) -> None:
@@ -34,15 +34,15 @@ def test_an_edit_a_new_file_and_a_lost_one_are_found(installed: Path, tmp_path: 
     law = copy / "core" / "impedance.py"
     text = law.read_text()
     law.write_text(text.replace("stiffness", "hardness"))
-    assert "core/impedance.py" in str(complaint(copy))
+    assert "core/impedance.py" in str(describe_mismatch(copy))
     law.write_text(text)
-    assert complaint(copy) is None
+    assert describe_mismatch(copy) is None
     (copy / "core" / "new.py").touch()
-    assert "core/new.py" in str(complaint(copy))
+    assert "core/new.py" in str(describe_mismatch(copy))
     (copy / "core" / "new.py").unlink()
     (copy / "urdf" / "twin.urdf").unlink()
-    assert "urdf/twin.urdf" in str(complaint(copy))
-    assert "not installed" in str(complaint(None))
+    assert "urdf/twin.urdf" in str(describe_mismatch(copy))
+    assert "not installed" in str(describe_mismatch(None))
 
 
 def test_pytest_ends_at_once_with_one_line(installed: Path, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ def copies_in_use() -> list[Path | None]:
     return [Path(twin_gait.__file__).resolve().parent, Path(origin).resolve().parent if origin else None]
 
 
-def complaint(copy: Path | None, checkout: Path = CHECKOUT) -> str | None:
+def describe_mismatch(copy: Path | None, checkout: Path = CHECKOUT) -> str | None:
     """Why a copy does not stand for a checkout.
 
     Args:

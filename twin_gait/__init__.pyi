@@ -10,7 +10,7 @@ from .parameters.wearer import Patient as Patient
 from .report.figures import plot_run as plot_run
 from .runs.record import load_run as load_run
 from .runs.record import save_run as save_run
-from .runs.summary import summarise as summarise
+from .runs.summary import summarise_run as summarise_run
 from .simulation.run import Run as Run
 from .simulation.run import RunStatus as RunStatus
 from .simulation.simulator import simulate as simulate

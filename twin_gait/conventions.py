@@ -32,7 +32,7 @@ class Convention:
     signs: Mapping[JointName, float] = field(default_factory=dict)
     unit: str | None = None
 
-    def turned(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
+    def convert_angle(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
         """Convert an angle between that program and this package, in [rad] and any shape, either way."""
         return np.asarray(self.signs.get(joint, 1.0) * angle)
 
@@ -44,7 +44,7 @@ _OPENSIM_COLUMNS = {
 }
 
 # Convention of this package: flexion of hip and knee and dorsiflexion positive.
-HOUSE = Convention(
+OWN_CONVENTION = Convention(
     name="twin_gait",
     columns={(side, joint): f"{side}_{joint}_angle_rad" for side in Side for joint in JointName},
 )
@@ -73,7 +73,7 @@ CORC_X2 = Convention(
     signs={JointName.KNEE: -1.0},
     unit=RADIANS,
 )
-CONVENTIONS = {item.name: item for item in (HOUSE, OPENSIM_GAIT2392, RAJAGOPAL, OSL, CORC_X2)}
+CONVENTIONS = {item.name: item for item in (OWN_CONVENTION, OPENSIM_GAIT2392, RAJAGOPAL, OSL, CORC_X2)}
 
 
 def find_convention(name: str) -> Convention:

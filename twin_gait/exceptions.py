@@ -51,7 +51,7 @@ class RunDirectoryError(TwinGaitError):
     """A run directory cannot be created, read or written."""
 
 
-class JobFailed(TwinGaitError):
+class JobError(TwinGaitError):
     """A job of several failed: ``index`` of its item, and ``problem``, the message of the original error."""
 
     def __init__(self, index: int, problem: str) -> None:

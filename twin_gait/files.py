@@ -107,17 +107,17 @@ def finite_or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def plain(value: Any) -> Any:
+def to_json_value(value: Any) -> Any:
     """Convert a value for JSON: numbers of NumPy to Python's, not finite ones to null, others to text."""
     if isinstance(value, float):
         return finite_or_none(value)
     if isinstance(value, bool | int) or value is None:
         return value
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_json_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return plain(value.item()) if hasattr(value, "item") else str(value)
+        return [to_json_value(item) for item in value]
+    return to_json_value(value.item()) if hasattr(value, "item") else str(value)
 
 
 def dump(data: Any) -> str:
@@ -125,7 +125,7 @@ def dump(data: Any) -> str:
     return json.dumps(data, separators=(",", ":"), allow_nan=False)
 
 
-def permitted(mode: int) -> int:
+def apply_umask(mode: int) -> int:
     """Apply the user's umask to a mode, which temporary files and folders ignore.
 
     Args:
@@ -181,7 +181,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())  # before the renaming, because a loss of power could leave an empty file
-        os.chmod(name, permitted(0o644))
+        os.chmod(name, apply_umask(0o644))
         os.replace(name, path)
         sync_folder(path.parent)
     except OSError as error:
@@ -196,7 +196,7 @@ def write_json(path: Path, document: Mapping[str, Any]) -> None:
     Raises:
         RunDirectoryError: If it cannot be written.
     """
-    text = json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(to_json_value(document), indent=2, ensure_ascii=False, allow_nan=False)
     write_atomically(path, f"{text}\n")
 
 

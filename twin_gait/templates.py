@@ -8,7 +8,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 
-def templates_in(folder: Path, **options: Any) -> Environment:
+def make_template_environment(folder: Path, **options: Any) -> Environment:
     """Return the environment of the templates in a folder; ``options`` are those of ``jinja2.Environment``.
 
     An undefined variable in a template is an error, not a gap; a line with only a block tag gives no line in

@@ -27,7 +27,7 @@ SIT, LEAN, RISE, STRAIGHTEN, REACH_BACK, LOWER = "sit", "lean", "rise", "straigh
 HOLD = "hold"  # name that is shown instead of a phase after a trip of the safety monitor
 
 
-class Coded(StrEnum):
+class CodedEnum(StrEnum):
     """Enumeration of words whose code is their position."""
 
     @property
@@ -86,7 +86,7 @@ class PelvisGuide(StrEnum):
     FREE = "free"
 
 
-class Surroundings(StrEnum):
+class Environment(StrEnum):
     """Surroundings that are drawn around a figure."""
 
     TREADMILL = "treadmill"

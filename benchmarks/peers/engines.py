@@ -14,10 +14,10 @@ from peers.timing import Implementation
 
 from twin_gait import simulate
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
+from twin_gait.simulation.compiled_engine import CompiledEngine, kernel_names, assemble
 from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, RunStatus
 
@@ -30,7 +30,7 @@ class EngineSession:
 
     def __init__(self, case: Case, ticks: int, *, compiled: bool, record: bool = True) -> None:
         """Lay the problem out; only the compiled engine can do without its log."""
-        self._problem = build_problem(case.lasting(ticks))
+        self._problem = build_setup(case.lasting(ticks))
         self._compiled, self._record = compiled, record
         self._run: Run | None = None
         self.reset()
@@ -60,8 +60,8 @@ class PlainSession:
 
     def __init__(self, case: Case, ticks: int) -> None:
         """Lay the problem out."""
-        self._problem = build_problem(case.lasting(ticks))
-        self._kernel = bound_kernel(laid_out(self._problem)[0])
+        self._problem = build_setup(case.lasting(ticks))
+        self._kernel = kernel_names(assemble(self._problem)[0])
         self._trace = np.zeros((ticks, self._problem.world.model.nv))
         self.reset()
 
@@ -110,7 +110,7 @@ class BatchSession:
 
     def __init__(self, case: Case, ticks: int, *, threads: int = 1, episodes: int = 0, **log: Any) -> None:
         """Lay out so many episodes, or a block for each thread; ``log`` says which columns are kept."""
-        problems = unlike(build_problem(case.lasting(ticks)), episodes or WIDTH * threads)
+        problems = unlike(build_setup(case.lasting(ticks)), episodes or WIDTH * threads)
         self._pool, self._log = ThreadPoolExecutor(threads) if threads > 1 else None, log
         self.engines = [CompiledEngine(problem) for problem in problems]
         for engine in self.engines:
@@ -137,7 +137,7 @@ class BatchSession:
         return None
 
 
-def unlike(problem: Problem, episodes: int) -> list[Problem]:
+def unlike(problem: SimulationSetup, episodes: int) -> list[SimulationSetup]:
     """A problem many times over, with phase parameters up to 5 % off: they switch in different ticks."""
     rows = problem.phase_rows
     scales = np.random.default_rng(1).uniform(1.0 - SPREAD, 1.0 + SPREAD, (episodes, *rows.shape))

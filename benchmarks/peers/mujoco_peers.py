@@ -17,7 +17,7 @@ from peers.timing import Implementation
 
 from twin_gait.leg_model.bodies import contact_points
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 
 # Springs that hold the legs up while nothing controls them, as stiff as a phase of stance.
 HOLDING_STIFFNESS, HOLDING_DAMPING = 300.0, 30.0  # [N m] / [rad], [N m s] / [rad]
@@ -31,7 +31,7 @@ def disabling(names: Iterable[str]) -> int:
     return sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in names)
 
 
-def peer_model(case: Case, problem: Problem) -> mujoco.MjModel:
+def peer_model(case: Case, problem: SimulationSetup) -> mujoco.MjModel:
     """MuJoCo's model of a case at its best; on a treadmill springs hold the posture on a belt at rest."""
     grounded = problem.world.contact is not None
     model = _on_ground(problem) if grounded else legs_of(case.experiment, problem.world.model)
@@ -43,7 +43,7 @@ def peer_model(case: Case, problem: Problem) -> mujoco.MjModel:
     return model
 
 
-def _on_ground(problem: Problem) -> mujoco.MjModel:
+def _on_ground(problem: SimulationSetup) -> mujoco.MjModel:
     """Legs with a sphere at every heel and toe over a plane."""
     experiment, world = problem.experiment, problem.world
     assert world.contact is not None
@@ -65,11 +65,11 @@ def _on_ground(problem: Problem) -> mujoco.MjModel:
     ground: dict[str, Any] = {"contype": 0, "conaffinity": 1, "friction": friction}
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], **ground)
     armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
-    gravity, step = experiment.plant.gravity, experiment.stepping.step
+    gravity, step = experiment.plant.gravity, experiment.resolved_integration.step
     return compiled_legs(spec, world.model, armature, gravity=gravity, step=step)
 
 
-def _hold(model: mujoco.MjModel, problem: Problem) -> None:
+def _hold(model: mujoco.MjModel, problem: SimulationSetup) -> None:
     """Springs on every joint but the pelvis, which is a slide."""
     order = coordinate_order(model, problem.world.model)
     for place, angle in zip(order, problem.world.start_q.tolist(), strict=True):
@@ -85,7 +85,7 @@ class BareSession:
 
     def __init__(self, case: Case, ticks: int) -> None:
         """Build the model; see :func:`peer_model`."""
-        self.problem = build_problem(case.lasting(ticks))
+        self.problem = build_setup(case.lasting(ticks))
         self.steps = ticks * case.integration.substeps
         self.model = peer_model(case, self.problem)
         self.data = mujoco.MjData(self.model)

@@ -46,7 +46,7 @@ class Case:
     @property
     def integration(self) -> Integration:
         """Integrator and step."""
-        return self.experiment.stepping
+        return self.experiment.resolved_integration
 
     @property
     def evaluations(self) -> int:

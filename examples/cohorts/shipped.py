@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from twin_gait import Experiment, JointName, Run, Side, load_experiment, simulate, summarise
+from twin_gait import Experiment, JointName, Run, Side, load_experiment, simulate, summarise_run
 from twin_gait.parameters.surroundings import BraceParameters
 
 MASS_ALONE, PASSIVE_ALONE = "mass alone", "passive moments alone"
@@ -40,7 +40,7 @@ def wearer_power(run: Run, joint: JointName) -> float:
 def person_row(name: str, duration: float) -> dict[str, Any]:
     """Walks of one person at both supports; all numbers are of the first."""
     runs = [simulate(experiment_of(name, support, duration)) for support in SUPPORTS]
-    sides = list(summarise(runs[0])["sides"].values())
+    sides = list(summarise_run(runs[0])["sides"].values())
     further = [sum(side[key] for side in sides) for key in ("further_contacts", "scuffs")]
     return {
         "who": name,
@@ -70,7 +70,7 @@ def brace_row(factor: float, duration: float) -> dict[str, Any]:
     """Walk of the default wearer in braces by a factor stiffer than the default ones."""
     alone = experiment_of(MASS_ALONE, SUPPORTS[0], duration)
     run = simulate(replace(alone, interface=stiffened(factor)))
-    summary = summarise(run)
+    summary = summarise_run(run)
     braces = summary["interaction"]
 
     def largest(key: str) -> list[float]:

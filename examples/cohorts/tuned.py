@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from cohorts.walkers import DURATION, SUPPORT
 
-from twin_gait import Experiment, load_experiment, simulate, summarise
-from twin_gait.studies.batch import overridden
+from twin_gait import Experiment, load_experiment, simulate, summarise_run
+from twin_gait.studies.batch import override_experiment
 from twin_gait.studies.tune.outcome import tuned_table
 
 
@@ -30,7 +30,7 @@ class Job(NamedTuple):
 def experiment_of(walker: Mapping[str, Any]) -> Experiment:
     """A minute on the treadmill."""
     settings = [f"scenario.support.share={SUPPORT}", f"duration_s={DURATION}"]
-    return overridden(load_experiment("treadmill", settings).experiment, walker)
+    return override_experiment(load_experiment("treadmill", settings).experiment, walker)
 
 
 def tuned_walk(job: Job) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def tuned_walk(job: Job) -> dict[str, Any]:
     run = simulate(replace(experiment, table=table))
     errors = {
         f"{side}_rmse_{joint}_by_contact_deg": values[f"rmse_{joint}_by_contact_deg"]
-        for side, values in summarise(run)["sides"].items()
+        for side, values in summarise_run(run)["sides"].items()
         for joint in ("hip", "knee")
     }
     return {"outcome": str(run.verdict.outcome), "duration_s": run.duration, **errors}

@@ -11,7 +11,7 @@ from cohorts.people import cohort
 from scipy import stats
 
 from twin_gait import Patient
-from twin_gait.configuration.experiments import people
+from twin_gait.configuration.experiments import list_patients
 
 MASS_ALONE = "mass alone"
 SPEEDS = (0.36, 0.42)  # belt [m/s]
@@ -34,7 +34,7 @@ def walkers(count: int, seed: int) -> list[dict[str, Any]]:
 
     Walker i is the same in a cohort of any size. Those who are mass alone have no entry ``patient``.
     """
-    conditions = [MASS_ALONE, *people()]
+    conditions = [MASS_ALONE, *list_patients()]
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     low, high = SPEEDS
     found = []

@@ -109,7 +109,7 @@ def legs_of(experiment: Experiment, model: LegModel) -> mujoco.MjModel:
     """Legs and wearer of an experiment, in the air."""
     spec = legs_spec(model, experiment.patient, fit_device=experiment.leg.fit_device)
     armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
-    plant, step = experiment.plant, experiment.stepping.step
+    plant, step = experiment.plant, experiment.resolved_integration.step
     return compiled_legs(spec, model, armature, gravity=plant.gravity, step=step)
 
 

@@ -9,22 +9,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from twin_gait.core.contact import Point
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import bound_kernel, laid_out
-from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.stages.motion import acceleration
+from twin_gait.core.contact import ContactState
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import kernel_names, assemble
+from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.stages.motion import compute_accelerations
 
 
 class Motion(NamedTuple):
     """Motion at a state."""
 
     acceleration: list[Any]  # Of the n coordinates.
-    points: list[Point]  # Forces on the points of the soles and their heights, foot by foot.
+    points: list[ContactState]  # Forces on the points of the soles and their heights, foot by foot.
 
 
 def equations_of_motion(
-    problem: Problem, laws: Mapping[str, Callable[..., Any]]
+    problem: SimulationSetup, laws: Mapping[str, Callable[..., Any]]
 ) -> Callable[[Sequence[Any], Sequence[Any], Sequence[Any], Sequence[Any]], Motion]:
     """Return the function that the engine integrates, with some functions of ``twin_gait.core`` replaced.
 
@@ -38,13 +38,13 @@ def equations_of_motion(
     the harness unlocked. The losses of the gears read from the accelerations the torque that turns the rotors
     (``twin_gait.core.gear_load``): the motion is the plant's if it has the same accelerations.
     """
-    bodies, episode, structure = laid_out(problem)
-    evaluate = bind(acceleration, {**structure, **laws, **bound_kernel(bodies, laws)})
+    bodies, episode, structure = assemble(problem)
+    evaluate = specialize(compute_accelerations, {**structure, **laws, **kernel_names(bodies, laws)})
 
     def motion(q: Sequence[Any], v: Sequence[Any], motor: Sequence[Any], a: Sequence[Any]) -> Motion:
         episode.q, episode.v, episode.motor, episode.a = list(q), list(v), list(motor), list(a)
         evaluate(episode, 0.0, False)
-        points = [Point(item.forward, item.upward, item.height) for item in episode.points]
+        points = [ContactState(item.forward, item.upward, item.height) for item in episode.points]
         return Motion(list(episode.a), points)
 
     return motion

@@ -31,8 +31,8 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
-from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.simulator import engine_of
+from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulator import create_engine
 
 try:
     import casadi as ca
@@ -146,7 +146,7 @@ class Walk:
         unknowns: All of them, to start another search from.
     """
 
-    problem: Problem
+    problem: SimulationSetup
     times: np.ndarray
     states: np.ndarray
     torques: np.ndarray
@@ -162,11 +162,11 @@ class Walk:
         ends = np.linspace(0.0, self.times[-1], self.torques.shape[1])
         middles = (np.arange(ticks) + 0.5) * TICK
         wanted = np.array([np.interp(middles, ends, row) for row in self.torques]).T
-        problem = build_problem(experiment, Replay(wanted))
+        problem = build_setup(experiment, Replay(wanted))
         n = len(problem.world.start_q)
         state = self.states[:, 0]
         world = replace(problem.world, start_q=state[:n], start_v=state[n:])
-        return engine_of(replace(problem, world=world)).run()
+        return create_engine(replace(problem, world=world)).run()
 
     def drift(self, run: Run) -> float:
         """Largest difference of a motor-driven angle of the whole replay from the solution in [deg]."""
@@ -219,7 +219,7 @@ class Search:
             intervals: Of half a stride.
             stride_time: In [s]; the reference's if None.
         """
-        self.problem = build_problem(experiment)
+        self.problem = build_setup(experiment)
         self.speed, self.height = experiment.scenario.belt_speed, experiment.patient.height
         self.half = 0.5 * (stride_time or reference_cycle_time(self.speed, self.height))
         self.nodes = np.array(ca.collocation_points(POINTS, "radau"))
@@ -378,7 +378,7 @@ def _slopes(slopes: np.ndarray, intervals: int) -> np.ndarray:
     return shares
 
 
-def _mirror(problem: Problem) -> tuple[list[int], list[int]]:
+def _mirror(problem: SimulationSetup) -> tuple[list[int], list[int]]:
     """Places of the states, and of the joints, with left and right exchanged."""
     model, (one, two) = problem.world.model, problem.sides
     places = list(range(model.nv))
@@ -389,7 +389,7 @@ def _mirror(problem: Problem) -> tuple[list[int], list[int]]:
     return places + [place + model.nv for place in places], [joints.index(places[item]) for item in joints]
 
 
-def _most_torque(problem: Problem, number: int) -> float:
+def _most_torque(problem: SimulationSetup, number: int) -> float:
     """Torque of a motor at the limit of its current."""
     motor = problem.actuator(problem.joints[number])
     return current_to_torque(
@@ -397,7 +397,7 @@ def _most_torque(problem: Problem, number: int) -> float:
     )
 
 
-def plant_of(problem: Problem) -> Any:
+def plant_of(problem: SimulationSetup) -> Any:
     """The plant as a function of casadi.
 
     Returns:

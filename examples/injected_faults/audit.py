@@ -58,7 +58,7 @@ def stated_reaction(cause: TripCause, settings: SafetyParameters) -> float:
         TripCause.ENCODER_FROZEN: settings.frozen_time,
         TripCause.TORQUE: settings.torque_time,
         TripCause.DRIVE: settings.drive_time,
-        TripCause.PHASE_TIME_OUT: settings.phase_time_out,
+        TripCause.PHASE_TIMEOUT: settings.phase_timeout,
         TripCause.FOOT_LOAD_FROZEN: settings.frozen_load_time,
         TripCause.SUPPLY: settings.voltage_time,
     }
@@ -145,7 +145,7 @@ def breach_tick(run: Run, trip: Trip) -> int | None:
     """
     if trip.cause is TripCause.COMMAND:
         return trip.tick  # the log has the hold's command in its place
-    if trip.cause is TripCause.PHASE_TIME_OUT:
+    if trip.cause is TripCause.PHASE_TIMEOUT:
         entries = [item.tick for item in run.switches if item.side is trip.side]
         return max(entries, default=0)
     mask = _BREACHES[trip.cause](run, trip)
@@ -277,7 +277,7 @@ def _strays(run: Run, trip: Trip) -> Values:
 
 
 def _supply_low(run: Run, trip: Trip) -> Values:
-    least = _settings(run).least_voltage_share * run.experiment.plant.battery.voltage
+    least = _settings(run).min_voltage_share * run.experiment.plant.battery.voltage
     mask: Values = run.log["bus_voltage_V"].to_numpy() < least
     return mask
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from twin_gait import Experiment, Run
 from twin_gait.palette import BLUE, EVENT_COLOUR, GREY
-from twin_gait.studies.batch import overridden
+from twin_gait.studies.batch import override_experiment
 from twin_gait.studies.fault_campaign import draw_faults
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -43,7 +43,7 @@ def draw_runaways(
         runaway = Fault(
             kind=FaultKind.CONTROLLER_RUNAWAY,
             time=round(float(time), 3),
-            place=f"{side}_{joint}",
+            location=f"{side}_{joint}",
             magnitude=round(float(rate), 2),
         )
         other, second = generator.uniform(-APART, APART), seconds[index // 2]
@@ -64,7 +64,7 @@ def runaway_row(run: Run) -> dict[str, Any]:
     return {
         "faults": " ".join(map(str, run.experiment.faults)),
         "joint": str(runaway.joint),
-        "rate_Nm_per_s": runaway.strength,
+        "rate_Nm_per_s": runaway.magnitude_or_default,
         "time_s": runaway.time,
         "second": ", ".join(str(item.kind) for item in run.experiment.faults[1:]),
         "outcome": str(run.verdict.outcome or run.status),
@@ -99,7 +99,7 @@ def draw_walkers(count: int, seed: int) -> list[dict[str, Any]]:
 
 def walker_of(experiment: Experiment, changes: dict[str, Any]) -> Experiment:
     """Return the experiment with some changes, and without the bound on the deviation."""
-    return overridden(experiment, {**changes, **WITHOUT})
+    return override_experiment(experiment, {**changes, **WITHOUT})
 
 
 def walker_row(run: Run) -> dict[str, Any]:

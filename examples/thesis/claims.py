@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from gallery import Form
+from gallery import ScriptOptions
 from matplotlib.figure import Figure
 
 from twin_gait.report.canvas import save
@@ -106,7 +106,7 @@ class Answers:
     """
 
     script: str
-    form: Form
+    form: ScriptOptions
     found: dict[str, Numbers] = field(default_factory=dict)
 
     def add(self, figure: str, numbers: Numbers, picture: Figure | None = None) -> None:
@@ -123,7 +123,7 @@ class Answers:
         held = len(judged) - len(failed)
         verdicts = [row["verdict"] for row in rows]
         counts = {name: verdicts.count(verdict) for name, verdict in COUNTED.items()}
-        self.form.keep({"judged": len(judged), "in_band": held, **counts, "claims": rows, **self.found})
+        self.form.write_results({"judged": len(judged), "in_band": held, **counts, "claims": rows, **self.found})
         print(f"{held} of {len(judged)} numbers in their bands; see {self.form.out}")
         for row in failed:
             print("out of band:", ", ".join(f"{name} {text}" for name, text in row.items()))

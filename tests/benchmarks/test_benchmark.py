@@ -24,7 +24,7 @@ from peers.timing import (
 
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.lane_engine import FEWEST
+from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE
 
 # Rounding of 1e-16 rad in other orders of additions; a switch one tick late would move an angle by 1e-4.
 SAME_MOTION = 1e-10  # [rad]
@@ -143,7 +143,7 @@ def test_an_option_that_makes_another_motion_says_so(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.compile
 def test_episodes_of_a_batch_differ_and_end_where_each_ends_alone():
-    session = BatchSession(CASES["bench_leg", "Euler 1 ms"], 900, episodes=WIDTH + FEWEST, threads=2)
+    session = BatchSession(CASES["bench_leg", "Euler 1 ms"], 900, episodes=WIDTH + MIN_BLOCK_SIZE, threads=2)
     ends = []
     for _ in range(2):  # from the start again, not on from where the first run ended
         session.reset()

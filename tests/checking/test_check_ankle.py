@@ -52,7 +52,7 @@ def test_without_an_experiment_a_table_is_checked_against_the_preset_of_its_join
 
 
 def test_a_spring_of_the_ankle_outside_the_published_range_is_told_with_its_source() -> None:
-    most = STIFFNESS_RANGES[JointName.ANKLE].most
+    most = STIFFNESS_RANGES[JointName.ANKLE].high
     assert not unusual_stiffness(changed_case("late_stance", stiffness=np.degrees(0.9 * most)))[1:]
     found = unusual_stiffness(changed_case("late_stance", stiffness=np.degrees(1.5 * most)))
     (finding,) = (item for item in found if item.phase == "late_stance")

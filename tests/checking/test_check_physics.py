@@ -333,7 +333,7 @@ def test_the_jump_is_that_of_impedance_gravity_and_friction_compensation_togethe
     hip, _ = torques.largest_jumps(leg, switch, np.array([[angles, velocities]]))
 
     def command(phase: str) -> float:
-        k, b, zero, gain, *_, share = leg.problem.phase_rows[0][leg.phases.index(phase)]
+        k, b, zero, gain, *_, share = leg.setup.phase_rows[0][leg.phases.index(phase)]
         weight = case.experiment.build_control_model().gravity_torque(angles)[0]
         friction = friction_torque(HIP_FRICTION, 0.8)
         return -(k * (0.5 - zero) + b * 0.8) + gain * friction + share * weight
@@ -400,7 +400,7 @@ def test_no_switch_of_a_run_jumps_further_than_found(preset):
                 -(k * (angle - zero) + b * velocity)
                 for phase in (switch.source, switch.target)
                 for k, b, zero, _ in [
-                    leg.problem.phase_rows[0][phases.index(phase)][4 * number : 4 * number + 4]
+                    leg.setup.phase_rows[0][phases.index(phase)][4 * number : 4 * number + 4]
                 ]
             )
             jumps.append(abs(new - old))
@@ -426,29 +426,29 @@ def test_a_phase_is_entered_where_its_guard_opens_first_not_by_its_time_out():
 
 
 def test_a_torque_limit_below_the_spring_is_a_warning():
-    (phase,) = of_phase(torques.stiffness_not_served(case_of("bench_leg")), "swing_flexion")
+    (phase,) = of_phase(torques.stiffness_beyond_limits(case_of("bench_leg")), "swing_flexion")
     assert "torque limit gives 60 Nm" in phase.reason
     soft = [
         f"table.phases.{name}.{joint}.stiffness_Nm_per_deg=0.5"
         for name in ("swing_flexion", "swing_extension")
         for joint in ("hip", "knee")
     ]
-    assert torques.stiffness_not_served(case_of("bench_leg", *soft)) == []
+    assert torques.stiffness_beyond_limits(case_of("bench_leg", *soft)) == []
 
 
 def test_the_current_limit_is_named_where_it_binds():
     # 6 A at 0.0705 Nm/A and 1:100 are 42.3 Nm at the knee.
     (finding,) = of_phase(
-        torques.stiffness_not_served(case_of("bench_leg", "control.limits.current_A=6")), "swing_extension"
+        torques.stiffness_beyond_limits(case_of("bench_leg", "control.limits.current_A=6")), "swing_extension"
     )
     assert "current limit gives 42 Nm" in finding.reason
 
 
 def test_a_battery_too_weak_for_the_spring_s_speed_is_a_warning():
     low = "plant.battery.voltage_V=6"
-    (finding,) = of_phase(torques.stiffness_not_served(case_of("bench_leg", low)), "swing_extension")
+    (finding,) = of_phase(torques.stiffness_beyond_limits(case_of("bench_leg", low)), "swing_extension")
     assert "the voltage allows 49 deg/s" in finding.reason  # 6 V / 7.05 Vs/rad
-    assert "voltage" not in str(torques.stiffness_not_served(case_of("bench_leg")))
+    assert "voltage" not in str(torques.stiffness_beyond_limits(case_of("bench_leg")))
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 2.5])
@@ -566,4 +566,4 @@ def test_a_damping_ratio_outside_the_published_range_is_a_warning_however_it_is_
 
 def test_published_ranges_name_their_source():
     ranges = (sense.GAIN_RANGE, sense.DAMPING_RATIO_RANGE, *sense.STIFFNESS_RANGES.values())
-    assert all(item.least < item.most and item.source for item in ranges)
+    assert all(item.low < item.high and item.source for item in ranges)

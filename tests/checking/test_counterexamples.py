@@ -17,13 +17,13 @@ from table_builder import JOINTS, guard, phase
 from twin_gait.checking.check import build_case
 from twin_gait.checking.exits import ambiguity, cascade, hysteresis
 from twin_gait.checking.finding import CheckCase, Finding, label
-from twin_gait.checking.graph import deadlock, pairs_of, starting_pairs
-from twin_gait.checking.signals import Point, SignalSpace, swapped
+from twin_gait.checking.graph import deadlock, reachable_pairs, starting_pairs
+from twin_gait.checking.signals import SignalPoint, SignalSpace, swapped
 from twin_gait.configuration.experiments import load_experiment
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Requirement, Way, bound_of, ways
+from twin_gait.gait.feasibility import MAX_BRANCHES, ZERO, Requirement, Case, comparison_bound, enumerate_cases
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.signals import ANGLE, all_signal_names
@@ -68,7 +68,7 @@ class Vectors:
 
     def time_out(self, name: str) -> float:
         ends = [
-            item.time_out_ticks for item in self.table.transitions if item.source == name and item.is_time_out
+            item.timeout_ticks for item in self.table.transitions if item.source == name and item.is_timeout
         ]
         return min((end for end in ends if end is not None), default=10**9) * TICK
 
@@ -98,7 +98,7 @@ class Vectors:
     def due(self, item: Transition) -> np.ndarray:
         """Where a transition is open at a time at which the leg can still be in its phase."""
         time = self.signals[TIME]
-        first = max(1, self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
+        first = max(1, self.table.phases[item.source].minimum_ticks, item.timeout_ticks or 0)
         inside = (time > (first - 0.5) * TICK) & (time < self.time_out(item.source) + 0.5 * TICK)
         return self.true(item.guard) & inside
 
@@ -109,7 +109,7 @@ class Vectors:
             for first, second in itertools.combinations(self.table.transitions, 2)
             if first.source == second.source
             and first.target != second.target
-            and not (first.is_time_out or second.is_time_out)
+            and not (first.is_timeout or second.is_timeout)
             and (self.due(first) & self.due(second)).any()
         }
 
@@ -120,8 +120,8 @@ class Vectors:
             (label(into), label(out))
             for into, out in itertools.product(self.table.transitions, repeat=2)
             if into.target == out.source
-            and not out.is_time_out
-            and (out.time_out_ticks or 0) <= 1
+            and not out.is_timeout
+            and (out.timeout_ticks or 0) <= 1
             and (self.due(into) & self.true(out.guard, entry)).any()
         }
 
@@ -310,7 +310,7 @@ def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> 
     case = random_case(seed)
     table, generator = case.table, np.random.default_rng(seed)
     vectors = Vectors(table, generator, 2000)
-    known = set(pairs_of(case))
+    known = set(reachable_pairs(case))
     for episode, start in enumerate(starting_pairs(case)):
         legs = [
             GaitStateMachine(table, side, initial_phase=name) for side, name in zip(Side, start, strict=True)
@@ -325,7 +325,7 @@ def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> 
 
 
 def test_random_legs_do_walk_into_new_pairs() -> None:
-    entered = [len(pairs_of(random_case(seed))) for seed in SEEDS]
+    entered = [len(reachable_pairs(random_case(seed))) for seed in SEEDS]
     assert sum(entered) > len(SEEDS) * len(PHASES)
 
 
@@ -335,7 +335,7 @@ def test_no_random_vector_lets_a_leg_out_of_a_deadlock(seed: int) -> None:
     table = case.table
     vectors = Vectors(table, np.random.default_rng(seed), 20_000)
     reasons = " ".join(item.reason for item in deadlock(case))
-    for pair in pairs_of(case):
+    for pair in reachable_pairs(case):
         stuck = f"one leg in {pair[0]} and the other in {pair[1]} " in reasons
         for own, other in (pair, pair[::-1]):
             there = vectors.others == table.phase_index(other)
@@ -353,13 +353,13 @@ def plain_space() -> SignalSpace:
     return SignalSpace(CheckCase(table=random_table(0), experiment=None, limits=limits))
 
 
-def first_point(*texts: str) -> Point | None:
+def first_point(*texts: str) -> SignalPoint | None:
     point = plain_space().first([guard(text) for text in texts], {TIME: (TICK, 1.0)})
     assert point is None or opens(texts, point)
     return point
 
 
-def opens(texts: Sequence[str], point: Point) -> bool:
+def opens(texts: Sequence[str], point: SignalPoint) -> bool:
     return all(holds(guard(text), point.signals, None) for text in texts)
 
 
@@ -395,10 +395,10 @@ def test_point_keeps_a_comfortable_distance_where_there_is_room_for_it() -> None
     assert narrow is not None and 10.0 < narrow.signals["hip.angle_deg"] < 11.0
 
 
-def ways_of(tree: Guard, phases: tuple[str | None, ...], true: bool) -> list[Way]:
+def ways_of(tree: Guard, phases: tuple[str | None, ...], true: bool) -> list[Case]:
     """All ways to open or close a guard, contradictory ones among them."""
     return list(
-        ways(Way(phases), [Requirement(tree, true)], lambda *atom: [bound_of(*atom)], lambda bounds: True)
+        enumerate_cases(Case(phases), [Requirement(tree, true)], lambda *atom: [comparison_bound(*atom)], lambda bounds: True)
     )
 
 
@@ -417,8 +417,8 @@ def test_ways_to_open_and_to_close_a_guard_say_the_same_as_its_tree(seed: int) -
         assert found == [true, not true]
 
 
-def _goes(way: Way, values: dict[str, float], other: str) -> bool:
-    return other in way.phases and all(item.holds(values) for item in way.bounds)
+def _goes(way: Case, values: dict[str, float], other: str) -> bool:
+    return other in way.phases and all(item.is_satisfied(values) for item in way.bounds)
 
 
 def test_absent_leg_opens_no_condition_on_it() -> None:
@@ -433,8 +433,8 @@ def test_absent_leg_opens_no_condition_on_it() -> None:
 
 def test_guard_with_too_many_alternatives_is_refused_in_one_line() -> None:
     pair = AnyOf(guards=(guard("hip.angle_deg < 1"), guard("knee.angle_deg < 1")))
-    pairs = math.ceil(math.log2(MOST_BRANCHES)) + 1
-    with raises(GaitTableError, MOST_BRANCHES):
+    pairs = math.ceil(math.log2(MAX_BRANCHES)) + 1
+    with raises(GaitTableError, MAX_BRANCHES):
         ways_of(AllOf(guards=(pair,) * pairs), PHASES, True)
 
 
@@ -451,7 +451,7 @@ def leaving(text: str, **changes: Any) -> Transition:
     return Transition(source="a", target="b", cause="go", guard=guard(text), **changes)
 
 
-TIME_OUT = Transition(source="a", target="b", cause="time_out", time_out_ticks=500)
+TIME_OUT = Transition(source="a", target="b", cause="time_out", timeout_ticks=500)
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ from twin_gait.checking.network import (
     bus_load,
     response_times,
     traffic_of,
-    traffic_on_the_bus,
+    bus_traffic,
 )
 from twin_gait.core import can_bus
-from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, Frame, Node, Outage, advance
-from twin_gait.core.can_frame import Header, most_frame_bits, new_header
+from twin_gait.core.can_bus import FULL_SCALE, NEVER, NO_INDEX, Bus, Frame, Node, OutageRecord, advance
+from twin_gait.core.can_frame import Header, max_frame_bits, new_header
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
 from twin_gait.parameters.network import NetworkParameters
@@ -34,7 +34,7 @@ EXAMPLE = [CyclicFrame(MS, 5 * MS // 2), CyclicFrame(MS, 7 * MS // 2), CyclicFra
 
 def test_the_published_example_that_the_old_analysis_got_wrong() -> None:
     # The old analysis has 3 ms for C; its second instance takes 3.5 ms and misses its 3.25 ms.
-    assert most_frame_bits(7) * 8 * BIT == MS
+    assert max_frame_bits(7) * 8 * BIT == MS
     assert response_times(EXAMPLE, 8 * BIT) == [2 * MS, 3 * MS, 7 * MS // 2]
     assert bus_load(EXAMPLE) == Fraction(34, 35)
     once = [*EXAMPLE[:2], EXAMPLE[2]._replace(period=NEVER)]
@@ -58,7 +58,7 @@ def longest_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every frame on the wire is as long as the bound has it, which no payload is for most identifiers."""
 
     def longest(header: Header, halves: list[int]) -> int:
-        return most_frame_bits(header.length)
+        return max_frame_bits(header.length)
 
     monkeypatch.setattr(can_bus, "frame_bits", longest)
 
@@ -69,7 +69,7 @@ def bus_of(frames: list[CyclicFrame], lengths: list[int], starts: list[int]) -> 
         Frame(new_header(number, lengths[number]), number, number, item.period, 0, 0, start, start)
         for number, (item, start) in enumerate(zip(frames, starts, strict=True))
     ]
-    nodes, never = [Node() for _ in frames], Outage(0, NOBODY, NEVER, NEVER)
+    nodes, never = [Node() for _ in frames], OutageRecord(0, NO_INDEX, NEVER, NEVER)
     return Bus(MS, BIT, 0, 0, True, made, nodes, [never])
 
 
@@ -80,7 +80,7 @@ def random_set(random: np.random.Generator, jitter: float) -> tuple[list[CyclicF
         lengths = random.integers(0, 9, count).tolist()
         periods = (random.uniform(0.3, 1.0) * MS * random.uniform(1, 4, count)).astype(int).tolist()
         frames = [
-            CyclicFrame(most_frame_bits(length) * BIT, period, int(random.uniform(0, jitter) * period))
+            CyclicFrame(max_frame_bits(length) * BIT, period, int(random.uniform(0, jitter) * period))
             for length, period in zip(lengths, periods, strict=True)
         ]
         times = response_times(frames, BIT)
@@ -184,7 +184,7 @@ def test_frames_with_their_own_stuff_bits_stay_below_the_bounds() -> None:
         for made in bus.frames:
             made.outgoing.halves[:] = random.integers(0, 1 << 31, 2).tolist()
         advance(bus, tick)
-    assert bus.loss_share == 0 < EVERYTHING
+    assert bus.loss_share == 0 < FULL_SCALE
     for made, time in zip(bus.frames, times.values(), strict=True):
         assert made.lost == made.replaced == 0
         assert 0 < made.worst_response <= round(1e12 * time)
@@ -195,7 +195,7 @@ def test_frames_with_their_own_stuff_bits_stay_below_the_bounds() -> None:
 
 
 def rule(*settings: str, preset: str = "treadmill") -> list[Finding]:
-    return traffic_on_the_bus(load_case(None, preset, settings))
+    return bus_traffic(load_case(None, preset, settings))
 
 
 def test_an_ideal_bus_has_no_traffic() -> None:

@@ -23,7 +23,7 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.gait_table_file import named_file
 from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model.urdf import packaged_urdf
-from twin_gait.measures.strides import stride_count
+from twin_gait.measures.strides import describe_stride_count
 
 FAST = ["--no-pictures"]
 
@@ -97,7 +97,7 @@ def test_a_leg_in_the_air_is_told_as_such_with_strides_by_its_phases(tmp_path, c
     side = json.loads((tmp_path / "r" / "summary.json").read_text())["sides"]["right"]
     counted, found = side["strides_by_phase_counted"], side["strides_by_phase"]
     told = capsys.readouterr().out
-    assert f"right: in the air, by its phases {stride_count(counted, found)} of 2.01 s" in told
+    assert f"right: in the air, by its phases {describe_stride_count(counted, found)} of 2.01 s" in told
 
 
 def test_default_folder_is_below_runs(tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ from table_builder import FIVE_PHASES
 
 from twin_gait.cli import main
 from twin_gait.cli.program import GROUPS, build_parser
-from twin_gait.files import plain
+from twin_gait.files import to_json_value
 from twin_gait.live.session_records import SessionRecorder
 
 COMMANDS = {
@@ -218,7 +218,7 @@ def test_numbers_that_are_not_finite_become_null():
         "b": [float("inf"), True, None, Path("x")],
         3: np.bool_(False),
     }
-    assert plain(rows) == {"a": [None, 2], "b": [None, True, None, "x"], "3": False}
+    assert to_json_value(rows) == {"a": [None, 2], "b": [None, True, None, "x"], "3": False}
 
 
 # ---------------------------------------------------------------------- completion

@@ -138,7 +138,7 @@ def test_settings_reach_list_elements():
 
 def test_each_engine_brings_its_own_integrator_unless_asked_otherwise():
     def stepping(preset, *settings):
-        used = load_experiment(preset, settings).experiment.stepping
+        used = load_experiment(preset, settings).experiment.resolved_integration
         return str(used.method), used.step
 
     assert stepping("treadmill") == ("rk4", 1e-4)

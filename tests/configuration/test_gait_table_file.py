@@ -146,8 +146,8 @@ def test_transitions_keep_their_order_and_their_conditions(tmp_path: Path) -> No
     )
     assert table.transitions[2].debounce_ticks == 5
     assert table.transitions[0].debounce_ticks == 1
-    assert table.transitions[4].is_time_out
-    assert table.transitions[4].time_out_ticks == 1000
+    assert table.transitions[4].is_timeout
+    assert table.transitions[4].timeout_ticks == 1000
 
 
 def test_differences_of_a_side_are_laid_over_the_common_values(tmp_path: Path) -> None:
@@ -183,7 +183,7 @@ transitions:
 @pytest.mark.parametrize(("seconds", "ticks"), [("0.001", 1), ("0.0149", 15), ("0.4", 400), ("1.2", 1200)])
 def test_time_out_is_rounded_to_whole_ticks(seconds: str, ticks: int, tmp_path: Path) -> None:
     table = load_text(TABLE.replace("after_s: 1.0", f"after_s: {seconds}"), tmp_path)
-    assert table.transitions[4].time_out_ticks == ticks
+    assert table.transitions[4].timeout_ticks == ticks
 
 
 def test_what_checks_read_is_kept(tmp_path: Path) -> None:

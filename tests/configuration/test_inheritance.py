@@ -17,7 +17,7 @@ QUICK = ("--duration", "0.02", "--engine", "pinocchio", "--no-pictures")
 
 def inherited(*settings: str, source: str | Path = "bench_leg") -> dict[str, dict[str, Any]]:
     loaded = load_experiment(source, settings)
-    return inherited_values(loaded.document, loaded.given)
+    return inherited_values(loaded.document, loaded.user_values)
 
 
 def test_the_rest_of_a_pack_is_that_of_the_preset() -> None:

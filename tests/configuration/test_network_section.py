@@ -11,7 +11,7 @@ from errors import raises
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.parameters.network import ImpedancePlace, NetworkParameters, Outage, OutageKind, parse_outage
+from twin_gait.parameters.network import ImpedanceLocation, NetworkParameters, Outage, OutageKind, parse_outage
 
 OUTAGES = ["reboot:left_knee@4.2s=0.3s", "silence@5s=200ms", "silence:ccu@5s", "bus_off:right_hip@3s"]
 
@@ -55,10 +55,10 @@ def test_values_are_converted_to_si_and_survive_being_written_and_read(tmp_path:
     assert network.bit_rate == 500e3 and network.cycle == pytest.approx(4e-3)
     assert network.phase == pytest.approx({"left_knee": 2.5e-4, "right_hip": 0.0})
     assert network.clock_drift == pytest.approx({"right_knee": -5e-5})
-    assert network.jitter == pytest.approx(1e-4) and network.board_silence == pytest.approx(0.01)
-    assert network.ccu_silence == NetworkParameters.ccu_silence
+    assert network.jitter == pytest.approx(1e-4) and network.board_timeout == pytest.approx(0.01)
+    assert network.ccu_timeout == NetworkParameters.ccu_timeout
     assert (network.error_share, network.bus_off_recovery) == (0.01, False)
-    assert network.impedance is ImpedancePlace.CCU
+    assert network.impedance is ImpedanceLocation.CCU
     assert [item.kind for item in network.outages] == ["reboot", "silence", "silence", "bus_off"]
     # As typed, every default filled in once, and in SI.
     assert loaded.document["network"]["jitter_us"] == 100

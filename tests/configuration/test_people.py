@@ -17,14 +17,14 @@ from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml, experiment_document
 from twin_gait.configuration.experiments import (
     experiment_from_mapping,
-    named_document,
-    people,
+    load_named_document,
+    list_patients,
     presets,
     resolved_document,
 )
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 from twin_gait.parameters.wearer import JointCondition, Patient
-from twin_gait.studies.batch import overridden
+from twin_gait.studies.batch import override_experiment
 from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
@@ -99,7 +99,7 @@ def test_setting_in_another_unit_replaces_the_old_one():
 @pytest.mark.parametrize("name", sorted(presets()))
 def test_wearer_of_every_shipped_experiment_is_mass_alone(name):
     found = load_experiment(name).experiment.patient
-    assert found is None or found.is_mass_alone
+    assert found is None or found.is_torque_free
 
 
 MISTAKES = {
@@ -136,15 +136,15 @@ def test_mistake_is_one_line_with_key_value_and_way_out(setting):
 
 
 def test_five_people_ship_each_with_a_description():
-    assert tuple(people()) == NAMES
-    assert all(people().values())
-    assert not set(people()) & set(presets())  # one name, one thing to print
+    assert tuple(list_patients()) == NAMES
+    assert all(list_patients().values())
+    assert not set(list_patients()) & set(presets())  # one name, one thing to print
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_person_is_read_from_his_own_file(name):
     found = patient(f"patient={name}")
-    assert not found.is_mass_alone
+    assert not found.is_torque_free
     assert (found.mass, found.height) == (70.0, 1.75)  # what differs is what they do
     assert yaml.safe_load((FOLDER / f"{name}.yaml").read_text())["name"] == name
 
@@ -242,20 +242,20 @@ def test_mistake_in_the_file_of_a_person_names_that_file(file, text, message):
 def test_a_gait_table_is_exchanged_by_name_in_a_batch():
     base = load_experiment("treadmill").experiment
     key = "table.phases.pre_swing.minimum_duration_ms"
-    found = overridden(base, {key: 20, "table": "treadmill_pre_swing"}).table
+    found = override_experiment(base, {key: 20, "table": "treadmill_pre_swing"}).table
     assert found == load_experiment("treadmill", ["table=treadmill_pre_swing", f"{key}=20"]).experiment.table
     with raises(ParameterFileError, "override", "table", "x"):
-        overridden(base, {"table": "x"})
+        override_experiment(base, {"table": "x"})
 
 
 def test_person_is_exchanged_by_name_in_a_batch():
     base = load_experiment("treadmill", ["patient=stroke_left"]).experiment
-    assert overridden(base, {"patient": "healthy"}).patient == patient("patient=healthy")
-    heavy = overridden(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
-    assert overridden(base, {"patient.mass_kg": 90, "patient": "healthy"}).patient == heavy
+    assert override_experiment(base, {"patient": "healthy"}).patient == patient("patient=healthy")
+    heavy = override_experiment(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
+    assert override_experiment(base, {"patient.mass_kg": 90, "patient": "healthy"}).patient == heavy
     assert heavy == patient("patient=healthy", "patient.mass_kg=90")
     with raises(ParameterFileError, "override", "patient", "x"):
-        overridden(base, {"patient": "x"})
+        override_experiment(base, {"patient": "x"})
 
 
 # ---------------------------------------------------------------- there and back
@@ -269,7 +269,7 @@ def test_person_survives_being_written_and_read(name):
     as_kept = reread(resolved_document(loaded.experiment, loaded.document, {}))
     assert as_kept.patient == loaded.experiment.patient
     assert (
-        named_document("patient", name, Path()).items() <= loaded.document["patient"].items()
+        load_named_document("patient", name, Path()).items() <= loaded.document["patient"].items()
     )  # units as typed
 
 

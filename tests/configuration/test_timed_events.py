@@ -54,7 +54,7 @@ def test_faults_and_requests_among_events_are_those_of_the_experiment_and_stand_
     )
     experiment = loaded.experiment
     assert str(experiment.faults[0]) == "supply_dip@3.0s" and len(experiment.faults) == 2
-    assert (experiment.faults[1].time, experiment.faults[1].place) == (2.0, "right_hip")
+    assert (experiment.faults[1].time, experiment.faults[1].location) == (2.0, "right_hip")
     assert "walk@1.5s" in map(str, experiment.requests) and experiment.events == ()
     assert loaded.document["faults"] == ["supply_dip@3s"]
 
@@ -73,7 +73,7 @@ def test_every_changeable_key_is_one_of_set_too():
     for key, place in changeable_keys(plain).items():
         if place.item is None or key.startswith(("monitor", "table.sides")):
             continue
-        value = place.item.range.most / place.factor if place.item.range.most < 1e4 else 0.5
+        value = place.item.range.maximum / place.factor if place.item.range.maximum < 1e4 else 0.5
         direct = load_experiment("treadmill", [f"{key}={value!r}"]) if "belt" not in key else None
         (event,) = load(f"[{{time_s: 1, set: {{{key}: {value!r}}}}}]").experiment.events
         if direct is not None:

@@ -11,24 +11,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.arms import Arm, Grip, arm_force, turn_grip
+from twin_gait.core.arms import Arm, Grip, arm_force, set_grip_angle
 from twin_gait.core.estimation import delayed_sample, new_delay_line
-from twin_gait.core.plant import Harness, Stop, harness_pull, pitching_moment
+from twin_gait.core.plant import Harness, MechanicalStop, harness_pull, pitching_moment
 from twin_gait.parameters.crutches import ArmParameters
 from twin_gait.worlds.arm_policy import (
-    BEHIND,
-    LEANS,
-    LOWERED,
-    LOWERS,
+    PLANTED_BEHIND,
+    LEANING,
+    LOWERING,
+    SITTING_DOWN,
     PLANTED,
-    REACHES,
-    RISES,
-    SITS,
-    SWUNG,
-    Sense,
+    REACHING_BACK,
+    RISING,
+    SITTING,
+    SWINGING,
+    Perception,
     move_arm,
     new_policy,
-    new_sense,
+    new_perception,
     plant_crutch,
 )
 
@@ -36,16 +36,16 @@ SHOULDER = 0.5  # [m] above the hips
 WEIGHT = 1000.0  # [N]
 ARMS = ArmParameters(
     lean=0.1,
-    push=0.08,
-    push_per_lean=0.6,
-    push_per_rate=0.15,
+    axial_force=0.08,
+    axial_force_per_lean=0.6,
+    axial_force_per_lean_rate=0.15,
     yielding=0.1,
     reach=0.35,
     chair_tilt=0.3,
     stand_reach=0.4,
     stand_slack=0.3,
-    chair_push=0.02,
-    chair_turn=30.0,
+    chair_axial_force=0.02,
+    chair_shoulder_moment=30.0,
     risen_length=1.5 / 1.43,
     seated_length=0.8 / 1.43,
 )
@@ -56,9 +56,9 @@ HABIT = replace(
 
 def arm_of(delay: int = 0, **limits: float) -> Arm:
     grip = Grip(80.0, -5.0, 1.4, 0.0, 4000.0, 400.0, 60.0, 12.0)
-    turn_grip(grip, 0.3)
+    set_grip_angle(grip, 0.3)
     wide = {"push_limit": 1e6, "pull_limit": 1e6, "moment_limit": 1e6, **limits}
-    return Arm(9, 0.5, grip=grip, felt_ahead=new_delay_line(delay), felt_load=new_delay_line(delay), **wide)
+    return Arm(9, 0.5, grip=grip, distance_delay=new_delay_line(delay), load_delay=new_delay_line(delay), **wide)
 
 
 def strut(state: np.ndarray) -> np.ndarray:
@@ -100,8 +100,8 @@ def test_an_arm_does_the_work_of_its_push_and_its_moment(state: np.ndarray, rate
     push = 80.0 + 4000.0 * (1.4 - length) - 400.0 * lengthening
     away = 0.3 - angle
     moment = -5.0 + length * (60.0 * 1.4 * math.sin(away) - 12.0 * length * turning)
-    assert_allclose([arm.push, arm.moment, arm.length], [push, moment, length], rtol=1e-7, atol=1e-5)
-    assert_allclose(arm.aside, 1.4 * math.sin(grip.angle - angle), atol=1e-9)
+    assert_allclose([arm.axial_force, arm.moment, arm.length], [push, moment, length], rtol=1e-7, atol=1e-5)
+    assert_allclose(arm.transverse_deflection, 1.4 * math.sin(grip.angle - angle), atol=1e-9)
     assert_allclose(found, push * turned[0] + moment * turned[1], rtol=1e-7, atol=1e-4)
 
 
@@ -111,23 +111,23 @@ def test_no_arm_pushes_or_turns_beyond_its_limits(state: np.ndarray, rates: np.n
     free = arm_of()
     fx, fz = forces(arm, state, rates)[3:]
     forces(free, state, rates)
-    assert arm.push == min(max(free.push, -50.0), 300.0)
+    assert arm.axial_force == min(max(free.axial_force, -50.0), 300.0)
     assert arm.moment == min(max(free.moment, -20.0), 20.0)
-    assert_allclose(math.hypot(fx, fz), math.hypot(arm.push, arm.moment / arm.length), rtol=1e-12)
+    assert_allclose(math.hypot(fx, fz), math.hypot(arm.axial_force, arm.moment / arm.length), rtol=1e-12)
 
 
 @given(state=states, rates=speeds)
 def test_a_straight_arm_is_a_rope_whatever_its_muscles_do(state: np.ndarray, rates: np.ndarray) -> None:
     arm, free = arm_of(pull_limit=50.0), arm_of(pull_limit=50.0)
-    arm.longest, arm.straight_stiffness = 1.2, 5000.0
+    arm.max_length, arm.straight_stiffness = 1.2, 5000.0
     forces(arm, state, rates)
     forces(free, state, rates)
-    assert arm.push == free.push - 5000.0 * max(free.length - 1.2, 0.0)
+    assert arm.axial_force == free.axial_force - 5000.0 * max(free.length - 1.2, 0.0)
 
 
 def test_an_arm_that_hangs_pushes_down_and_its_moment_forwards() -> None:
     arm = arm_of()
-    arm.grip.turn, arm.grip.stiffness, arm.grip.turning_stiffness = 7.0, 0.0, 0.0
+    arm.grip.shoulder_moment, arm.grip.stiffness, arm.grip.transverse_stiffness = 7.0, 0.0, 0.0
     assert_allclose(arm_force(arm, 0.0, 1.0, 0.0, -1.4, 0.0, 0.0), (5.0, -80.0), atol=1e-12)
 
 
@@ -157,9 +157,9 @@ def test_the_pitching_moment_is_what_a_force_does_as_the_trunk_turns(
 
 
 def test_the_harness_pulls_with_its_share_and_locks_from_below_only() -> None:
-    harness = Harness(0.4, 300.0, 90.0, Stop(0.0, 0.0, 0.0, 0.0))
+    harness = Harness(0.4, 300.0, 90.0, MechanicalStop(0.0, 0.0, 0.0, 0.0))
     assert harness_pull(harness, 1.2, -0.5) == 300.0 + 45.0
-    harness.stop = Stop(1.3, math.inf, 1e4, 2.0)
+    harness.stop = MechanicalStop(1.3, math.inf, 1e4, 2.0)
     assert_allclose(harness_pull(harness, 1.2, -0.5), 345.0 + 1e4 * 0.1 * (1.0 + 2.0 * 0.5))
     assert harness_pull(harness, 1.4, -0.5) == 345.0 == harness.pull
 
@@ -171,12 +171,12 @@ def planted(delay: int = 0, ticks: int = 0) -> Arm:
     arm = arm_of(delay)
     arm.length = 1.4
     plant_crutch(HABIT, arm)
-    arm.since = ticks
+    arm.phase_ticks = ticks
     return arm
 
 
-def sense_of(lean: float = 0.1, rate: float = 0.0, stepping: float = 0.0) -> Sense:
-    sense = new_sense(0, lean)
+def sense_of(lean: float = 0.1, rate: float = 0.0, stepping: float = 0.0) -> Perception:
+    sense = new_perception(0, lean)
     sense.lean, sense.lean_rate, sense.stepping = lean, rate, stepping
     return sense
 
@@ -189,16 +189,16 @@ def test_a_planted_crutch_is_pushed_more_the_more_the_trunk_leans(lean: float) -
     arm, other = planted(), planted()
     arm.push_limit = 400.0
     move_arm(HABIT, sense_of(lean, 0.2), arm, other, FAR, 80.0)
-    assert_allclose(arm.grip.push, min(max(80.0 + 600.0 * (lean - 0.1) + 150.0 * 0.2, 0.0), 400.0))
-    assert arm.grip.turn == -5.0
+    assert_allclose(arm.grip.axial_force, min(max(80.0 + 600.0 * (lean - 0.1) + 150.0 * 0.2, 0.0), 400.0))
+    assert arm.grip.shoulder_moment == -5.0
 
 
 def test_loaded_muscles_yield_with_their_time_constant() -> None:
     """A strut held elsewhere: (1 - α)^n of the way is left."""
     arm, other = planted(), planted()
-    turn_grip(arm.grip, 0.3)
+    set_grip_angle(arm.grip, 0.3)
     for _ in range(50):
-        arm.length, arm.aside = 1.3, arm.grip.length * math.sin(arm.grip.angle - 0.28)
+        arm.length, arm.transverse_deflection = 1.3, arm.grip.length * math.sin(arm.grip.angle - 0.28)
         move_arm(HABIT, sense_of(), arm, other, FAR, 80.0)
     left = 0.99**50
     assert_allclose(arm.grip.length - 1.3, 0.1 * left, rtol=1e-12)
@@ -214,8 +214,8 @@ def test_loaded_muscles_yield_with_their_time_constant() -> None:
         (20, 30, PLANTED, 0.0, NEAR, True),
         (19, 30, PLANTED, 0.0, NEAR, False),
         (20, 20, PLANTED, 0.0, NEAR, False),
-        (20, 30, SWUNG, 0.0, NEAR, False),
-        (20, 30, LOWERED, 0.0, NEAR, False),
+        (20, 30, SWINGING, 0.0, NEAR, False),
+        (20, 30, LOWERING, 0.0, NEAR, False),
         (20, 30, PLANTED, 1.0, NEAR, False),
         (20, 30, PLANTED, 0.0, FAR, False),
     ],
@@ -224,13 +224,13 @@ def test_a_crutch_is_lifted_when_it_is_near_and_nothing_else_is_in_the_air(
     ticks: int, others_ticks: int, others: int, stepping: float, ahead: float, lifts: bool
 ) -> None:
     arm, other = planted(ticks=ticks), planted(ticks=others_ticks)
-    other.doing = others
+    other.phase = others
     move_arm(HABIT, sense_of(stepping=stepping), arm, other, ahead, 80.0)
-    assert arm.doing == (SWUNG if lifts else PLANTED)
-    assert other.doing == others
+    assert arm.phase == (SWINGING if lifts else PLANTED)
+    assert other.phase == others
     if lifts:
         assert_allclose(arm.grip.length, 1.4 - 0.06)
-        assert arm.grip.push == arm.grip.turn == 0.0
+        assert arm.grip.axial_force == arm.grip.shoulder_moment == 0.0
 
 
 def test_a_swing_goes_by_minimum_jerk_to_the_reach_whatever_the_trunk_does() -> None:
@@ -243,28 +243,28 @@ def test_a_swing_goes_by_minimum_jerk_to_the_reach_whatever_the_trunk_does() -> 
         s = tick / 40.0
         share = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5
         assert_allclose(arm.grip.angle - lean, start + share * (0.35 - start), atol=1e-12)
-        assert arm.doing == (SWUNG if tick < 40 else LOWERED)
+        assert arm.phase == (SWINGING if tick < 40 else LOWERING)
 
 
 def test_a_crutch_is_lowered_at_its_speed_and_planted_as_it_is_when_it_carries() -> None:
     arm, other = planted(), planted(ticks=99)
-    arm.doing, arm.grip.length = LOWERED, 1.3
+    arm.phase, arm.grip.length = LOWERING, 1.3
     for tick in range(1, 30):
         move_arm(HABIT, sense_of(), arm, other, FAR, 14.9)
         assert_allclose(arm.grip.length, 1.3 + 0.00025 * tick)
-    arm.length, arm.aside = 1.31, arm.grip.length * math.sin(0.01)
+    arm.length, arm.transverse_deflection = 1.31, arm.grip.length * math.sin(0.01)
     angle = arm.grip.angle - 0.01
     move_arm(HABIT, sense_of(), arm, other, FAR, 15.1)
-    assert (arm.doing, arm.since, arm.grip.length) == (PLANTED, 0, 1.31)
+    assert (arm.phase, arm.phase_ticks, arm.grip.length) == (PLANTED, 0, 1.31)
     assert_allclose(arm.grip.angle, angle, atol=1e-4)
-    assert (arm.grip.stiffness, arm.grip.turning_damping) == (4000.0, 12.0)
+    assert (arm.grip.stiffness, arm.grip.transverse_damping) == (4000.0, 12.0)
 
 
 @pytest.mark.parametrize("reach", [0.4, -0.3])
 def test_a_crutch_that_does_not_reach_the_ground_is_drawn_nearer(reach: float) -> None:
     """The tip goes as fast towards the vertical as it was lowered, from in front or from behind."""
     arm, other = planted(), planted()
-    arm.doing, arm.grip.length, arm.reach = LOWERED, 1.4299, reach
+    arm.phase, arm.grip.length, arm.reach = LOWERING, 1.4299, reach
     before = arm.grip.angle
     for _ in range(6):
         move_arm(HABIT, sense_of(), arm, other, FAR, 0.0)
@@ -278,17 +278,17 @@ def test_a_crutch_that_does_not_reach_the_ground_is_drawn_nearer(reach: float) -
 def test_who_stands_has_the_crutches_where_they_like_them(ahead: float, still: int, brought: bool) -> None:
     """0.3 m about a place 0.55 m in front of the shoulder, after a second without a step."""
     arm, other, sense = planted(ticks=2000), planted(ticks=2000), sense_of()
-    sense.still = still
+    sense.ticks_since_swing = still
     move_arm(HABIT, sense, arm, other, ahead, 80.0)
-    assert arm.doing == (SWUNG if brought else PLANTED)
+    assert arm.phase == (SWINGING if brought else PLANTED)
     assert not brought or arm.reach == ARMS.stand_reach
 
 
 def test_of_two_crutches_in_front_one_is_brought_behind_to_sit_down() -> None:
-    arm, other, sense = planted(ticks=30), planted(ticks=30), on_chair(REACHES)
-    other.doing = BEHIND
+    arm, other, sense = planted(ticks=30), planted(ticks=30), on_chair(REACHING_BACK)
+    other.phase = PLANTED_BEHIND
     move_arm(HABIT, sense, arm, other, 0.3, 80.0)
-    assert arm.doing == PLANTED
+    assert arm.phase == PLANTED
 
 
 def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
@@ -298,24 +298,24 @@ def test_never_are_both_crutches_in_the_air(rng: np.random.Generator) -> None:
     for _ in range(3000):
         sense = sense_of(*rng.uniform(-0.2, 0.4, 2), stepping=float(rng.random() < 0.2))
         for number, arm in enumerate(arms):
-            before = arm.doing
+            before = arm.phase
             move_arm(policy, sense, arm, arms[1 - number], rng.uniform(0.0, 0.4), rng.uniform(0.0, 30.0))
-            lifted[number] += before == PLANTED != arm.doing
-        assert PLANTED in (arms[0].doing, arms[1].doing)
+            lifted[number] += before == PLANTED != arm.phase
+        assert PLANTED in (arms[0].phase, arms[1].phase)
     assert min(lifted) > 50
 
 
-def on_chair(what: float) -> Sense:
+def on_chair(what: float) -> Perception:
     sense = sense_of()
-    sense.chair = what
+    sense.chair_state = what
     return sense
 
 
-@pytest.mark.parametrize(("what", "end"), [(RISES, 1.5), (LOWERS, 0.8)])
+@pytest.mark.parametrize(("what", "end"), [(RISING, 1.5), (SITTING_DOWN, 0.8)])
 def test_arms_go_with_the_legs_by_minimum_jerk_and_only_push(what: float, end: float) -> None:
     """10 s³ - 15 s⁴ + 6 s⁵ of the way from the length at the start; who is beyond it already gives way."""
     arm, other, sense = planted(), planted(), on_chair(what)
-    arm.length = 0.7 if what == RISES else 1.4
+    arm.length = 0.7 if what == RISING else 1.4
     start = arm.length
     for tick in range(2500):
         move_arm(HABIT, sense, arm, other, -0.2, 80.0)
@@ -323,24 +323,24 @@ def test_arms_go_with_the_legs_by_minimum_jerk_and_only_push(what: float, end: f
         wanted = start + (end - start) * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
         assert_allclose(arm.grip.length, max(wanted, arm.length), rtol=1e-12)
         arm.length = wanted - 0.01 if tick < 1200 else wanted + 0.02
-    assert (arm.grip.push, arm.grip.turn, arm.doing) == (20.0, -30.0, BEHIND)
+    assert (arm.grip.axial_force, arm.grip.shoulder_moment, arm.phase) == (20.0, -30.0, PLANTED_BEHIND)
 
 
 def test_hands_of_who_sits_rest() -> None:
     arm = planted()
-    move_arm(HABIT, on_chair(SITS), arm, planted(), -0.2, 80.0)
-    assert arm.grip.push == arm.grip.turn == arm.grip.stiffness == 0.0
+    move_arm(HABIT, on_chair(SITTING), arm, planted(), -0.2, 80.0)
+    assert arm.grip.axial_force == arm.grip.shoulder_moment == arm.grip.stiffness == 0.0
 
 
 @pytest.mark.parametrize(("load", "lifts"), [(14.9, True), (15.0, False)])
 def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load: float, lifts: bool) -> None:
     arm, other = planted(), planted(ticks=30)
-    move_arm(HABIT, on_chair(RISES), arm, other, -0.2, 80.0)
+    move_arm(HABIT, on_chair(RISING), arm, other, -0.2, 80.0)
     for _ in range(21):
         move_arm(HABIT, on_chair(0.0), arm, other, -0.2, 80.0)
-        assert arm.doing == BEHIND
+        assert arm.phase == PLANTED_BEHIND
     move_arm(HABIT, on_chair(0.0), arm, other, -0.2, load)
-    assert arm.doing == (SWUNG if lifts else BEHIND)
+    assert arm.phase == (SWINGING if lifts else PLANTED_BEHIND)
     assert not lifts or arm.reach == ARMS.stand_reach
 
 
@@ -348,12 +348,12 @@ def test_who_has_risen_brings_a_crutch_forwards_when_the_hand_feels_no_load(load
 def test_crutches_behind_straighten_until_a_hand_feels_no_load_and_stop_a_fall_backwards(rate: float) -> None:
     """Longer by 0.05 m/s; 150 N s/rad against a trunk that tips backwards, nothing against one that leans."""
     arm, other, sense = planted(), planted(ticks=30), on_chair(0.0)
-    arm.doing, arm.grip.length, sense.lean_rate = BEHIND, 1.45, rate
+    arm.phase, arm.grip.length, sense.lean_rate = PLANTED_BEHIND, 1.45, rate
     for _ in range(50):
         move_arm(HABIT, sense, arm, other, -0.2, 15.0)
-    assert_allclose(arm.grip.push, max(-150.0 * rate, 0.0), rtol=1e-12)
+    assert_allclose(arm.grip.axial_force, max(-150.0 * rate, 0.0), rtol=1e-12)
     assert_allclose(arm.grip.length, 1.45 + 50 * 0.00005, rtol=1e-12)
-    other.doing, other.since = SWUNG, 0
+    other.phase, other.phase_ticks = SWINGING, 0
     move_arm(HABIT, sense, arm, other, -0.2, 14.0)
     assert_allclose(arm.grip.length, 1.45 + 50 * 0.00005, rtol=1e-12)
     arm.length = 1.5
@@ -364,21 +364,21 @@ def test_crutches_behind_straighten_until_a_hand_feels_no_load_and_stop_a_fall_b
 def test_a_crutch_in_front_has_no_push_of_its_own_while_the_other_is_behind() -> None:
     """K (lean - 0.1) + D rate alone: with more, it would push the trunk back on the one behind."""
     arm, other, sense = planted(), planted(), sense_of(0.15, 0.1)
-    other.doing = BEHIND
+    other.phase = PLANTED_BEHIND
     move_arm(HABIT, sense, arm, other, 0.3, 80.0)
-    assert_allclose(arm.grip.push, 600.0 * 0.05 + 150.0 * 0.1, rtol=1e-12)
+    assert_allclose(arm.grip.axial_force, 600.0 * 0.05 + 150.0 * 0.1, rtol=1e-12)
 
 
-@pytest.mark.parametrize("what", [LEANS, REACHES])
+@pytest.mark.parametrize("what", [LEANING, REACHING_BACK])
 @pytest.mark.parametrize("ahead", [-0.01, 0.01])
 def test_crutches_in_front_are_swung_behind_for_a_chair(what: float, ahead: float) -> None:
     arm, other = planted(ticks=30), planted(ticks=30)
     move_arm(HABIT, on_chair(what), arm, other, ahead, 80.0)
-    assert arm.doing == (SWUNG if ahead > 0.0 else BEHIND)
+    assert arm.phase == (SWINGING if ahead > 0.0 else PLANTED_BEHIND)
     if ahead > 0.0:
         assert arm.reach == -0.3
         move_arm(HABIT, on_chair(what), other, arm, ahead, 80.0)
-        assert other.doing == (PLANTED if what == REACHES else BEHIND)  # one at a time
+        assert other.phase == (PLANTED if what == REACHING_BACK else PLANTED_BEHIND)  # one at a time
 
 
 def test_never_are_both_crutches_in_the_air_whatever_the_chair_asks_for(rng: np.random.Generator) -> None:
@@ -388,10 +388,10 @@ def test_never_are_both_crutches_in_the_air_whatever_the_chair_asks_for(rng: np.
         if tick % 40 == 0:
             sense = on_chair(float(rng.integers(0, 6)))
         for number, arm in enumerate(arms):
-            standing = arm.doing in (PLANTED, BEHIND)
+            standing = arm.phase in (PLANTED, PLANTED_BEHIND)
             move_arm(policy, sense, arm, arms[1 - number], rng.uniform(-0.4, 0.4), rng.uniform(0.0, 30.0))
-            lifted[number] += standing and arm.doing == SWUNG
-        assert not all(arm.doing in (SWUNG, LOWERED) for arm in arms)
+            lifted[number] += standing and arm.phase == SWINGING
+        assert not all(arm.phase in (SWINGING, LOWERING) for arm in arms)
     assert min(lifted) > 50
 
 
@@ -400,17 +400,17 @@ def test_nothing_is_felt_before_the_delay_has_passed(delay: int) -> None:
     """A step of all that is felt changes what the person does after the delay, not before."""
 
     def course(step: float) -> list[tuple[float, ...]]:
-        arm, other, sense = planted(delay, 99), planted(delay, 99), new_sense(delay, 0.1)
-        arm.felt_ahead = new_delay_line(delay, FAR)
+        arm, other, sense = planted(delay, 99), planted(delay, 99), new_perception(delay, 0.1)
+        arm.distance_delay = new_delay_line(delay, FAR)
         found = []
         for tick in range(60):
             changed = step if tick >= 10 else 0.0
-            sense.lean = delayed_sample(sense.felt_lean, tick, 0.1 + changed)
-            sense.lean_rate = delayed_sample(sense.felt_rate, tick, changed)
-            ahead = delayed_sample(arm.felt_ahead, tick, FAR - 3.0 * changed)
-            load = delayed_sample(arm.felt_load, tick, 80.0)
+            sense.lean = delayed_sample(sense.lean_delay, tick, 0.1 + changed)
+            sense.lean_rate = delayed_sample(sense.lean_rate_delay, tick, changed)
+            ahead = delayed_sample(arm.distance_delay, tick, FAR - 3.0 * changed)
+            load = delayed_sample(arm.load_delay, tick, 80.0)
             move_arm(HABIT, sense, arm, other, ahead, load)
-            found.append((arm.doing, arm.since, *astuple(arm.grip)))
+            found.append((arm.phase, arm.phase_ticks, *astuple(arm.grip)))
         return found
 
     quiet, stepped = course(0.0), course(0.1)
@@ -420,6 +420,6 @@ def test_nothing_is_felt_before_the_delay_has_passed(delay: int) -> None:
 
 
 def test_who_has_leant_for_a_while_feels_that_from_the_start() -> None:
-    sense = new_sense(20, 0.14)
-    assert [delayed_sample(sense.felt_lean, tick, 9.0) for tick in range(22)] == [0.14] * 20 + [9.0] * 2
-    assert [delayed_sample(sense.felt_rate, tick, 9.0) for tick in range(22)] == [0.0] * 20 + [9.0] * 2
+    sense = new_perception(20, 0.14)
+    assert [delayed_sample(sense.lean_delay, tick, 9.0) for tick in range(22)] == [0.14] * 20 + [9.0] * 2
+    assert [delayed_sample(sense.lean_rate_delay, tick, 9.0) for tick in range(22)] == [0.0] * 20 + [9.0] * 2

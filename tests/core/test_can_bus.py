@@ -12,23 +12,23 @@ from scipy.stats import binomtest, chisquare, kstest
 from twin_gait.core import can_bus
 from twin_gait.core.can_bus import (
     BUS_OFF,
-    EVERYTHING,
+    FULL_SCALE,
     NEVER,
-    NOBODY,
+    NO_INDEX,
     REBOOT,
     SILENCE,
     Bus,
     Frame,
     Node,
-    Outage,
+    OutageRecord,
     advance,
     draw,
-    is_due,
-    mixed,
+    is_release_due,
+    mix_bits,
 )
 from twin_gait.core.can_frame import frame_bits, new_header
-from twin_gait.simulation.compiling import compile_loop, record_at
-from twin_gait.simulation.record import stored
+from twin_gait.simulation.compiling import compile_loop, record_accessor
+from twin_gait.simulation.record import to_array
 
 TICK, BIT = 10**9, 10**6  # [ps]; 1 ms, and 1 Mbit/s
 CCU = 0
@@ -36,7 +36,7 @@ US = 10**6
 
 
 def frame(identifier: int, sender: int = CCU, receiver: int = 1, release: int = NEVER, **more: int) -> Frame:
-    values = {"period": 2 * TICK, "jitter": 0, "key": mixed(identifier), **more}
+    values = {"period": 2 * TICK, "jitter": 0, "key": mix_bits(identifier), **more}
     return Frame(
         new_header(identifier, 8), sender, receiver, values["period"], values["jitter"], values["key"],
         release, release,
@@ -44,11 +44,11 @@ def frame(identifier: int, sender: int = CCU, receiver: int = 1, release: int = 
 
 
 def bus_of(
-    frames: Sequence[Frame], outages: Sequence[Outage] = (), errors: float = 0.0, loss: float = 0.0,
+    frames: Sequence[Frame], outages: Sequence[OutageRecord] = (), errors: float = 0.0, loss: float = 0.0,
     recovers: bool = True, nodes: int = 5,
 ) -> Bus:  # fmt: skip
-    last = [Outage(SILENCE, NOBODY, NEVER, NEVER) for _ in range(8 - len(outages))]
-    shares = int(errors * EVERYTHING), int(loss * EVERYTHING)
+    last = [OutageRecord(SILENCE, NO_INDEX, NEVER, NEVER) for _ in range(8 - len(outages))]
+    shares = int(errors * FULL_SCALE), int(loss * FULL_SCALE)
     ordered = sorted(outages, key=lambda item: item.start)
     return Bus(TICK, BIT, *shares, recovers, list(frames), [Node() for _ in range(nodes)], [*ordered, *last])
 
@@ -57,9 +57,9 @@ def write(bus: Bus, tick: int) -> None:
     """Give all frames that are due bits that nobody else has."""
     for number in range(len(bus.frames)):
         item = bus.frames[number]
-        if is_due(bus, item, tick):
-            item.outgoing.halves[0] = mixed(2 * (8 * tick + number))
-            item.outgoing.halves[1] = mixed(2 * (8 * tick + number) + 1)
+        if is_release_due(bus, item, tick):
+            item.outgoing.halves[0] = mix_bits(2 * (8 * tick + number))
+            item.outgoing.halves[1] = mix_bits(2 * (8 * tick + number) + 1)
 
 
 def run(bus: Bus, ticks: int, first: int = 0) -> Bus:
@@ -174,13 +174,13 @@ def test_jitter_spreads_the_releases_evenly() -> None:
 def test_draws_are_spread_evenly_and_do_not_depend_on_one_another() -> None:
     numbers = []
     for key in range(8):
-        item = frame(key, key=mixed(key))
+        item = frame(key, key=mix_bits(key))
         numbers.append([draw(item) for _ in range(20_000)])
     table = np.array(numbers)
     counts = np.bincount((table >> 26).ravel(), minlength=64)
     assert chisquare(counts).pvalue > 0.01
     assert chisquare(np.bincount((table & 63).ravel(), minlength=64)).pvalue > 0.01
-    centred = table / EVERYTHING - 0.5
+    centred = table / FULL_SCALE - 0.5
     largest = 4.5 * np.sqrt(1 / table.shape[1]) / 12
     between = np.cov(centred) - np.diag(np.diag(np.cov(centred)))
     assert np.abs(between).max() < largest
@@ -200,7 +200,7 @@ def test_so_many_frames_are_lost_as_is_said(share: float) -> None:
 
 def test_of_frames_that_wait_through_a_silence_the_last_is_kept() -> None:
     item = frame(1, release=0)
-    bus = run(bus_of([item], [Outage(SILENCE, NOBODY, 10 * TICK, NEVER)]), 40)
+    bus = run(bus_of([item], [OutageRecord(SILENCE, NO_INDEX, 10 * TICK, NEVER)]), 40)
     assert item.arrived == 9
     assert bus.frames[0].replaced == 14  # every 2 ms from 12 ms on
 
@@ -224,7 +224,7 @@ def test_an_error_takes_part_of_the_frame_and_an_error_frame() -> None:
     start = bus.free - bus.busy
     assert start == 0 and item.sent == 0
     for _ in range(2000):
-        bus = bus_of([frame(1, release=0, key=mixed(len(times)))], errors=1.0)
+        bus = bus_of([frame(1, release=0, key=mix_bits(len(times)))], errors=1.0)
         can_bus._begin(bus, 0, TICK)
         times.append(bus.free // BIT - 31)
     assert min(times) >= 1 and max(times) <= length
@@ -236,7 +236,7 @@ def test_transmit_errors_count_eight_up_and_one_down_to_bus_off() -> None:
     bus = bus_of([item], errors=1.0)
     counts = [0]
     while not bus.nodes[CCU].bus_offs:
-        can_bus._begin(bus, 0, TICK) if bus.on_wire == NOBODY else can_bus._finish(bus, 0)
+        can_bus._begin(bus, 0, TICK) if bus.current_frame == NO_INDEX else can_bus._finish(bus, 0)
         counts.append(bus.nodes[CCU].transmit_errors)
     assert sorted(set(counts)) == list(range(0, 256, 8))  # off above 255, after the 32nd error
     assert item.destroyed == 32 and not item.waiting
@@ -249,7 +249,7 @@ def test_transmit_errors_count_eight_up_and_one_down_to_bus_off() -> None:
 def test_a_node_recovers_after_128_times_11_bits() -> None:
     off = 3 * TICK + 123_456_789
     item = frame(1, period=NEVER)
-    bus = bus_of([item], [Outage(BUS_OFF, CCU, off, 0)])
+    bus = bus_of([item], [OutageRecord(BUS_OFF, CCU, off, 0)])
     back = off + 128 * 11 * BIT
     ticks = back // TICK
     run(bus, ticks)
@@ -261,7 +261,7 @@ def test_a_node_recovers_after_128_times_11_bits() -> None:
 
 def test_a_node_that_does_not_recover_stays_off() -> None:
     item, other = frame(1, CCU, 1, 0), frame(2, 2, 3, 0)
-    bus = run(bus_of([item, other], [Outage(BUS_OFF, CCU, 5 * TICK, 0)], recovers=False), 500)
+    bus = run(bus_of([item, other], [OutageRecord(BUS_OFF, CCU, 5 * TICK, 0)], recovers=False), 500)
     assert (item.sent, other.sent) == (3, 250)
     assert bus.nodes[CCU].bus_offs == 1
 
@@ -272,7 +272,7 @@ def test_a_node_that_does_not_recover_stays_off() -> None:
 def test_a_node_that_boots_is_deaf_and_dumb_and_begins_its_cycle_anew() -> None:
     ours, theirs = frame(1, CCU, 1, 0), frame(2, 1, CCU, 0)
     down, up = 10 * TICK + 5, 20 * TICK + 777
-    bus = bus_of([ours, theirs], [Outage(REBOOT, 1, down, up)])
+    bus = bus_of([ours, theirs], [OutageRecord(REBOOT, 1, down, up)])
     bus.nodes[1].transmit_errors = 100
     run(bus, 20)
     assert theirs.arrived == 9 and ours.arrived == 9 and ours.lost == 5
@@ -285,7 +285,7 @@ def test_a_node_that_boots_is_deaf_and_dumb_and_begins_its_cycle_anew() -> None:
 
 def test_a_node_that_boots_while_it_sends_leaves_an_error_frame() -> None:
     ours, theirs = frame(1, CCU, 1, 3 * US), frame(2, 1, CCU, 0)
-    run(bus_of([ours, theirs], [Outage(REBOOT, 1, 10 * US, NEVER)]), 1)
+    run(bus_of([ours, theirs], [OutageRecord(REBOOT, 1, 10 * US, NEVER)]), 1)
     assert theirs.destroyed == 1 and theirs.arrived == 0
     assert ours.lost == 1  # the other one is not there to hear it
     assert ours.worst_response == 0 and theirs.release == NEVER
@@ -293,7 +293,7 @@ def test_a_node_that_boots_while_it_sends_leaves_an_error_frame() -> None:
 
 def test_a_silent_bus_keeps_the_newest_values_until_it_is_back() -> None:
     frames = [frame(number, number % 2, 1 - number % 2, 0) for number in range(1, 5)]
-    run(bus_of(frames, [Outage(SILENCE, NOBODY, 4 * TICK + 50 * US, 13 * TICK)]), 13)
+    run(bus_of(frames, [OutageRecord(SILENCE, NO_INDEX, 4 * TICK + 50 * US, 13 * TICK)]), 13)
     assert all(item.arrived == 3 for item in frames)
     assert [item.destroyed for item in frames] == [1, 0, 0, 0]
     assert all(item.waiting and item.mailbox.tick == 12 for item in frames)
@@ -303,7 +303,7 @@ def test_a_silent_bus_keeps_the_newest_values_until_it_is_back() -> None:
 def test_a_broken_branch_of_the_star_loses_what_goes_through_it(side: str) -> None:
     ours, other = frame(1, 1, CCU, 0), frame(2, 2, CCU, 0)
     broken = 1 if side == "sender" else CCU
-    run(bus_of([ours, other], [Outage(SILENCE, broken, 10 * TICK + TICK // 2, 21 * TICK)]), 40)
+    run(bus_of([ours, other], [OutageRecord(SILENCE, broken, 10 * TICK + TICK // 2, 21 * TICK)]), 40)
     assert ours.destroyed == 0
     if side == "sender":
         assert (ours.replaced, ours.lost, other.lost) == (4, 0, 0)
@@ -340,10 +340,10 @@ CASES: dict[str, Callable[[], Bus]] = {
     "outages": lambda: bus_of(
         star(10 * US, 1000),
         [
-            Outage(REBOOT, 2, 50 * TICK + 12_345, 80 * TICK + 1),
-            Outage(BUS_OFF, 3, 90 * TICK + 50 * US, 0),
-            Outage(SILENCE, NOBODY, 100 * TICK + 250 * US, 120 * TICK),
-            Outage(SILENCE, 1, 150 * TICK, 170 * TICK),
+            OutageRecord(REBOOT, 2, 50 * TICK + 12_345, 80 * TICK + 1),
+            OutageRecord(BUS_OFF, 3, 90 * TICK + 50 * US, 0),
+            OutageRecord(SILENCE, NO_INDEX, 100 * TICK + 250 * US, 120 * TICK),
+            OutageRecord(SILENCE, 1, 150 * TICK, 170 * TICK),
         ],
     ),
 }
@@ -365,11 +365,11 @@ def test_plain_python_and_machine_code_agree_in_every_bit() -> None:
     entry = run_at
     entry.__module__ = can_bus.__name__  # only functions of the package are bound
     write.__module__ = can_bus.__name__
-    loop = compile_loop(entry, {"record_here": record_at(stored(bus_of(star(0))).dtype)})
+    loop = compile_loop(entry, {"record_here": record_accessor(to_array(bus_of(star(0))).dtype)})
     assert loop.code is not None  # needs nothing but the C library, and so can be kept
     for name, make in CASES.items():
-        plain, compiled = make(), stored(make())
+        plain, compiled = make(), to_array(make())
         loop.function(compiled.ctypes.data, 0, 2000)
         run(plain, 2000)
-        assert stored(plain).tobytes() == compiled.tobytes(), name
+        assert to_array(plain).tobytes() == compiled.tobytes(), name
         assert sum(item.sent for item in plain.frames) > 0

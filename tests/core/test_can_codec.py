@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin_gait.core.can_codec import SignalLayout, pack_frame, signal_code, signal_value, unpack_frame
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiling import ON_BITS, jit
-from twin_gait.simulation.record import stored
+from twin_gait.core.can_codec import SignalLayout, pack_frame, encode_signal, decode_signal, unpack_frame
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiling import BIT_FUNCTIONS, jit
+from twin_gait.simulation.record import to_array
 
 # Torque from bit 14 on in 13 bits, an angle before it in 14, and 31 bits in the other half.
 TORQUE = SignalLayout(0, 14, 8191, 4096, -4096, 0.025, 0.0, -4095.0, 4095.0)
@@ -46,13 +46,13 @@ class Frame:
     ],
 )
 def test_a_number_has_the_nearest_code_of_its_range(signal, value, code):
-    assert signal_code(signal, value) == code
+    assert encode_signal(signal, value) == code
 
 
 def test_a_code_outside_the_range_is_no_number():
-    assert math.isnan(signal_value(TORQUE, -4096))
-    assert math.isnan(signal_value(ANGLE, 16383))
-    assert signal_value(TORQUE, -4095) == -4095 * 0.025
+    assert math.isnan(decode_signal(TORQUE, -4096))
+    assert math.isnan(decode_signal(ANGLE, 16383))
+    assert decode_signal(TORQUE, -4095) == -4095 * 0.025
 
 
 def test_signals_stand_where_their_layout_says():
@@ -83,8 +83,8 @@ def test_machine_code_gives_the_bits_of_python():
     draw = np.random.default_rng(0)
     values = draw.uniform(-200.0, 200.0, (20_000, 3))
     values[:100] = draw.choice([math.nan, math.inf, -math.inf, -0.0], (100, 3))
-    frame = stored(Frame(SIGNALS, [0, 0], [0.0, 0.0, 0.0]))[0]
-    pack, unpack = (bind(function, ON_BITS, jit) for function in (pack_frame, unpack_frame))
+    frame = to_array(Frame(SIGNALS, [0, 0], [0.0, 0.0, 0.0]))[0]
+    pack, unpack = (specialize(function, BIT_FUNCTIONS, jit) for function in (pack_frame, unpack_frame))
 
     @numba.njit
     def there_and_back(one, values, halves, found):

@@ -9,8 +9,8 @@ from twin_gait.core.can_frame import (
     Header,
     frame_bits,
     frame_crc,
-    most_frame_bits,
-    most_stuff_bits,
+    max_frame_bits,
+    max_stuff_bits,
     new_header,
 )
 
@@ -77,7 +77,7 @@ def test_crc_and_stuff_bits_are_those_of_the_specification(length: int) -> None:
 
     pairs = zip(identifiers.tolist(), halves.tolist(), strict=True)
     np.testing.assert_array_equal([found(*pair) for pair in pairs], expected)
-    assert expected[:, 1].max() <= most_frame_bits(length)
+    assert expected[:, 1].max() <= max_frame_bits(length)
     assert expected[:, 1].min() >= 8 * length + 47
 
 
@@ -93,9 +93,9 @@ def test_crc_of_the_catalogue() -> None:
 
 def test_longest_frames_are_those_of_davis_and_others() -> None:
     # Equation (1) of Davis et al. (2007): 8 n + 47 + floor((34 + 8 n - 1) / 4); 135 bits with 8 bytes.
-    assert [most_frame_bits(length) for length in (7, 8)] == [125, 135]
+    assert [max_frame_bits(length) for length in (7, 8)] == [125, 135]
     for length in range(9):
-        assert most_frame_bits(length) == 8 * length + 47 + (34 + 8 * length - 1) // 4
+        assert max_frame_bits(length) == 8 * length + 47 + (34 + 8 * length - 1) // 4
 
 
 def test_a_run_after_run_needs_as_many_stuff_bits_as_the_bound() -> None:
@@ -103,4 +103,4 @@ def test_a_run_after_run_needs_as_many_stuff_bits_as_the_bound() -> None:
     for length in range(9):
         bits = [0, *(1 - place // 4 % 2 if place >= 0 else 0 for place in range(-4, 29 + 8 * length))]
         assert len(bits) == 34 + 8 * length
-        assert stuff_bits_in(np.array(bits)[:, None])[0] == most_stuff_bits(length)
+        assert stuff_bits_in(np.array(bits)[:, None])[0] == max_stuff_bits(length)

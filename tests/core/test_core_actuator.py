@@ -20,7 +20,7 @@ from twin_gait.core.actuator import (
     torque_to_current,
     voltage_limited_current,
 )
-from twin_gait.core.control_tick import driven_motor, target_current
+from twin_gait.core.control_tick import drive_motor, target_current
 from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 
 # maxon EC 90 flat, 24 V winding: K_t = 0.0705 Nm/A, R = 0.343 Ω; CSD-25 gear, 100:1.
@@ -148,7 +148,7 @@ def test_constant_load_settles_where_the_battery_equation_is_solved(power: float
 @given(command=st.floats(-300.0, 300.0), velocity=speeds)
 def test_driven_motor_obeys_torque_current_and_voltage_limits(command: float, velocity: float) -> None:
     target = target_current(MOTOR, command, 60.0, 8.0)
-    current, torque = driven_motor(MOTOR, target, velocity, BATTERY)
+    current, torque = drive_motor(MOTOR, target, velocity, BATTERY)
     assert abs(target) <= 8.0
     assert_allclose(torque, 7.05 * current, rtol=1e-12, atol=1e-300)
     assert abs(R * current + 7.05 * velocity) <= BATTERY * (1.0 + 1e-9)
@@ -158,7 +158,7 @@ def test_driven_motor_obeys_torque_current_and_voltage_limits(command: float, ve
 
 def test_torque_limit_binds_before_the_current_limit() -> None:
     target = target_current(MOTOR, 500.0, 60.0, 100.0)
-    _, torque = driven_motor(MOTOR, target, 0.0, BATTERY)
+    _, torque = drive_motor(MOTOR, target, 0.0, BATTERY)
     assert_allclose(torque, 60.0, rtol=1e-12)
     assert_allclose(target, 60.0 / 7.05, rtol=1e-12)
 

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
 from twin_gait.control import gait_controller
-from twin_gait.control.device_schedule import is_fading, take_transition
+from twin_gait.control.device_schedule import is_blending, apply_transition
 from twin_gait.core.blending import (
     BLEND_LINEAR,
     BLEND_MINIMUM_JERK,
@@ -21,11 +21,11 @@ from twin_gait.core.blending import (
     blend,
     blend_share,
 )
-from twin_gait.core.control_tick import Setpoint, copy_setpoint
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.core.control_tick import ImpedanceSetpoint, copy_setpoint
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.record import copied
+from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.record import deep_copy
 
 LAWS = [BLEND_NONE, BLEND_LINEAR, BLEND_MINIMUM_JERK]
 FADING = [BLEND_LINEAR, BLEND_MINIMUM_JERK]
@@ -86,9 +86,9 @@ def test_blended_value_goes_from_old_to_new(old: float, new: float) -> None:
 
 
 SETPOINTS = (
-    Setpoint(100.0, 5.0, 0.1, 0.2),
-    Setpoint(300.0, 20.0, -0.2, 0.8),
-    Setpoint(50.0, 12.0, 0.4, 0.5),
+    ImpedanceSetpoint(100.0, 5.0, 0.1, 0.2),
+    ImpedanceSetpoint(300.0, 20.0, -0.2, 0.8),
+    ImpedanceSetpoint(50.0, 12.0, 0.4, 0.5),
 )
 SHARES = (0.0, 1.0, 0.4)  # of the gravity compensation
 
@@ -96,11 +96,11 @@ SHARES = (0.0, 1.0, 0.4)  # of the gravity compensation
 @pytest.fixture(scope="module")
 def legs() -> Episode:
     """Two legs that have long been in their first phase, with the parameters above."""
-    _, e, _ = laid_out(build_problem(load_experiment("treadmill").experiment))
+    _, e, _ = assemble(build_setup(load_experiment("treadmill").experiment))
     e.recording.most_switches = 0  # room for no record of them
     for joint in e.controller.joints:
         joint.setpoints[:3] = SETPOINTS
-        joint.blended, joint.blend_start = copied(SETPOINTS[0]), copied(SETPOINTS[0])
+        joint.blended, joint.blend_start = deep_copy(SETPOINTS[0]), deep_copy(SETPOINTS[0])
     for leg in e.controller.legs:
         leg.gravity_shares[:3] = SHARES
         leg.phase, leg.gravity, leg.gravity_start, leg.entry_tick = 0, SHARES[0], SHARES[0], -1000
@@ -122,16 +122,16 @@ TARGETS = [
 
 def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int) -> np.ndarray:
     """Parameters of one leg tick by tick, which enters the next phase at each switch."""
-    e = copied(legs)
+    e = deep_copy(legs)
     e.rates.blend_law = law
     e.controller.legs[0].blend_ticks[:3] = [1, duration, duration]
     rows = []
     for tick in range(ticks):
         if tick in switches:
             e.controller.legs[0].chosen = switches.index(tick) + 1
-            take_transition(e.controller, 0, tick)
-        if is_fading(e.controller.legs[0], tick):
-            gait_controller.fade(e.controller, e.rates, 0, tick)
+            apply_transition(e.controller, 0, tick)
+        if is_blending(e.controller.legs[0], tick):
+            gait_controller.blend_parameters(e.controller, e.rates, 0, tick)
         rows.append(parameters(e))
     assert parameters(e, 1) == parameters(legs, 1)  # the other leg is left alone
     return np.array(rows)
@@ -162,7 +162,7 @@ def test_fade_without_duration_is_a_switch(legs: Episode) -> None:
 
 
 def test_copied_setpoint_is_no_second_name_of_its_source() -> None:
-    source, target = copied(SETPOINTS[1]), copied(SETPOINTS[2])
+    source, target = deep_copy(SETPOINTS[1]), deep_copy(SETPOINTS[2])
     copy_setpoint(source, target)
     assert target == source
     source.stiffness = 0.0

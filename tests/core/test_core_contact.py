@@ -13,10 +13,10 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from twin_gait.core.arms import Arm, Grip, anchored_friction_force, dragged_anchor
+from twin_gait.core.arms import Arm, Grip, anchored_friction_force, anchor_position
 from twin_gait.core.contact import (
     Ground,
-    along_slope,
+    resolve_along_slope,
     contact_friction_force,
     contact_normal_force,
     ground_contact_force,
@@ -176,7 +176,7 @@ def pressed(ground: Ground, x: float, z: float, vx: float, vz: float) -> tuple[f
 
 
 def in_its_axes(ground: Ground, forward: float, upward: float) -> tuple[float, float]:
-    return along_slope(ground.slope_sine, ground.slope_cosine, forward, upward)
+    return resolve_along_slope(ground.slope_sine, ground.slope_cosine, forward, upward)
 
 
 @given(x=places, z=st.floats(-0.05, 0.05), forward=rates, upward=rates)
@@ -307,7 +307,7 @@ def pulled(force: float, seconds: float) -> tuple[float, float, float]:
         friction = anchored_friction_force(arm, place, speed, WEIGHT, COEFFICIENT)
         speed += step * (force + friction) / MASS
         place += step * speed
-        arm.anchor = dragged_anchor(arm, place, WEIGHT, COEFFICIENT)
+        arm.anchor = anchor_position(arm, place, WEIGHT, COEFFICIENT)
     return place, speed, arm.anchor
 
 
@@ -329,4 +329,4 @@ def test_tip_slides_under_more_than_friction_as_a_sledge_does() -> None:
 def test_anchored_friction_stays_within_the_cone_and_a_tip_in_the_air_forgets(stretch, slip, normal) -> None:
     force = anchored_friction_force(rubber(0.0), stretch, slip, normal, COEFFICIENT)
     assert abs(force) <= COEFFICIENT * normal
-    assert dragged_anchor(rubber(stretch), 0.3, 0.0, COEFFICIENT) == 0.3
+    assert anchor_position(rubber(stretch), 0.3, 0.0, COEFFICIENT) == 0.3

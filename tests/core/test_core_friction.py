@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from twin_gait.core.friction import gear_loss_torque, geared_friction_torque, rotational_friction_torque
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.exceptions import ParameterError
-from twin_gait.identification.laws import over_arrays
+from twin_gait.identification.laws import array_laws
 from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
 
 # Table 3.1 of the thesis as printed: a, b in [N m], c in [rad/s], d in [N m s/rad].
@@ -255,7 +255,7 @@ def test_gear_that_loses_alike_both_ways_is_what_an_identification_of_loaded_joi
     velocity, load = np.meshgrid(np.linspace(-2.0, 2.0, 41), np.linspace(-50.0, 50.0, 11))
     eta = 0.85
     cold = np.full_like(velocity, REFERENCE_TEMPERATURE)
-    term = over_arrays.conditioned_torque(
+    term = array_laws.conditioned_torque(
         velocity, load, cold, 0.0, 0.5 * (1.0 / eta - eta), 0.0, 0.0, 0.0, 0.02
     )
     ours = [

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from table_builder import JOINTS, guard, transition, two_phase_table
 
-from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
+from twin_gait.core.guards import NO_TRANSITION, evaluate_guard, next_transition
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import all_signal_names, signal_of, signal_scale
+from twin_gait.gait.signals import all_signal_names, find_signal, signal_scale
 
 NAMES = all_signal_names(JOINTS)
 PHASES = ("stance", "swing")
@@ -26,7 +26,7 @@ def evaluate(tree: Guard, signals: dict[str, float], other_phase: str | None) ->
     measured = [signals[name] * signal_scale(name) for name in NAMES]
     index = -1 if other_phase is None else PHASES.index(other_phase)
     rule = program.transitions[0]
-    return guard_holds(program, rule.first_node, rule.end_node, measured, index)
+    return evaluate_guard(program, rule.first_node, rule.end_node, measured, index)
 
 
 def signals_of(**known: float) -> dict[str, float]:
@@ -34,7 +34,7 @@ def signals_of(**known: float) -> dict[str, float]:
 
 
 def same_unit(name: str) -> list[str]:
-    return [other for other in NAMES if signal_of(other).unit == signal_of(name).unit and other != name]
+    return [other for other in NAMES if find_signal(other).unit == find_signal(name).unit and other != name]
 
 
 @st.composite
@@ -106,7 +106,7 @@ def test_thresholds_in_degrees_are_compared_in_radians(name: str) -> None:
     signals = [0.0] * len(NAMES)
     for value, expected in ((0.5235, False), (0.5237, True)):  # π/6 = 0.523599
         signals[NAMES.index(name)] = value
-        assert guard_holds(program, 0, 1, signals, -1) is expected
+        assert evaluate_guard(program, 0, 1, signals, -1) is expected
 
 
 @pytest.mark.parametrize("name", ["foot.load_bw", "time_in_phase_s"])

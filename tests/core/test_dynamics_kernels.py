@@ -26,9 +26,9 @@ from twin_gait.leg_model.bodies import export_bodies
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import packaged_urdf
 from twin_gait.simulation import executors, keeping, schedule, stages
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import bound_kernel, laid_out, run_at
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import kernel_names, assemble, run_ticks_at
+from twin_gait.simulation.problem import build_setup
 from twin_gait.vocabulary import JointName, Side
 
 GRAVITY = 9.81
@@ -61,9 +61,9 @@ def test_a_model_of_more_joints_than_the_limit_is_refused():
     fits, too_many = (export_bodies(chain(joints)) for joints in (limit, limit + 1))
     control = export_bodies(chain(2))
     assert "def dynamics(" in kernel.write_kernel(kernel.KernelBodies(fits, [], control, "z"))
-    assert kernel.kernel_structure(kernel.KernelBodies(fits, [], control, "z"))
+    assert kernel.kernel_key(kernel.KernelBodies(fits, [], control, "z"))
     with raises(ModelError, limit + 1, limit, "engine: pinocchio"):
-        kernel.kernel_structure(kernel.KernelBodies(too_many, [], control, "z"))
+        kernel.kernel_key(kernel.KernelBodies(too_many, [], control, "z"))
 
 
 def test_the_largest_model_of_an_experiment_is_within_the_limit():
@@ -209,11 +209,11 @@ def test_an_edit_of_any_source_changes_the_key(copied_sources):
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill", "overground"])
 def test_every_function_that_is_compiled_stands_in_a_source_that_is_hashed(preset):
     settings = ["control.mode=position", "control.assistance.adaptive=true"]
-    problem = build_problem(load_experiment(preset, settings).experiment)
-    bodies, _, structure = laid_out(problem)
+    problem = build_setup(load_experiment(preset, settings).experiment)
+    bodies, _, structure = assemble(problem)
     bound: list[FunctionType] = []
-    names = {**structure, **bound_kernel(bodies), **problem.controller.functions()}
-    bind(run_at, names, lambda function: bound.append(function) or function)
+    names = {**structure, **kernel_names(bodies), **problem.controller.tick_functions()}
+    specialize(run_ticks_at, names, lambda function: bound.append(function) or function)
     hashed = set(hashed_sources())
     # Drivers are written by modules that are hashed; the key has the text of the kernel.
     written = {item for item in bound if item.__code__.co_filename.startswith("<schedule: ")}

@@ -18,7 +18,7 @@ from example_robots import robot_urdf
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from twin_gait.core.contact import Ground, Point, ground_contact_force
+from twin_gait.core.contact import Ground, ContactState, ground_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model.bodies import ContactPoint, export_bodies
@@ -43,7 +43,7 @@ class Kernel(NamedTuple):
 
     def accelerations(self, q, v, torque):
         a = np.full(self.n, np.nan)
-        points = [Point() for _ in range(self.n_points)]
+        points = [ContactState() for _ in range(self.n_points)]
         self.functions["dynamics"](q, v, torque, self.bodies, GRAVITY, NO_GROUND, a, points)
         return a
 
@@ -61,7 +61,7 @@ class Kernel(NamedTuple):
 
     def point_motion(self, q, v):
         """Forward and upward velocity and height of every point, under :func:`telling_law`."""
-        points = [Point(np.nan, np.nan, np.nan) for _ in range(self.n_points)]
+        points = [ContactState(np.nan, np.nan, np.nan) for _ in range(self.n_points)]
         self.functions["contact_forces"](q, v, self.bodies, NO_GROUND, points)
         return np.array([[point.forward, point.upward, point.height] for point in points])
 
@@ -80,7 +80,7 @@ def source_of(bodies: list, points: tuple[ContactPoint, ...] = (), up_axis: str 
         kernel.write_control_gravity(bodies, up_axis),
         kernel.write_control_inertia(bodies),
     ]
-    return "\n\n".join([*kernel.write_side_by_side("".join(functions)), *functions])
+    return "\n\n".join([*kernel.write_merged_functions("".join(functions)), *functions])
 
 
 def kernel_of(model: pin.Model, points: tuple[ContactPoint, ...] = (), law=ground_contact_force) -> Kernel:

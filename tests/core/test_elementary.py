@@ -25,8 +25,8 @@ from twin_gait.core.elementary import (
     sine_cosine,
     whole_number,
 )
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiling import ON_BITS, compiled_in, jit
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiling import BIT_FUNCTIONS, compiler_settings, jit
 
 mpmath.mp.prec = 250
 SHIFT = 1.5 * 2.0**52
@@ -205,7 +205,7 @@ def test_the_sine_is_odd_and_the_cosine_even():
 def over(points: np.ndarray, compile_loop: Callable[[Any], Any]) -> tuple[np.ndarray, Any]:
     """All functions over points in compiled code, shape ``(5, n)``, and the compiled loop."""
     functions = (exponential, settled_share, hyperbolic_tangent, sine_cosine)
-    e, s, t, c = (bind(function, ON_BITS, jit) for function in functions)
+    e, s, t, c = (specialize(function, BIT_FUNCTIONS, jit) for function in functions)
 
     def loop(x: np.ndarray, results: np.ndarray) -> None:
         for i in range(x.size):
@@ -244,7 +244,7 @@ def assert_same_bits(found: np.ndarray, points: np.ndarray) -> None:
 
 @pytest.mark.compile
 def test_scalar_machine_code_gives_the_bits_of_python(points):
-    with compiled_in():
+    with compiler_settings():
         found, _ = over(points, PLAIN)
     assert_same_bits(found, points)
 
@@ -263,7 +263,7 @@ def test_vector_machine_code_gives_the_bits_of_python(points, monkeypatch):
 
 @pytest.mark.compile
 def test_machine_code_calls_nothing_of_the_c_library():
-    with compiled_in():
+    with compiler_settings():
         _, compiled = over(np.ones(1), PLAIN)
     (text,) = compiled.inspect_llvm().values()
     declared = re.findall(r"^declare .*@([\w.]+)\(", text, re.MULTILINE)

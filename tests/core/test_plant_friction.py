@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from twin_gait.core.friction import (
-    advanced_deflection,
+    advance_deflection,
     friction_torque,
     geared_friction_torque,
     rotational_friction_torque,
@@ -66,12 +66,12 @@ def level(law: LuGreFriction, velocity: float) -> float:
 
 def dragged(law: LuGreFriction, path: np.ndarray, time: np.ndarray, start: float = 0.0) -> np.ndarray:
     """Torques at the points of a path, from straight or bent bristles on."""
-    friction, z = law.in_plant(), start
+    friction, z = law.to_plant_friction(), start
     velocity = np.gradient(path, time)
     torques = []
     before = path[0]
     for angle, speed in zip(path.tolist(), velocity.tolist(), strict=True):
-        z = advanced_deflection(friction, angle - before, speed, z)
+        z = advance_deflection(friction, angle - before, speed, z)
         before = angle
         torques.append(friction_torque(friction, speed, z, 0.0))
     return np.array(torques)
@@ -84,24 +84,24 @@ def dragged(law: LuGreFriction, path: np.ndarray, time: np.ndarray, start: float
 def test_a_joint_that_sticks_is_a_spring(law: LuGreFriction) -> None:
     """σ0 about rest: over a thousandth of the way until it slides, to a thousandth."""
     way = 1e-3 * law.coulomb_friction / law.bristle_stiffness
-    z = advanced_deflection(law.in_plant(), way, 1e-9, 0.0)
-    torque = friction_torque(law.in_plant(), 0.0, z, 0.0)
+    z = advance_deflection(law.to_plant_friction(), way, 1e-9, 0.0)
+    torque = friction_torque(law.to_plant_friction(), 0.0, z, 0.0)
     assert torque / way == pytest.approx(law.bristle_stiffness, rel=1e-3)
 
 
 @given(speeds, st.booleans())
 def test_steady_sliding_is_the_stribeck_curve(speed: float, forward: bool) -> None:
     velocity = speed if forward else -speed
-    torque = friction_torque(SKEWED.in_plant(), velocity, steady_deflection(SKEWED.in_plant(), velocity), 0.0)
+    torque = friction_torque(SKEWED.to_plant_friction(), velocity, steady_deflection(SKEWED.to_plant_friction(), velocity), 0.0)
     viscous = 2.0 * speed**0.7 if forward else -1.2 * speed**0.7
     assert torque == pytest.approx(0.5 + math.copysign(level(SKEWED, speed), velocity) + viscous, rel=1e-12)
 
 
 @given(speeds, st.floats(-0.0015, 0.0015))
 def test_every_start_slides_into_the_steady_deflection(speed: float, start: float) -> None:
-    friction = LUGRE.in_plant()
+    friction = LUGRE.to_plant_friction()
     far = 40.0 * level(LUGRE, speed) / LUGRE.bristle_stiffness
-    z = advanced_deflection(friction, far, speed, start)
+    z = advance_deflection(friction, far, speed, start)
     assert z == pytest.approx(steady_deflection(friction, speed), rel=1e-12)
 
 
@@ -118,7 +118,7 @@ def test_a_slow_pull_breaks_away_at_the_breakaway_torque() -> None:
 def test_the_torque_of_a_harder_pull_is_less_until_it_is_viscous() -> None:
     """The Stribeck effect, which lets a joint stick and slip: less friction at 0.1 than at 0.001 rad/s."""
     slow, medium, fast = (
-        friction_torque(LUGRE.in_plant(), speed, steady_deflection(LUGRE.in_plant(), speed), 0.0)
+        friction_torque(LUGRE.to_plant_friction(), speed, steady_deflection(LUGRE.to_plant_friction(), speed), 0.0)
         for speed in (0.001, 0.15, 2.0)
     )
     assert medium < slow < fast
@@ -127,9 +127,9 @@ def test_the_torque_of_a_harder_pull_is_less_until_it_is_viscous() -> None:
 @given(st.lists(st.floats(1e-6, 0.01), min_size=1, max_size=30), st.floats(0.001, 9.0))
 def test_dahls_torque_is_exponential_in_the_way_however_it_is_gone(ways: list[float], speed: float) -> None:
     """F = T_c (1 - exp(-σ0 x / T_c)) along any way in one direction, in any steps and at any speed."""
-    friction, z = DAHL.in_plant(), 0.0
+    friction, z = DAHL.to_plant_friction(), 0.0
     for way in ways:
-        z = advanced_deflection(friction, way, speed, z)
+        z = advance_deflection(friction, way, speed, z)
     expected = 3.0 * -math.expm1(-600.0 * math.fsum(ways) / 3.0)
     assert friction_torque(friction, speed, z, 0.0) == pytest.approx(expected, rel=1e-12)
 
@@ -188,10 +188,10 @@ def solved(law: LuGreFriction, velocity, end: float) -> float:
 
 
 def stepped(law: LuGreFriction, velocity, path, end: float, steps: int) -> float:
-    friction, z = law.in_plant(), 0.0
+    friction, z = law.to_plant_friction(), 0.0
     for step in range(steps):
         t0, t1 = end * step / steps, end * (step + 1) / steps
-        z = advanced_deflection(friction, float(path(t1) - path(t0)), float(velocity(t1)), z)
+        z = advance_deflection(friction, float(path(t1) - path(t0)), float(velocity(t1)), z)
     return z
 
 
@@ -216,12 +216,12 @@ def test_steps_come_to_what_an_ode_solver_finds(amplitude: float, end: float) ->
 def test_a_step_with_a_level_that_stays_is_exact() -> None:
     """One step through a whole swing of Dahl's model, in one direction."""
     exact = solved(DAHL, lambda t: 0.3 * math.sin(t), math.pi)
-    assert advanced_deflection(DAHL.in_plant(), 0.6, 0.0, 0.0) == pytest.approx(exact, rel=1e-8)
+    assert advance_deflection(DAHL.to_plant_friction(), 0.6, 0.0, 0.0) == pytest.approx(exact, rel=1e-8)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-0.5, 0.5), st.floats(-0.0015, 0.0015))
 def test_bristles_never_bend_farther_than_their_level(speed: float, way: float, start: float) -> None:
-    z = advanced_deflection(LUGRE.in_plant(), way, speed, start)
+    z = advance_deflection(LUGRE.to_plant_friction(), way, speed, start)
     assert abs(z) <= max(abs(start), level(LUGRE, speed) / LUGRE.bristle_stiffness) * (1 + 1e-12)
 
 
@@ -234,29 +234,29 @@ def test_the_static_law_with_directions_is_its_formula(velocity: float) -> None:
     stribeck = 3.0 + 1.5 * math.exp(-((speed / 0.1) ** 1.5))
     viscous = 2.0 * speed**0.7 if velocity > 0.0 else -1.2 * speed**0.7
     expected = 0.5 + stribeck * math.tanh(velocity / 0.01) + viscous
-    assert friction_torque(STATIC.in_plant(), velocity, 0.0, 0.0) == pytest.approx(expected, rel=1e-12)
+    assert friction_torque(STATIC.to_plant_friction(), velocity, 0.0, 0.0) == pytest.approx(expected, rel=1e-12)
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-60.0, 60.0))
 def test_the_rotational_law_in_the_plant_is_bit_for_bit_equation_3_1(velocity: float, load: float) -> None:
     table = (1.664, 4.2, 0.2252, 2.26)
-    geared = friction_torque(HIP_FRICTION.in_plant(0.85), velocity, 0.0, load)
+    geared = friction_torque(HIP_FRICTION.to_plant_friction(0.85), velocity, 0.0, load)
     assert geared == geared_friction_torque(velocity, *table, load, 0.85)
-    bare = friction_torque(HIP_FRICTION.in_plant(), velocity, 0.0, load)
+    bare = friction_torque(HIP_FRICTION.to_plant_friction(), velocity, 0.0, load)
     assert bare == rotational_friction_torque(velocity, *table)
 
 
 @pytest.mark.parametrize("law", [HIP_FRICTION, STATIC], ids=["rotational", "asymmetric"])
 def test_laws_without_bristles_have_no_state(law: FrictionLaw) -> None:
-    friction = law.in_plant()
-    assert advanced_deflection(friction, 0.3, 1.0, 0.0) == 0.0 == steady_deflection(friction, 1.0)
+    friction = law.to_plant_friction()
+    assert advance_deflection(friction, 0.3, 1.0, 0.0) == 0.0 == steady_deflection(friction, 1.0)
     assert friction_torque(friction, 1.0, 7.0, 0.0) == friction_torque(friction, 1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("law", [STATIC, SKEWED], ids=["asymmetric", "lugre"])
 def test_gear_takes_its_loss_from_a_joint_that_slides(law: FrictionLaw) -> None:
     """η 0.8 of -40 N m is 8 N m more where the motor drives, 10 where it brakes, once the joint slides."""
-    light, loaded = law.in_plant(), law.in_plant(0.8)
+    light, loaded = law.to_plant_friction(), law.to_plant_friction(0.8)
     for velocity, lost in ((0.8, 10.0), (-0.8, -8.0)):
         more = [
             friction_torque(item, velocity, steady_deflection(item, velocity), -40.0)
@@ -267,13 +267,13 @@ def test_gear_takes_its_loss_from_a_joint_that_slides(law: FrictionLaw) -> None:
 
 @pytest.mark.parametrize("law", [HIP_FRICTION, STATIC, SKEWED], ids=["rotational", "asymmetric", "lugre"])
 def test_a_ratio_scales_every_law_and_none_is_left_of_nought(law: FrictionLaw) -> None:
-    whole, half = law.in_plant(), law.scaled(0.5).in_plant()
+    whole, half = law.to_plant_friction(), law.scaled(0.5).to_plant_friction()
     for velocity in (-1.0, -0.02, 0.05, 2.0):
         torques = [
             friction_torque(item, velocity, steady_deflection(item, velocity), 0.0) for item in (whole, half)
         ]
         assert torques[1] == pytest.approx(0.5 * torques[0], rel=1e-12)
-        assert friction_torque(law.scaled(0.0).in_plant(), velocity, 0.0, 5.0) == 0.0
+        assert friction_torque(law.scaled(0.0).to_plant_friction(), velocity, 0.0, 5.0) == 0.0
     with raises(ParameterError, "friction ratio", "0", "-0.1"):
         law.scaled(-0.1)
 
@@ -282,8 +282,8 @@ def test_a_joint_without_friction_needs_no_law() -> None:
     free = FrictionParameters(
         breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=0.0
     )
-    assert friction_torque(free.in_plant(), 1.0, 0.0, 10.0) == 0.0
-    loaded = friction_torque(free.in_plant(0.9), 1.0, 0.0, 10.0)
+    assert friction_torque(free.to_plant_friction(), 1.0, 0.0, 10.0) == 0.0
+    loaded = friction_torque(free.to_plant_friction(0.9), 1.0, 0.0, 10.0)
     assert loaded == pytest.approx(1.0, rel=1e-7)  # tanh 10
 
 

@@ -64,7 +64,7 @@ def test_residual_of_a_steady_drift_settles_at_drift_times_time_constant():
 
 
 def test_support_fades_from_all_to_nothing():
-    shares = [safety.support_share(tick, 3000) for tick in range(4000)]
+    shares = [safety.hold_weight_share(tick, 3000) for tick in range(4000)]
     assert shares[0] == 1.0 and shares[3000] == 0.0 and min(shares) == 0.0
     assert np.diff(shares).max() <= 0.0
     assert shares[1500] == pytest.approx(0.5)
@@ -104,8 +104,8 @@ BOUNDS = safety.Bounds(
 def watch(times: int = 1, *, angle=0.5, last=0.499, velocity=1.0, **remembered: float) -> list[TripCause]:
     """Causes of a number of ticks in which the same is measured again and again."""
     encoder = replace(new_encoder(0.0, angle, 1), last_angle=last, velocity_fast=velocity)
-    watched = safety.Watched(**{"motor_speed": 1.0, **remembered})
-    found = [safety.watch_joint(BOUNDS, watched, encoder, PERIOD) for _ in range(times)]
+    watched = safety.MonitorState(**{"motor_speed": 1.0, **remembered})
+    found = [safety.monitor_joint(BOUNDS, watched, encoder, PERIOD) for _ in range(times)]
     return [list(TripCause)[code] for code in found]
 
 
@@ -178,7 +178,7 @@ def test_a_missing_reading_passes_through_the_encoder():
 )
 def test_no_diode_current_flows_in_a_dip(voltage, drop, back_emf, resistance):
     bus = faults.dipped_bus_voltage(voltage, drop, back_emf)
-    assert bus >= faults.LEAST_BUS_VOLTAGE
+    assert bus >= faults.MIN_BUS_VOLTAGE
     assert bus <= max(voltage, back_emf)
     assert (back_emf - bus) / resistance <= 0.0
 

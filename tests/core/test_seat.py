@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from twin_gait.core.plant import Pad, Seat, bearing_share, seat_force, seat_the_hips, seat_the_thigh
+from twin_gait.core.plant import Pad, Seat, edge_stiffness_share, seat_force, seat_force_on_buttocks, seat_force_on_thigh
 from twin_gait.parameters.surroundings import ChairParameters
 
 
@@ -15,7 +15,7 @@ def seat(**changes) -> Seat:
     chair = ChairParameters()
     return Seat(
         height=0.45,
-        forward=0.25,
+        front_edge=0.25,
         depth=0.4,
         rounding=0.03,
         friction_coefficient=0.7,
@@ -49,7 +49,7 @@ def test_it_never_pulls(rise: float) -> None:
 
 def test_force_comes_to_bear_behind_both_edges_without_a_jump() -> None:
     places = np.arange(-0.3, 0.4, 1e-4)
-    shares = np.array([bearing_share(seat(), place) for place in places])
+    shares = np.array([edge_stiffness_share(seat(), place) for place in places])
     assert np.abs(np.diff(shares)).max() == pytest.approx(1e-4 / 0.03)
     assert shares[(places > -0.12) & (places < 0.22)].min() == 1.0
     assert shares[(places < -0.15) | (places > 0.25)].max() == 0.0
@@ -79,7 +79,7 @@ def test_thigh_feels_the_transposed_jacobian_of_its_point() -> None:
     force = np.array(seat_force(seat(), bench.thigh, x, z, speed, rise))
     assert force[1] > 1.0
     sine, cosine = math.sin(Q[3] - Q[2]), math.cos(Q[3] - Q[2])
-    fx, fz, lift = seat_the_thigh(bench, sine, cosine, *Q[:2], *V[:2], V[3] - V[2])
+    fx, fz, lift = seat_force_on_thigh(bench, sine, cosine, *Q[:2], *V[:2], V[3] - V[2])
     np.testing.assert_allclose([fx, fz, -lift, lift], jacobian.T @ force, rtol=1e-7)
     assert bench.power == pytest.approx(force @ jacobian @ V)
 
@@ -90,7 +90,7 @@ def test_buttocks_roll_and_rub_below_the_hips() -> None:
     jacobian = np.array([[1.0, 0.0, -0.1, 0.0], [0.0, 1.0, 0.0, 0.0]])
     speed, rise = jacobian @ V
     force = np.array(seat_force(seat(), bench.buttocks, Q[0], Q[1] - 0.1, speed, rise))
-    found = seat_the_hips(bench, *Q[:2], *V[:3])
+    found = seat_force_on_buttocks(bench, *Q[:2], *V[:3])
     np.testing.assert_allclose([*found, 0.0], jacobian.T @ force, rtol=1e-12)
     assert abs(force[0]) < 0.7 * force[1]
     assert (bench.normal, bench.friction) == (force[1], force[0])

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.inertial import TrunkUnit, follow_pitch, tangential_specific_force, trunk_specific_force
+from twin_gait.core.inertial import TrunkUnit, update_pitch_estimate, tangential_specific_force, trunk_specific_force
 from twin_gait.parameters.drives import TrunkSensorParameters
 
 GRAVITY, T = 9.81, 1e-3
@@ -67,7 +67,7 @@ def test_biases_settle_where_the_law_balances(lean: float) -> None:
     tau, gyroscope, accelerometer = 0.5, math.radians(0.1), 0.05
     unit = unit_of(lean, tau, gyroscope, accelerometer)
     for _ in range(20000):
-        follow_pitch(unit, 0.0, *at_rest(lean), T)
+        update_pitch_estimate(unit, 0.0, *at_rest(lean), T)
     ahead, up = at_rest(lean)
     seen = math.atan2(-ahead - accelerometer, up)
     # The estimate before the correction is ahead of that after it by one step of the bias.
@@ -80,7 +80,7 @@ def test_a_wrong_start_fades_with_the_time_constant() -> None:
     r"""Of :math:`\dot e = -\sin(e) / \tau` the closed form is :math:`\tan(e/2) \propto e^{-t/\tau}`."""
     unit = unit_of(0.6, 0.5)
     for _ in range(1000):
-        follow_pitch(unit, 0.0, *at_rest(0.1), T)
+        update_pitch_estimate(unit, 0.0, *at_rest(0.1), T)
     expected = 2.0 * math.atan(math.tan(0.25) * math.exp(-2.0))
     assert_allclose(unit.pitch - 0.1, expected, rtol=2e-3)
 
@@ -91,7 +91,7 @@ def test_a_trunk_that_turns_evenly_is_followed_without_lag() -> None:
     unit.height = unit.behind = 0.0
     for tick in range(1, 801):
         pitch = rate * tick * T
-        follow_pitch(unit, rate, *trunk_specific_force(unit, pitch, rate, 0.0, 0.0, 0.0, GRAVITY), T)
+        update_pitch_estimate(unit, rate, *trunk_specific_force(unit, pitch, rate, 0.0, 0.0, 0.0, GRAVITY), T)
         assert_allclose(unit.pitch, pitch, atol=1e-12)
 
 
@@ -100,7 +100,7 @@ def test_an_acceleration_is_taken_for_gravity_by_the_share_of_the_time_constant(
     unit, tau, found = unit_of(0.0, 0.5), 0.5, []
     for tick in range(1500):
         forward = 1.0 if tick < 500 else 0.0
-        follow_pitch(unit, 0.0, *trunk_specific_force(unit, 0.0, 0.0, 0.0, forward, 0.0, GRAVITY), T)
+        update_pitch_estimate(unit, 0.0, *trunk_specific_force(unit, 0.0, 0.0, 0.0, forward, 0.0, GRAVITY), T)
         found.append(unit.pitch)
     asymptote = -math.atan2(1.0, GRAVITY)
     assert_allclose(found[499], asymptote * (1.0 - math.exp(-0.5 / tau)), rtol=2e-3)
@@ -122,7 +122,7 @@ def test_the_noise_is_that_of_the_filter() -> None:
             share * sensor.accelerometer_noise,
         )
         for rate, ahead, up in rng.standard_normal((60000, 3)) * [gyroscope, accelerometer, accelerometer]:
-            follow_pitch(unit, rate, ahead, GRAVITY + up, T)
+            update_pitch_estimate(unit, rate, ahead, GRAVITY + up, T)
             found.append(unit.pitch)
         kept = 1.0 - unit.gain
         variance = (kept * T * gyroscope) ** 2 + (unit.gain * accelerometer / GRAVITY) ** 2
@@ -133,5 +133,5 @@ def test_the_noise_is_that_of_the_filter() -> None:
 
 def test_free_fall_has_no_direction() -> None:
     unit = unit_of(0.2)
-    follow_pitch(unit, 0.0, 0.0, 0.0, T)
+    update_pitch_estimate(unit, 0.0, 0.0, 0.0, T)
     assert unit.pitch == 0.2

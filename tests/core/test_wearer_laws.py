@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, find_grid_interval, spastic_torque
 from twin_gait.leg_model.wearer import SEGMENTS, SHANK_LENGTH, THIGH_LENGTH
 from twin_gait.measures.reference import normative_moment, reference_curve, reference_cycle_time
 from twin_gait.parameters.wearer import JointCondition, Patient
@@ -138,7 +138,7 @@ def test_spastic_torque_by_hand():
 )
 def test_place_in_a_table_interpolates_as_numpy_does(angle, lowest, step, count):
     values = np.random.default_rng(count).standard_normal(count)
-    below, share = posture_place(angle, lowest, step, count)
+    below, share = find_grid_interval(angle, lowest, step, count)
     assert 0 <= below <= count - 2
     assert 0.0 <= share <= 1.0
     looked_up = values[below] + share * (values[below + 1] - values[below])
@@ -239,13 +239,13 @@ def test_wearer_who_gives_nothing_is_mass_alone():
         left_hip: JointCondition(effort=1.0, strength=0.0),
         right_knee: JointCondition(effort=0.0),
     }
-    assert Patient(conditions=idle).is_mass_alone
-    assert not Patient(conditions=idle | {left_hip: JointCondition(passive=0.1)}).is_mass_alone
+    assert Patient(conditions=idle).is_torque_free
+    assert not Patient(conditions=idle | {left_hip: JointCondition(passive=0.1)}).is_torque_free
 
 
 @pytest.mark.parametrize(
     ("idle", "needed"), [("strength", "effort"), ("stretch_reflex_threshold", "stretch_reflex_gain")]
 )
 def test_what_is_idle_does_nothing(idle, needed):
-    assert JointCondition(**{idle: 0.5}).does_nothing
-    assert not JointCondition(**{idle: 0.5, needed: 0.5}).does_nothing
+    assert JointCondition(**{idle: 0.5}).is_torque_free
+    assert not JointCondition(**{idle: 0.5, needed: 0.5}).is_torque_free

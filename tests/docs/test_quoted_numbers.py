@@ -12,7 +12,7 @@ import pytest
 from errors import raises
 
 from twin_gait.simulation import log
-from twin_gait.worlds.registry import world_kinds, world_of
+from twin_gait.worlds.registry import world_kinds, find_world
 
 ROOT = Path(__file__).parents[2]
 INSERT = ROOT / "docs" / "insert.py"
@@ -33,11 +33,11 @@ def test_numbers_and_tables_of_all_pages_are_those_of_the_results():
 
 
 def test_every_column_of_the_log_and_every_key_of_a_world_has_its_line():
-    columns = {name for kind in vars(log).values() if isinstance(kind, log.Columns) for name in kind.columns}
+    columns = {name for kind in vars(log).values() if isinstance(kind, log.ColumnGroup) for name in kind.columns}
     page = (ROOT / "docs" / "reference" / "log.md").read_text()
     assert [name for name in columns - {"phase"} if f"`{name}`" not in page] == []
     page = (ROOT / "docs" / "reference" / "parameters.md").read_text()
-    shipped = [kind for kind in world_kinds() if world_of(kind).__module__.startswith("twin_gait.")]
+    shipped = [kind for kind in world_kinds() if find_world(kind).__module__.startswith("twin_gait.")]
     assert [kind for kind in shipped if f"<!-- keys scenario:{kind} -->" not in page] == []
 
 

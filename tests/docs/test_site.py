@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import twin_gait
-from twin_gait import load_experiment, simulate, summarise
+from twin_gait import load_experiment, simulate, summarise_run
 from twin_gait.vocabulary import JointName, Side
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +100,7 @@ def test_every_key_of_a_summary_is_in_its_page(preset, settings):
     measures = {name for name in re.findall(r"^\| `(\w+)` \| `", page, flags=re.MULTILINE)}
     run = simulate(load_experiment(preset, [*settings, "duration_s=4"]).experiment)
     unsaid = set()
-    for key in keys_of(summarise(run)):
+    for key in keys_of(summarise_run(run)):
         ends = {key, key.rpartition(".")[2], ".".join(key.split(".")[-2:]), ".".join(key.split(".")[-3:])}
         short = re.sub(r"_(deg|m|Ns|N|W|per_min)$", "", key.rpartition(".")[2]).removeprefix("JOINT_")
         of_walk = key.startswith(("sides.SIDE.walk.", "walk_reference.", "power."))

@@ -27,7 +27,7 @@ from blending import (
 )
 from numpy.testing import assert_allclose
 
-from twin_gait import load_experiment, summarise
+from twin_gait import load_experiment, summarise_run
 from twin_gait.core.blending import blend
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.table import TICK
@@ -103,7 +103,7 @@ def test_no_effect_in_the_summary_is_larger_than_that_of_a_switch(walks: dict[Bl
     for run in walks.values():
         effects = switch_effects(run).groupby(["side", "joint"])[["torque_jump_Nm", "torque_change_Nm"]].max()
         for (side, joint), largest in effects.iterrows():
-            kept = summarise(run)["sides"][side]["joints"][joint]
+            kept = summarise_run(run)["sides"][side]["joints"][joint]
             for name, value in largest.items():
                 assert 0.0 < kept[f"switch_{name}"] <= value + 1e-9
 

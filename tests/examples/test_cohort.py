@@ -15,11 +15,11 @@ from cohorts.tuned import experiment_of as tuned_experiment
 from cohorts.walkers import DURATION, SPEEDS, SUPPORT, cohort_row, failures, sizes_of, walkers
 from errors import raises
 
-from twin_gait import Patient, Side, TwinGaitError, load_experiment, simulate, summarise
-from twin_gait.configuration.experiments import people
+from twin_gait import Patient, Side, TwinGaitError, load_experiment, simulate, summarise_run
+from twin_gait.configuration.experiments import list_patients
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.wearer import HEAVIEST_WEARER
-from twin_gait.studies.batch import overridden
+from twin_gait.studies.batch import override_experiment
 from twin_gait.vocabulary import Sex
 
 ROOT = Path(__file__).parents[2]
@@ -82,9 +82,9 @@ def test_powers_of_a_wearer_add_up_to_their_work() -> None:
 
 def test_the_page_is_about_the_people_who_ship() -> None:
     text = (ROOT / "docs" / "background" / "people.md").read_text(encoding="utf-8")
-    for name, description in people().items():
+    for name, description in list_patients().items():
         assert f"| `{name}` | {description} |" in text
-    assert {row["who"] for row in results_of("shipped_people")["people"]} > set(people())
+    assert {row["who"] for row in results_of("shipped_people")["people"]} > set(list_patients())
 
 
 def test_a_row_of_the_robustness_map_is_what_its_walk_alone_does() -> None:
@@ -100,9 +100,9 @@ def test_a_row_of_the_robustness_map_is_what_its_walk_alone_does() -> None:
         BELT: row["speed_m_per_s"],
         SHARE: row["support_share"],
     }
-    run = simulate(overridden(base, place))
+    run = simulate(override_experiment(base, place))
     assert run.verdict.outcome == row["outcome"]
-    assert min(side["strides"] for side in summarise(run)["sides"].values()) == row["strides"]
+    assert min(side["strides"] for side in summarise_run(run)["sides"].values()) == row["strides"]
     assert len(table) == 320
 
 
@@ -172,7 +172,7 @@ def test_cohort_shares_what_its_pattern_does():
 def test_sizes_of_a_cohort_are_changes_of_an_experiment():
     base = load_experiment("treadmill", ["patient=healthy"]).experiment
     drawn = cohort(4, 3, like=base.patient)
-    assert [overridden(base, item).patient for item in map(sizes_of, drawn)] == list(drawn)
+    assert [override_experiment(base, item).patient for item in map(sizes_of, drawn)] == list(drawn)
 
 
 def test_every_drawn_person_fits_the_device(crowd):

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from twin_gait import load_experiment
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import gear_loss_torque, rotational_friction_torque
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 
 
 @pytest.mark.parametrize("guide", ["vertical", "harness"])
@@ -23,7 +23,7 @@ def test_acceleration_in_the_air_is_pinocchios(guide):
     # What a gear loses hangs on the acceleration; examples/validation.py has MuJoCo for that.
     lossless = [f"plant.actuators.{joint}.gear_efficiency=1" for joint in ("hip", "knee")]
     settings = [f"scenario.support.guide={guide}", *lossless]
-    problem = build_problem(load_experiment("treadmill", settings).experiment)
+    problem = build_setup(load_experiment("treadmill", settings).experiment)
     world, generator = problem.world, np.random.default_rng(1)
     model, data = world.model.model, world.model.model.createData()
     motion = equations_of_motion(problem, {})
@@ -57,7 +57,7 @@ def test_acceleration_in_the_air_is_pinocchios(guide):
 
 
 def test_laws_that_are_handed_in_take_the_place_of_those_in_core():
-    problem = build_problem(load_experiment("treadmill").experiment)
+    problem = build_setup(load_experiment("treadmill").experiment)
     n = len(problem.world.start_q)
     laws = {"ground_contact_force": lambda ground, height, forward, upward: (1.0, ground.stiffness)}
     found = equations_of_motion(problem, laws)(problem.world.start_q.tolist(), *[[0.0] * n] * 3)

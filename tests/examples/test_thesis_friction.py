@@ -40,7 +40,7 @@ from thesis.velocity import fall_numbers as velocity_numbers
 from twin_gait import JointName
 from twin_gait.core.actuator import Motor
 from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.quantities import from_attributes
 from twin_gait.worlds.bench_control import DutyControl, viscous_duty
 
 KNEE, HIP = JointName.KNEE, JointName.HIP
@@ -154,7 +154,7 @@ def test_a_count_of_duty_is_a_tenth_of_a_newton_metre() -> None:
 def test_at_the_neutral_gain_duty_and_viscous_friction_cancel_at_every_speed(joint, actuator) -> None:
     per_current = actuator.torque_constant * actuator.gear_ratio
     law = DutyControl(transparency_gain=neutral_gain(joint), static_voltage=0.0, braking_torque=0.0)
-    motor = taken_from(Motor, actuator)
+    motor = from_attributes(Motor, actuator)
     for speed in (0.1, 0.5, 2.0):
         voltage = viscous_duty(law, motor, speed, 28.8, 6000.0) * 28.8 / 6000.0
         torque = per_current * (voltage - per_current * speed) / actuator.resistance

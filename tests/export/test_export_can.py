@@ -14,7 +14,7 @@ from twin_gait.cli import main
 from twin_gait.configuration.experiments import load_experiment
 from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import MissingOptionalDependency
-from twin_gait.export.can import bus_frames, export_can, messages_of, run_frames
+from twin_gait.export.can import bus_frames, export_can, network_messages, run_frames
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
 from twin_gait.parameters.network import BOARDS
@@ -168,7 +168,7 @@ def test_frames_of_a_networked_run_have_its_layout_its_cycle_and_what_its_boards
     """After a walk over the bus the log has numbers in steps of the frames that brought them."""
     settings = ["engine=pinocchio", "duration_s=1", "network.cycle_ms=4", f"network.impedance={place}"]
     run = simulate(load_experiment("bench_leg", settings).experiment)
-    messages = messages_of(run.experiment)
+    messages = network_messages(run.experiment)
     frames = [item for item in run_frames(run, messages) if item.identifier == 0x104]
     assert [round(1000 * item.time) for item in frames] == list(range(0, 1000, 4))
     heard = [DATABASE.decode_message(item.identifier, item.data, decode_choices=False) for item in frames]

@@ -23,8 +23,8 @@ from twin_gait.conventions import OPENSIM_GAIT2392, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.inverse_dynamics import export_inverse_dynamics
 from twin_gait.gait.table import TICK
-from twin_gait.runs.log_files import read_table
-from twin_gait.runs.record import read_run
+from twin_gait.runs.log_files import read_log_table
+from twin_gait.runs.record import read_stored_run
 from twin_gait.vocabulary import JointName, Side
 
 SECONDS = 4.0
@@ -43,7 +43,7 @@ class Folder:
         self.model, self.bodies = read_model(folder / "model.osim")
 
     def table(self, name):
-        stored = read_table(self.path / name)
+        stored = read_log_table(self.path / name)
         return pd.DataFrame({column: stored.numbers(column) for column in stored.names})
 
     def states(self):
@@ -342,7 +342,7 @@ def test_without_a_format_the_name_says_it(exported, tmp_path, capsys):
     assert main(["export", str(exported)]) == 0
     assert (exported / "log.csv").is_file()
     assert main(["export", str(exported), "--out", str(tmp_path / "walk.sto")]) == 0
-    assert read_table(tmp_path / "walk.sto").unit == "rad"
+    assert read_log_table(tmp_path / "walk.sto").unit == "rad"
 
 
 RUN_TOOL = """
@@ -361,11 +361,11 @@ def test_opensim_finds_our_joint_moments(exported):
         [sys.executable, "-c", RUN_TOOL], cwd=folder, capture_output=True, text=True, check=True
     )
     said = json.loads(done.stdout.splitlines()[-1])
-    whole = read_run(exported).run.experiment.build_world().model.total_mass
+    whole = read_stored_run(exported).run.experiment.build_world().model.total_mass
     assert said["done"] and said["mass"] == pytest.approx(whole)
     tables = {}
     for name in ("inverse_dynamics.sto", "joint_moments.sto"):
-        stored = read_table(folder / name)
+        stored = read_log_table(folder / name)
         tables[name] = pd.DataFrame({column: stored.numbers(column) for column in stored.names})
     found, ours = tables["inverse_dynamics.sto"], tables["joint_moments.sto"]
     assert len(ours.columns) == 7 and len(found) == len(ours) == 3000

@@ -10,11 +10,11 @@ import pytest
 from errors import raises
 
 from twin_gait.cli import main
-from twin_gait.conventions import CORC_X2, HOUSE, OPENSIM_GAIT2392, OSL, RAJAGOPAL
+from twin_gait.conventions import CORC_X2, OWN_CONVENTION, OPENSIM_GAIT2392, OSL, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import export_motion
 from twin_gait.replay.recording import LogFormat, read_recording
-from twin_gait.runs.log_files import read_table
+from twin_gait.runs.log_files import read_log_table
 from twin_gait.vocabulary import Side
 
 
@@ -60,7 +60,7 @@ def test_the_reader_of_replay_takes_the_same_numbers(tmp_path, rng):
     path = tmp_path / "walk.sto"
     export_motion(small_log(rng), path, OPENSIM_GAIT2392, unit="rad")
     _, motion = read_motion(path)
-    storage = read_table(path)
+    storage = read_log_table(path)
     assert storage.unit == "rad" and storage.names == tuple(motion.columns)
     for name in motion.columns:
         assert (storage.numbers(name) == motion[name].to_numpy()).all()
@@ -69,9 +69,9 @@ def test_the_reader_of_replay_takes_the_same_numbers(tmp_path, rng):
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_a_name_with_a_unit_states_the_one_that_is_written(tmp_path, rng, unit):
     log = small_log(rng).abs()  # knees that bend backwards are refused
-    export_motion(log, tmp_path / "walk.sto", HOUSE, unit=unit)
+    export_motion(log, tmp_path / "walk.sto", OWN_CONVENTION, unit=unit)
     assert f"left_hip_angle_{unit}" in read_motion(tmp_path / "walk.sto")[1]
-    angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=HOUSE)).angles[Side.LEFT, "hip"]
+    angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=OWN_CONVENTION)).angles[Side.LEFT, "hip"]
     np.testing.assert_allclose(angle, log["left_hip_angle_rad"], rtol=1e-14)
 
 

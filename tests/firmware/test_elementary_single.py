@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from firmware_tools import require_tools
 from mpmath import mpf
-from printed_library import Library
+from printed_library import CLibrary
 
 from twin_gait.core import elementary
 from twin_gait.core.elementary_single import SINGLE
@@ -34,9 +34,9 @@ def precision():
 
 
 @pytest.fixture(scope="module")
-def library() -> Library:
+def library() -> CLibrary:
     require_tools("gcc")
-    return Library(print_units([TranslationUnit("elementary", ENTRIES, {})]), double=False)
+    return CLibrary(print_units([TranslationUnit("elementary", ENTRIES, {})]), double=False)
 
 
 def single(x: Any) -> float:

@@ -14,7 +14,7 @@ from errors import raises
 from firmware_tools import SANITIZE, TARGET_TOOLS, require_tools, write_unit
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.firmware.cross import Unit, build_host, build_image, build_object
+from twin_gait.firmware.cross import UnitSources, build_host, build_image, build_object
 from twin_gait.firmware.emulator import Emulator, HostUnit
 
 HANG, FAULT, CONVERT = -1, -2, -3
@@ -41,7 +41,7 @@ OUTPUTS = np.dtype([*((name, "f4") for name in RESULTS), ("less", "i4"), ("ticks
 
 
 @pytest.fixture(scope="module")
-def probe(tmp_path_factory) -> Unit:
+def probe(tmp_path_factory) -> UnitSources:
     return write_unit(
         tmp_path_factory.mktemp("probe") / "unit",
         inputs="float a, b; int32_t command;",

@@ -47,7 +47,7 @@ def test_names_of_a_table_reach_neither_the_kernel_nor_the_c(tmp_path, monkeypat
     assert hostile in experiment.table.phases
     project = print_project(experiment)
     expected = print_project(load_experiment("treadmill").experiment)
-    assert project.linked.kernel == expected.linked.kernel
+    assert project.exoskeleton.kernel == expected.exoskeleton.kernel
     assert project.program.files == expected.program.files
     simulate(experiment)
     assert not (tmp_path / "owned").exists()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin_gait.core.guards import Comparison, GuardProgram, is_above
-from twin_gait.firmware.linked import part_ticks
+from twin_gait.core.guards import CompiledComparison, GuardProgram, is_above
+from twin_gait.firmware.linked import shift_time_thresholds
 from twin_gait.gait.signals import OTHER_TIME, all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName
@@ -16,9 +16,9 @@ TIME, ANGLE = NAMES.index("time_in_phase_s"), NAMES.index("hip.angle_deg")
 MILLISECONDS = np.arange(2000)
 
 
-def parted(signal: int, factor: float, threshold: float) -> Comparison:
-    program = GuardProgram(0, [], [], [], [Comparison(signal, 0, factor, 0.0, factor * threshold)])
-    part_ticks(program, NAMES)
+def parted(signal: int, factor: float, threshold: float) -> CompiledComparison:
+    program = GuardProgram(0, [], [], [], [CompiledComparison(signal, 0, factor, 0.0, factor * threshold)])
+    shift_time_thresholds(program, NAMES)
     return program.comparisons[0]
 
 
@@ -32,7 +32,7 @@ def test_no_tick_changes_its_side_of_a_threshold(factor, rng):
         moved = parted(TIME, factor, threshold)
         nearest = round(threshold / TICK)
         for ticks in range(max(0, nearest - 2), nearest + 3):
-            before = is_above(Comparison(TIME, 0, factor, 0.0, factor * threshold), ticks * TICK, 0.0)
+            before = is_above(CompiledComparison(TIME, 0, factor, 0.0, factor * threshold), ticks * TICK, 0.0)
             assert is_above(moved, ticks * TICK, 0.0) == before
             single = np.float32(factor) * (np.float32(ticks) * np.float32(TICK))
             assert bool(single > np.float32(moved.threshold)) == before
@@ -42,6 +42,6 @@ def test_no_tick_changes_its_side_of_a_threshold(factor, rng):
 
 def test_other_thresholds_stay():
     assert parted(ANGLE, 1.0, 0.0123).threshold == 0.0123
-    program = GuardProgram(0, [], [], [], [Comparison(TIME, NAMES.index(OTHER_TIME), 1.0, -1.0, 0.0005)])
-    part_ticks(program, NAMES)
+    program = GuardProgram(0, [], [], [], [CompiledComparison(TIME, NAMES.index(OTHER_TIME), 1.0, -1.0, 0.0005)])
+    shift_time_thresholds(program, NAMES)
     assert program.comparisons[0].threshold == 0.0005

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from firmware_tools import require_tools
-from printed_library import Library
+from printed_library import CLibrary
 
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
@@ -20,26 +20,26 @@ PRINTED = can_messages(MESSAGES)
 WIDTH = len(next(iter(PRINTED.values())).signals)
 
 
-def library_of(*, double: bool) -> Library:
+def library_of(*, double: bool) -> CLibrary:
     require_tools("gcc")
     unit = TranslationUnit("can_codec", [can_pack, can_unpack], PRINTED)
-    return Library(print_units([unit], shapes=[CanFrame()]), double=double, flags=["-Werror"])
+    return CLibrary(print_units([unit], shapes=[CanFrame()]), double=double, flags=["-Werror"])
 
 
 @pytest.fixture(scope="module")
-def double() -> Library:
+def double() -> CLibrary:
     return library_of(double=True)
 
 
 @pytest.fixture(scope="module")
-def single() -> Library:
+def single() -> CLibrary:
     return library_of(double=False)
 
 
 class InC:
     """A message as the library packs and unpacks it; the table is the one that was printed."""
 
-    def __init__(self, library: Library, name: str, real: type) -> None:
+    def __init__(self, library: CLibrary, name: str, real: type) -> None:
         self.pack, self.unpack = library.handle.can_pack, library.handle.can_unpack
         self.unpack.restype = ctypes.c_bool
         message = type(library.structure(PRINTED[own := f"message_{name}"])).in_dll(library.handle, own)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import pytest
 from firmware_tools import require_tools
-from printed_library import Library
+from printed_library import CLibrary
 
 from twin_gait import load_experiment
 from twin_gait.configuration.gait_table_file import load_gait_table
@@ -23,23 +23,23 @@ from twin_gait.core import elementary
 from twin_gait.core.actuator import Motor
 from twin_gait.core.blending import blend_share
 from twin_gait.core.control_tick import (
-    Setpoint,
+    ImpedanceSetpoint,
     blend_setpoint,
     measure_joint,
     new_encoder,
     target_current,
 )
 from twin_gait.core.friction import rotational_friction_torque
-from twin_gait.core.guards import guard_holds, next_transition
+from twin_gait.core.guards import evaluate_guard, next_transition
 from twin_gait.core.impedance import impedance_torque
-from twin_gait.core.safety import NO_TRIP, Bounds, Watched, watch_joint
+from twin_gait.core.safety import NO_TRIP, Bounds, MonitorState, monitor_joint
 from twin_gait.firmware import units
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards
-from twin_gait.kernels.generated import write_control_gravity, write_side_by_side
-from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.problem import build_problem
+from twin_gait.kernels.generated import write_control_gravity, write_merged_functions
+from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.compiled_engine import assemble
+from twin_gait.simulation.problem import build_setup
 
 ODD = [0.0, -0.0, 1.0, -1.0, 5e-324, 1e308, math.inf, -math.inf, math.nan]
 BOUNDS = Bounds(
@@ -49,11 +49,11 @@ BOUNDS = Bounds(
 LAWS = [
     measure_joint,
     next_transition,
-    guard_holds,
+    evaluate_guard,
     blend_setpoint,
     blend_share,
     impedance_torque,
-    watch_joint,
+    monitor_joint,
     target_current,
     rotational_friction_torque,
     elementary.exponential,
@@ -72,14 +72,14 @@ def guards() -> Any:
 @pytest.fixture(scope="module")
 def laws(guards) -> Program:
     samples = {"encoder": new_encoder(1e-3, 0.1, 10), "treadmill": guards}
-    shapes = [BOUNDS, Watched(), Motor(1.0, 2.0, 3.0), Setpoint(1.0, 2.0, 3.0, 4.0)]
+    shapes = [BOUNDS, MonitorState(), Motor(1.0, 2.0, 3.0), ImpedanceSetpoint(1.0, 2.0, 3.0, 4.0)]
     return print_units([TranslationUnit("laws", LAWS, samples)], shapes=shapes)
 
 
 @pytest.fixture(scope="module")
-def library(laws) -> Library:
+def library(laws) -> CLibrary:
     require_tools("gcc")
-    return Library(laws)
+    return CLibrary(laws)
 
 
 def numbers(draw: random.Random, count: int, spread: float = 3.0) -> list[float]:
@@ -165,12 +165,12 @@ def test_the_monitor_of_a_joint_finds_every_cause(library):
     for _ in range(5000):
         values = numbers(draw, 7, 1.0)
         streaks = [draw.randrange(6) for _ in range(3)]
-        ours = Watched(*(10.0 ** draw.uniform(-3, 2) * value for value in values), *streaks)
+        ours = MonitorState(*(10.0 ** draw.uniform(-3, 2) * value for value in values), *streaks)
         encoder = new_encoder(0.0, draw.choice([0.0, draw.uniform(-0.6, 0.6), math.nan, math.inf]), 10)
         encoder.last_angle = encoder.angle + draw.choice([0.0, 0.01, 1.0])
         encoder.velocity_fast = draw.uniform(-5.0, 5.0)
         theirs = copy.deepcopy(ours)
-        cause = watch_joint(BOUNDS, theirs, encoder, 1e-3)
+        cause = monitor_joint(BOUNDS, theirs, encoder, 1e-3)
         assert library.call("watch_joint", BOUNDS, ours, encoder, 1e-3) == cause
         assert bits(ours) == bits(theirs)
         causes.add(cause)
@@ -183,7 +183,7 @@ def test_limits_and_setpoints(library):
         motor = Motor(0.1, 100.0, 0.5)
         given = *numbers(draw, 1, 100.0), 60.0, 5.0
         assert bits(library.call("target_current", motor, *given)) == bits(target_current(motor, *given))
-        start, target, ours = (Setpoint(*numbers(draw, 4)) for _ in range(3))
+        start, target, ours = (ImpedanceSetpoint(*numbers(draw, 4)) for _ in range(3))
         theirs, share = copy.deepcopy(ours), draw.random()
         blend_setpoint(start, target, share, theirs)
         library.call("blend_setpoint", start, target, share, ours)
@@ -241,11 +241,11 @@ DEVICE_STEPS = [item for item in functions_of(device_schedule) if item.__name__ 
 
 @pytest.fixture(scope="module")
 def device() -> Device:
-    problem = build_problem(load_experiment("treadmill", ["control.assistance.hip=0.7"]).experiment)
-    kernel, episode, constants = laid_out(problem)
-    structure = {**constants, **problem.controller.functions()}
+    problem = build_setup(load_experiment("treadmill", ["control.assistance.hip=0.7"]).experiment)
+    kernel, episode, constants = assemble(problem)
+    structure = {**constants, **problem.controller.tick_functions()}
     text = write_control_gravity(kernel[2], kernel[3])
-    text = "\n\n".join([*write_side_by_side(text), text])
+    text = "\n\n".join([*write_merged_functions(text), text])
     controlling = [*functions_of(gait_controller), *DEVICE_STEPS, device_schedule.control_gravity]
     parts = [
         TranslationUnit("joint_board", functions_of(joint_board), {"left_hip": episode.joints[0].board}),
@@ -256,9 +256,9 @@ def device() -> Device:
 
 
 @pytest.fixture(scope="module")
-def device_library(device) -> Library:
+def device_library(device) -> CLibrary:
     require_tools("gcc")
-    return Library(device.program)
+    return CLibrary(device.program)
 
 
 @pytest.mark.parametrize(
@@ -269,7 +269,7 @@ def device_library(device) -> Library:
 def test_functions_of_board_and_gait_controller(device, device_library, function):
     episode, structure = device.episode, device.structure
     draw, names = random.Random(function.__name__), function.__code__.co_varnames
-    bound, hints = bind(function, structure), get_type_hints(function)
+    bound, hints = specialize(function, structure), get_type_hints(function)
     samples = {
         "board": episode.joints[0].board,
         "controller": episode.controller,
@@ -322,14 +322,14 @@ def test_the_gravity_kernel(device, device_library):
 def whole_unit(device: Device) -> tuple[units.Exoskeleton, Any, Any, Program]:
     """Boards and gait controller as one unit, with its inputs, its outputs and its C."""
     episode = device.episode
-    settings = units.Settings(episode.rates, episode.limits, True)
+    settings = units.UnitSettings(episode.rates, episode.limits, True)
     boards = [copy.deepcopy(joint.board) for joint in episode.joints]
     ours = units.Exoskeleton(settings, boards, copy.deepcopy(episode.controller))
     inputs = units.ExoskeletonInputs(
-        [units.JointBoardInputs() for _ in boards], units.Surroundings([0.0, 0.0])
+        [units.JointBoardInputs() for _ in boards], units.DirectInputs([0.0, 0.0])
     )
     outputs = units.ExoskeletonOutputs(
-        [units.Demand() for _ in boards], [units.Command() for _ in boards], units.Decision([0, 0], [0, 0])
+        [units.JointSetpoint() for _ in boards], [units.Command() for _ in boards], units.Decision([0, 0], [0, 0])
     )
     unit = TranslationUnit("exoskeleton", [units.exoskeleton_step], {"exoskeleton": ours})
     constants = {**device.structure, **CALLED}
@@ -341,7 +341,7 @@ def test_the_whole_unit_tick_by_tick(device):
     require_tools("gcc")
     structure, kernel = device.structure, device.kernel
     ours, inputs, outputs, program = whole_unit(device)
-    library, step = Library(program), bind(units.exoskeleton_step, {**structure, **kernel})
+    library, step = CLibrary(program), specialize(units.exoskeleton_step, {**structure, **kernel})
     draw = random.Random(6)
     for _ in range(4):
         theirs, found = copy.deepcopy(ours), copy.deepcopy(ours)
@@ -380,7 +380,7 @@ def test_what_a_constant_rules_out_is_not_printed(device):
     text = device.program.files["gait_controller.c"]
     assert "assist(" in text and "assisted[number].share" in text and "adapted_assistance" not in text
     structure = device.structure
-    unit = TranslationUnit("demand", [gait_controller.demand], {"controller": device.episode.controller})
+    unit = TranslationUnit("demand", [gait_controller.compute_setpoint], {"controller": device.episode.controller})
     plain = print_units([unit], {**structure, "CONTROLLED": False}, shapes=[device.episode.limits])
     assert "demand_setpoint" in plain.files["demand.c"]
     acted = print_units([unit], structure, shapes=[device.episode.limits])
@@ -423,4 +423,4 @@ def test_every_file_says_what_it_is_and_the_hash_follows_the_sources(laws, guard
     changed.comparisons[0].threshold += 1e-9
     first = hash_of([next_transition], guards)
     assert first == hash_of([next_transition], copy.deepcopy(guards))
-    assert len({first, hash_of([next_transition], changed), hash_of([guard_holds], guards)}) == 3
+    assert len({first, hash_of([next_transition], changed), hash_of([evaluate_guard], guards)}) == 3

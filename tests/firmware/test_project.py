@@ -15,7 +15,7 @@ import pytest
 import yaml
 from errors import raises
 from firmware_tools import SANITIZE, require_tools, symbols
-from printed_library import Library
+from printed_library import CLibrary
 from test_printer import bits
 
 from twin_gait import load_experiment
@@ -23,7 +23,7 @@ from twin_gait.cli.program import main
 from twin_gait.core.safety import BUS_TRIP, COMMAND_TRIP, JUMP_TRIP, MISSING_TRIP, NO_TRIP
 from twin_gait.exceptions import GaitTableError
 from twin_gait.firmware import project, units
-from twin_gait.firmware.cross import Unit, build_object, sizes
+from twin_gait.firmware.cross import UnitSources, build_object, sizes
 from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import (
     EXOSKELETON,
@@ -37,7 +37,7 @@ from twin_gait.gait.guards import AllOf, Comparison
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.network import NetworkParameters
-from twin_gait.simulation.record import copied
+from twin_gait.simulation.record import deep_copy
 
 STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 # Of each kind of code one; other numbers in the records are other numbers only.
@@ -72,7 +72,7 @@ def camel_case(name: str) -> str:
 def printed(request, tmp_path_factory) -> Printed:
     preset, *changes = SHIPPED[request.param]
     project, folder = print_project(load_experiment(preset, changes).experiment), tmp_path_factory.mktemp("c")
-    project.write_linked(folder)
+    project.write_sources(folder)
     return Printed(project, folder)
 
 
@@ -142,7 +142,7 @@ MISRA = Path(project.__file__).with_name("project_files") / "MISRA.md"
 )
 def test_stated_deviations_from_misra_are_those_that_cppcheck_reports(preset, changes, tmp_path):
     require_tools("cppcheck")
-    print_project(load_experiment(preset, changes).experiment).write_linked(tmp_path)
+    print_project(load_experiment(preset, changes).experiment).write_sources(tmp_path)
     said = run("cppcheck", "--addon=misra", "--std=c99", "-q", *(tmp_path / f"{name}.c" for name in UNITS))
     rows = [line.strip("| ").split(" | ") for line in MISRA.read_text().splitlines()]
     stated = {row[0]: row for row in rows if re.fullmatch(r"\d+\.\d+", row[0])}
@@ -163,9 +163,9 @@ def test_units_fit_and_need_no_library(printed, tmp_path):
     records.write_text(
         '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({name})];\n" for name in names)
     )
-    measured = build_object(Unit("records", printed.folder), tmp_path)
+    measured = build_object(UnitSources("records", printed.folder), tmp_path)
     for name in UNITS:
-        made = build_object(Unit(name, printed.folder), tmp_path)
+        made = build_object(UnitSources(name, printed.folder), tmp_path)
         flash, variables = sizes(made)
         assert variables == 0  # nothing global is written to
         wanted = {item for item, letter in symbols([made]).items() if letter == "U"}
@@ -183,7 +183,7 @@ def test_the_manifest_knows_what_records_weigh(printed, tmp_path):
     records.write_text(
         '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({camel_case(name)})];\n" for name in said)
     )
-    measured = build_object(Unit("records", printed.folder), tmp_path)
+    measured = build_object(UnitSources("records", printed.folder), tmp_path)
     lines = [line.split() for line in run("arm-none-eabi-nm", "-S", measured).splitlines()]
     assert {words[3].removeprefix("of_"): int(words[1], 16) for words in lines} == said
 
@@ -193,7 +193,7 @@ def fuzz(project: Project, folder: Path, count: int, *more: str) -> None:
     require_tools("gcc")
     sources = [folder / f"{name}.c" for name in (EXOSKELETON, JOINT_BOARD, GAIT_CONTROLLER)]
     first = f"-DFIRST_BOARD={JOINT_BOARD}_{project.joints[0]}_init"
-    phases = f"-DPHASES={len(project.problem.table.phases)}"
+    phases = f"-DPHASES={len(project.setup.table.phases)}"
     program = folder / "fuzz"
     run("gcc", *STRICT[:5], *SANITIZE, *more, first, phases, f"-I{folder}", FUZZ, *sources, "-o", program)
     rows = [line.split() for line in run(program, count, 7).splitlines()]
@@ -223,15 +223,15 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
     before.
     """
     require_tools("gcc")
-    library, linked = Library(treadmill.program), treadmill.linked
+    library, linked = CLibrary(treadmill.program), treadmill.linked
     settings, joints = linked.record.settings, range(len(linked.record.boards))
-    whole = library.structure(copied(linked.record))
-    boards = [library.structure(units.JointBoard(settings, copied(board))) for board in linked.record.boards]
-    central = library.structure(units.GaitController(settings, copied(linked.record.controller)))
-    inputs, outputs = copied(linked.inputs), copied(linked.outputs)
+    whole = library.structure(deep_copy(linked.record))
+    boards = [library.structure(units.JointBoard(settings, deep_copy(board))) for board in linked.record.boards]
+    central = library.structure(units.GaitController(settings, deep_copy(linked.record.controller)))
+    inputs, outputs = deep_copy(linked.inputs), deep_copy(linked.outputs)
     found = [units.JointBoardOutputs() for _ in joints]
     heard = units.GaitControllerInputs(inputs.surroundings, [item.measurement for item in found], [True] * 4)
-    told = units.GaitControllerOutputs(copied(outputs.decision), [item.demand for item in inputs.boards])
+    told = units.GaitControllerOutputs(deep_copy(outputs.decision), [item.demand for item in inputs.boards])
     phases, same, errors = set(), 0, []
     walk = replace(treadmill.problem.experiment, duration=2.5)
     for tick, row in enumerate(record_vectors(walk).inputs):
@@ -243,13 +243,13 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
         inputs.surroundings.bus_voltage = float(row["surroundings"]["bus_voltage"])
         for number in joints:
             library.call("joint_board_step", boards[number], inputs.boards[number], found[number])
-        before = [bits(demand) for demand in told.demands]
+        before = [bits(demand) for demand in told.setpoints]
         library.call("exoskeleton_step", whole, inputs, outputs)
         library.call("gait_controller_step", central, heard, told)
         assert bits(told.decision) == bits(outputs.decision), tick
         phases.add(told.decision.phases[0])
         for number, command in enumerate(outputs.commands):
-            demand, given = told.demands[number], found[number].command
+            demand, given = told.setpoints[number], found[number].command
             heeded = whole.boards[number].demand
             for name in ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target"):
                 assert getattr(heeded, name) == getattr(demand, name), (tick, number, name)
@@ -265,22 +265,22 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
 
 def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_apart(treadmill):
     require_tools("gcc")
-    library, linked = Library(treadmill.program), treadmill.linked
+    library, linked = CLibrary(treadmill.program), treadmill.linked
     settings = linked.record.settings
-    wild = copied(linked.record)
+    wild = deep_copy(linked.record)
     for joint in wild.controller.joints:
         joint.target = 1e4  # far above what is plausible
-    whole, inputs, outputs = library.structure(wild), copied(linked.inputs), copied(linked.outputs)
+    whole, inputs, outputs = library.structure(wild), deep_copy(linked.inputs), deep_copy(linked.outputs)
     for board, state in zip(inputs.boards, linked.record.boards, strict=True):
         board.angle = state.encoder.angle
     inputs.surroundings.bus_voltage = 28.8
     library.call("exoskeleton_step", whole, inputs, outputs)
     assert outputs.decision.trip_cause == COMMAND_TRIP
     assert [board.demand.damping for board in whole.boards] == [settings.limits.hold_damping] * 4
-    board = library.structure(units.JointBoard(settings, copied(linked.record.boards[0])))
-    demand = units.Demand(target=1e4, gravity=float("nan"))
+    board = library.structure(units.JointBoard(settings, deep_copy(linked.record.boards[0])))
+    demand = units.JointSetpoint(target=1e4, gravity=float("nan"))
     apart, found = (
-        units.JointBoardInputs(inputs.boards[0].angle, demand=demand, heard=True),
+        units.JointBoardInputs(inputs.boards[0].angle, setpoint=demand, received=True),
         units.JointBoardOutputs(),
     )
     library.call("joint_board_step", board, apart, found)
@@ -290,11 +290,11 @@ def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_a
     assert found.measurement.cause == COMMAND_TRIP
 
 
-def new_boards(project: Project) -> tuple[Library, list[Any], list[units.JointBoardInputs]]:
+def new_boards(project: Project) -> tuple[CLibrary, list[Any], list[units.JointBoardInputs]]:
     """Boards as their ``init`` in C leaves them, and inputs of a leg that stands as the walk begins."""
-    library, boards, inputs = Library(project.program), [], []
-    for name, state in zip(project.joints, project.linked.record.boards, strict=True):
-        board = library.structure(units.JointBoard(project.linked.record.settings, copied(state)))
+    library, boards, inputs = CLibrary(project.program), [], []
+    for name, state in zip(project.joints, project.exoskeleton.record.boards, strict=True):
+        board = library.structure(units.JointBoard(project.exoskeleton.record.settings, deep_copy(state)))
         library.handle[f"{JOINT_BOARD}_{name}_init"](ctypes.byref(board))
         boards.append(board)
         inputs.append(units.JointBoardInputs(state.encoder.angle))
@@ -329,28 +329,28 @@ def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmil
     require_tools("gcc")
     assert treadmill.problem.experiment.network is None
     library, (board, *_), (read, *_) = new_boards(treadmill)
-    found, silences = units.JointBoardOutputs(), round(NetworkParameters().board_silence / TICK)
-    read.demand, read.heard = units.Demand(stiffness=100.0, equilibrium=read.angle + 0.1), True
+    found, silences = units.JointBoardOutputs(), round(NetworkParameters().board_timeout / TICK)
+    read.setpoint, read.received = units.JointSetpoint(stiffness=100.0, equilibrium=read.angle + 0.1), True
     for _ in range(1 + silences):
         library.call("joint_board_step", board, read, found)
         assert found.measurement.cause == NO_TRIP and found.command.target_current > 0.5
-        read.heard = False
+        read.received = False
     library.call("joint_board_step", board, read, found)
     assert found.measurement.cause == BUS_TRIP and board.state.demand.stiffness == 0.0
     linked = treadmill.linked
     central = library.structure(
-        units.GaitController(linked.record.settings, copied(linked.record.controller))
+        units.GaitController(linked.record.settings, deep_copy(linked.record.controller))
     )
     library.handle[f"{GAIT_CONTROLLER}_init"](ctypes.byref(central))
     heard = units.GaitControllerInputs(
-        copied(linked.inputs.surroundings), [units.Measurement()] * 4, [True] * 4
+        deep_copy(linked.inputs.surroundings), [units.Measurement()] * 4, [True] * 4
     )
-    heard.surroundings.bus_voltage = 28.8
-    told = units.GaitControllerOutputs(copied(linked.outputs.decision), [units.Demand() for _ in range(4)])
+    heard.direct.bus_voltage = 28.8
+    told = units.GaitControllerOutputs(deep_copy(linked.outputs.decision), [units.JointSetpoint() for _ in range(4)])
     for _ in range(1 + silences):
         library.call("gait_controller_step", central, heard, told)
         assert told.decision.trip_cause == NO_TRIP
-        heard.heard[2] = False
+        heard.received[2] = False
     library.call("gait_controller_step", central, heard, told)
     assert (told.decision.trip_cause, told.decision.trip_part) == (BUS_TRIP, 2)
 
@@ -359,17 +359,17 @@ def test_a_measurement_that_is_not_heard_does_not_accelerate_again():
     """Frames come in every second tick; a change of the velocity counts once."""
     require_tools("gcc")
     project = print_project(load_experiment("treadmill", ["control.inertia_compensation=0.5"]).experiment)
-    linked, library = project.linked, Library(project.program)
-    controller = copied(linked.record.controller)
+    linked, library = project.exoskeleton, CLibrary(project.program)
+    controller = deep_copy(linked.record.controller)
     central = library.structure(units.GaitController(linked.record.settings, controller))
     measurements = [units.Measurement() for _ in linked.record.boards]
-    surroundings = copied(linked.inputs.surroundings)
+    surroundings = deep_copy(linked.inputs.direct)
     surroundings.bus_voltage = 28.8
     heard = units.GaitControllerInputs(surroundings, measurements, [True] * 4)
-    told = units.GaitControllerOutputs(copied(linked.outputs.decision), [units.Demand() for _ in range(4)])
+    told = units.GaitControllerOutputs(deep_copy(linked.outputs.decision), [units.JointSetpoint() for _ in range(4)])
     rates = []
     for tick in range(200):
-        heard.heard = [tick % 2 == 0] * 4
+        heard.received = [tick % 2 == 0] * 4
         if tick % 2 == 0:
             measurements[0].last_velocity = measurements[0].velocity
             measurements[0].velocity = 0.004 * tick  # 4 rad/s²

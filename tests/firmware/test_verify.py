@@ -17,7 +17,7 @@ from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.cross import INSTALL
 from twin_gait.firmware.linked import record_vectors
 from twin_gait.firmware.project import Project, print_project
-from twin_gait.firmware.verification import Bench, cases_of, verify, walk_with
+from twin_gait.firmware.verification import VerificationBuild, cases_of, verify, run_with_unit
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
 from twin_gait.worlds.faults import FaultKind
@@ -45,11 +45,11 @@ def project() -> Project:
 
 
 @pytest.fixture(scope="module")
-def bench(project, tmp_path_factory) -> Bench:
+def bench(project, tmp_path_factory) -> VerificationBuild:
     """Builds, and vectors with each fault."""
     require_tools("gcc")
     vectors = [record_vectors(case) for case in cases_of(project.problem.experiment)]
-    return Bench(project, vectors, project.write_linked(tmp_path_factory.mktemp("bench")))
+    return VerificationBuild(project, vectors, project.write_linked(tmp_path_factory.mktemp("bench")))
 
 
 def assert_proven(checks: list[tuple[bool | None, dict[str, Any]]]) -> None:
@@ -92,8 +92,8 @@ def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(ben
     for expected, given, vectors in zip(bench.expected, double, bench.vectors, strict=True):
         printed = print_project(replace(vectors.run.experiment, faults=()))
         with printed.python_unit() as unit:
-            assert verifying.differing(unit.exchange(vectors.inputs), vectors.outputs) == 0
-        assert verifying.differing(expected, given) == 0
+            assert verifying.count_differences(unit.exchange(vectors.inputs), vectors.outputs) == 0
+        assert verifying.count_differences(expected, given) == 0
         tripped += vectors.run.trip is not None
         missing += bool(np.isnan(vectors.inputs["boards"]["angle"]).any())
     assert tripped >= 5 and missing == 1
@@ -132,7 +132,7 @@ def test_in_double_numbers_the_loop_is_the_simulation_bit_for_bit(bench, fault):
         if [one.kind for one in item.run.experiment.faults] == [fault] * bool(fault)
     )
     with bench.host(double=True) as unit:
-        after = walk_with(unit, bench.project, before.experiment, double=True)
+        after = run_with_unit(unit, bench.project, before.experiment, double=True)
     assert after.switches == before.switches and after.trip == before.trip
     assert_same_log(after, before)
 
@@ -161,7 +161,7 @@ def test_a_wrong_c_is_found(bench, tmp_path, name):
     assert text.count(good) == 1
     files = {**project.program.files, "exoskeleton.c": text.replace(good, bad)}
     wrong = replace(project, program=project.program._replace(files=files))
-    passed, figures = verifying.host_in_double(Bench(wrong, bench.vectors, wrong.write_linked(tmp_path)))
+    passed, figures = verifying.host_in_double(VerificationBuild(wrong, bench.vectors, wrong.write_linked(tmp_path)))
     assert passed is False and figures["differing"] > 100
 
 
@@ -170,9 +170,9 @@ def test_of_two_builds_that_differ_one_bit_is_found(bench):
     other = rows.copy()
     other["commands"]["torque"][7, 1] = np.nextafter(rows["commands"]["torque"][7, 1], np.float32(np.inf))
     other["demands"]["gravity"][9, 0] = -0.0 if rows["demands"]["gravity"][9, 0] == 0.0 else 0.0
-    assert verifying.differing(rows, other) == 2
+    assert verifying.count_differences(rows, other) == 2
     other["commands"]["torque"] = np.nan
-    assert verifying.differing(other, other.copy()) == 0
+    assert verifying.count_differences(other, other.copy()) == 0
 
 
 def test_switches_that_come_late_or_otherwise_are_told(bench):

@@ -9,8 +9,8 @@ import pytest
 from errors import raises
 from table_builder import JOINTS, transition, two_phase_table
 
-from twin_gait.control.gait_controller import Device
-from twin_gait.core.guards import guard_holds
+from twin_gait.control.gait_controller import DeviceSignals
+from twin_gait.core.guards import evaluate_guard
 from twin_gait.exceptions import GaitTableError, MeasurementError
 from twin_gait.gait import signals
 from twin_gait.gait.machine import GaitStateMachine
@@ -28,8 +28,8 @@ from twin_gait.gait.signals import (
     VELOCITY,
     WALK,
     all_signal_names,
-    part_of,
-    signal_of,
+    signal_part,
+    find_signal,
 )
 from twin_gait.vocabulary import Side
 
@@ -44,25 +44,25 @@ def test_no_signal_comes_or_goes_unnoticed():
 
 def test_the_list_is_in_the_order_of_the_declaration():
     leg = (*(JOINT_SIGNALS * len(JOINTS)), *LEG_SIGNALS)
-    assert tuple(map(signal_of, NAMES)) == (*leg, *leg, *DEVICE_SIGNALS)
+    assert tuple(map(find_signal, NAMES)) == (*leg, *leg, *DEVICE_SIGNALS)
     parts = {"hip.angle_deg": "hip", "other.knee.velocity_deg_per_s": "knee", "foot.load_bw": "foot"}
     parts |= {"time_in_phase_s": "", "trunk.pitch_deg": "trunk", "walk": ""}
-    assert set(parts) <= set(NAMES) and {name: part_of(name) for name in parts} == parts
+    assert set(parts) <= set(NAMES) and {name: signal_part(name) for name in parts} == parts
     assert (
-        signal_of("noisy.other.knee.angle_deg") is ANGLE
-        and signal_of("entry.time_in_phase_s") is TIME_IN_PHASE
+        find_signal("noisy.other.knee.angle_deg") is ANGLE
+        and find_signal("entry.time_in_phase_s") is TIME_IN_PHASE
     )
 
 
 def test_the_record_of_the_device_has_what_is_declared():
-    assert [item.name for item in fields(Device)] == [signal.field for signal in DEVICE_SIGNALS]
-    assert list(astuple(Device())) == [signal.first for signal in DEVICE_SIGNALS]
+    assert [item.name for item in fields(DeviceSignals)] == [signal.field for signal in DEVICE_SIGNALS]
+    assert list(astuple(DeviceSignals())) == [signal.initial_value for signal in DEVICE_SIGNALS]
 
 
 def test_nothing_is_measured_at_first():
-    first = dict(zip(NAMES, two_phase_table().in_si({}), strict=True))
+    first = dict(zip(NAMES, two_phase_table().to_si({}), strict=True))
     assert first["walk"] == first["step"] == 1.0 and first["trunk.pitch_deg"] == 0.0
-    unknown = [name for name in NAMES if signal_of(name) in (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)]
+    unknown = [name for name in NAMES if find_signal(name) in (ANGLE, VELOCITY, LOAD, TIME_IN_PHASE)]
     assert all(math.isnan(first[name]) for name in unknown)
 
 
@@ -70,17 +70,17 @@ def test_a_name_that_ends_in_that_of_another_signal_is_its_own(monkeypatch):
     """Such as ``shank.angle_deg``, which is none of a joint."""
     shank = replace(LOAD, name="shank.angle_deg")
     monkeypatch.setattr(signals, "SIGNALS", (*SIGNALS, shank))
-    signal_of.cache_clear()
+    find_signal.cache_clear()
     try:
-        assert signal_of("other.shank.angle_deg") is shank and signal_of("other.hip.angle_deg") is ANGLE
+        assert find_signal("other.shank.angle_deg") is shank and find_signal("other.hip.angle_deg") is ANGLE
     finally:
-        signal_of.cache_clear()
+        find_signal.cache_clear()
 
 
 def test_what_a_machine_is_given_is_in_the_order_of_the_list_and_the_rest_as_at_first():
-    numbers = {name: place / signal_of(name).unit.factor for place, name in enumerate(NAMES)}
-    assert two_phase_table().in_si(numbers) == pytest.approx(list(range(len(NAMES))))
-    assert str(two_phase_table().in_si({})) == str([signal_of(name).first for name in NAMES])
+    numbers = {name: place / find_signal(name).unit.factor for place, name in enumerate(NAMES)}
+    assert two_phase_table().to_si(numbers) == pytest.approx(list(range(len(NAMES))))
+    assert str(two_phase_table().to_si({})) == str([find_signal(name).initial_value for name in NAMES])
 
 
 @pytest.mark.parametrize("name", ["other.trunk.pitch_deg", "other.walk", "trunk.angle_deg", "pitch_deg"])
@@ -91,11 +91,11 @@ def test_what_is_not_declared_is_no_signal(name):
 
 def test_the_pitch_of_the_trunk_opens_a_guard():
     table = two_phase_table(transition("stance", "swing", "trunk.pitch_deg > 5"))
-    program, signals = compile_guards(table), table.in_si({})
+    program, signals = compile_guards(table), table.to_si({})
     held = [GaitStateMachine(table, Side.LEFT) for _ in range(2)]
     for pitch, opens in ((5.0, False), (5.001, True)):
         signals[NAMES.index("trunk.pitch_deg")] = math.radians(pitch)
-        assert guard_holds(program, 0, 1, signals, -1) is opens
+        assert evaluate_guard(program, 0, 1, signals, -1) is opens
         assert (held[opens].step(1, {**STILL, "trunk.pitch_deg": pitch}) is not None) is opens
 
 

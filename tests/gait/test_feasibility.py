@@ -54,5 +54,5 @@ def test_strict_bounds_exclude_their_limit() -> None:
 
 
 def test_room_is_kept_from_a_limit() -> None:
-    found = solve([Bound(ZERO, "a", -3.0, room=2.0)], share=1.0)
+    found = solve([Bound(ZERO, "a", -3.0, margin=2.0)], share=1.0)
     assert found == {"a": 5.0}

@@ -22,7 +22,7 @@ from twin_gait.configuration.validation import parse_yaml
 from twin_gait.exceptions import GaitTableError, TwinGaitError
 from twin_gait.gait.guards import parse_guard
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.table import LONGEST, JointImpedance
+from twin_gait.gait.table import MAX_TICKS, JointImpedance
 from twin_gait.parameters.quantities import declarations
 
 GUARD_RULES = [rule for module in (graph, exits) for rule in module.RULES]
@@ -152,7 +152,7 @@ def test_every_well_formed_table_can_be_checked(data: st.DataObject) -> None:
         if "after_s" not in entry and data.draw(st.booleans()):
             entry.pop("all")
             entry["any"] = [data.draw(true_guards)]
-            entry["debounce_ms"] = data.draw(st.integers(1, LONGEST))
+            entry["debounce_ms"] = data.draw(st.integers(1, MAX_TICKS))
     assert ends_well(tree)
 
 
@@ -294,9 +294,9 @@ def test_largest_numbers_that_a_table_may_hold_are_checked_by_all_rules() -> Non
     ranges = {item.name: item.range for item in declarations(JointImpedance)}
     for phase in data["phases"].values():
         phase["hip"] = {
-            "stiffness_Nm_per_rad": ranges["stiffness"].most,
-            "damping_Nms_per_rad": ranges["damping"].most,
-            "equilibrium_rad": ranges["equilibrium_angle"].most,
+            "stiffness_Nm_per_rad": ranges["stiffness"].maximum,
+            "damping_Nms_per_rad": ranges["damping"].maximum,
+            "equilibrium_rad": ranges["equilibrium_angle"].maximum,
             "friction_compensation_gain": 1,
         }
     table = gait_table_from_mapping(data, "large.yaml", "large")

@@ -232,12 +232,12 @@ def test_signals_are_laid_out_as_guards_read_them() -> None:
         "step": 0.125,
         "walk": 0.25,
     }
-    named = dict(zip(all_signal_names(JOINTS), two_phase_table().in_si(given), strict=True))
+    named = dict(zip(all_signal_names(JOINTS), two_phase_table().to_si(given), strict=True))
     degrees = [name for name in given if "_deg" in name]
     assert [named[name] for name in degrees] == [math.radians(given[name]) for name in degrees]
     assert all(named[name] == given[name] for name in given if name not in degrees)
     own = {name: value for name, value in given.items() if not name.startswith("other.")}
-    alone = dict(zip(named, two_phase_table().in_si(own), strict=True))
+    alone = dict(zip(named, two_phase_table().to_si(own), strict=True))
     assert all(np.isnan(alone[name]) for name in given if name.startswith("other."))
     assert all(alone[name] == named[name] for name in own)
 

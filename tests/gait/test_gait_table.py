@@ -111,9 +111,9 @@ def test_transition_without_any_condition_is_refused() -> None:
 
 
 def test_time_out_is_a_transition_without_a_guard() -> None:
-    assert transition("stance", "swing", time_out_ticks=10).is_time_out
-    assert not transition("stance", "swing", "hip.angle_deg > 1", time_out_ticks=10).is_time_out
-    assert not transition("stance", "swing", "hip.angle_deg > 1").is_time_out
+    assert transition("stance", "swing", time_out_ticks=10).is_timeout
+    assert not transition("stance", "swing", "hip.angle_deg > 1", time_out_ticks=10).is_timeout
+    assert not transition("stance", "swing", "hip.angle_deg > 1").is_timeout
 
 
 @pytest.mark.parametrize(

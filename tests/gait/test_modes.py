@@ -20,11 +20,11 @@ from twin_gait.control.supervisor import (
     choose_mode,
 )
 from twin_gait.exceptions import GaitTableError, MeasurementError, ParameterError
-from twin_gait.gait.guards import MODE_WORDS, AllOf, parse_guard
+from twin_gait.gait.guards import MODE_VOCABULARY, AllOf, parse_guard
 from twin_gait.gait.machine import GaitStateMachine
-from twin_gait.gait.modes import Mode, TimedRequest, check_requests, parse_request, why_refused
+from twin_gait.gait.modes import Mode, TimedRequest, check_requests, parse_request, rejection_reason
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import TIME, mode_signal_names, signal_names, signal_of
+from twin_gait.gait.signals import TIME, mode_signal_names, signal_names, find_signal
 from twin_gait.gait.table import Transition
 from twin_gait.testing.cases import TransitionTest, transition_tests
 
@@ -80,7 +80,7 @@ def test_the_matrix_is_about_all_modes():
 def test_every_request_in_every_mode_is_answered_or_refused(mode, request_):
     ticks = ticks_in(mode)
     assert after(mode, request_, ticks) == ANSWERED[mode].get(request_, mode)
-    why = why_refused(TWIN, mode, request_, {}, ticks)
+    why = rejection_reason(TWIN, mode, request_, {}, ticks)
     if request_ in ANSWERED[mode]:
         assert why is None
     else:
@@ -93,16 +93,16 @@ def test_the_chair_is_for_who_stands_or_has_not_come_up():
 
 def test_the_chair_is_for_who_has_stood_for_three_seconds():
     assert after("standing", "sit", 2999) == "standing" and after("standing", "sit", 3000) == "sit_down"
-    assert why_refused(TWIN, "standing", "sit", {}, 2999) == "standing for 2.999 s, less than 3 s"
+    assert rejection_reason(TWIN, "standing", "sit", {}, 2999) == "standing for 2.999 s, less than 3 s"
 
 
 def test_a_refusal_says_what_is_measured():
     bent = {"left.hip.angle_deg": 25.0, "right.knee.angle_deg": 60.0}
-    why = why_refused(TWIN, "gravity", "stand", bent, 100)
+    why = rejection_reason(TWIN, "gravity", "stand", bent, 100)
     assert why is not None and "left.hip.angle_deg < 20 and " in why
     assert "is not true, left.hip.angle_deg is 25, " in why and "right.knee.angle_deg is 60" in why
     assert after("gravity", "stand", 100, left__hip__angle_deg=25.0) == "gravity"
-    nothing = why_refused(TWIN, "walk_manual", "step", {"legs_in_swing": math.nan}, 1)
+    nothing = rejection_reason(TWIN, "walk_manual", "step", {"legs_in_swing": math.nan}, 1)
     assert nothing == "request in [step] and legs_in_swing < 0.5 is not true, legs_in_swing is nan"
 
 
@@ -111,7 +111,7 @@ def test_a_request_is_refused_by_what_would_have_happened_anyway_just_as_well():
     supervisor = new_supervisor("sit_down")
     supervisor.request = code("stand")
     choose_mode(supervisor, 12000, False)
-    assert name_of(supervisor) == "sitting" and supervisor.refused == code("stand")
+    assert name_of(supervisor) == "sitting" and supervisor.rejected == code("stand")
 
 
 # ------------------------------------------------------------------ the supervisor of the device
@@ -139,7 +139,7 @@ def name_of(supervisor: Supervisor) -> str:
 
 def measure(supervisor: Supervisor, tick: int, **signals: float) -> None:
     time = 1e-3 * (tick - supervisor.entry_tick)
-    supervisor.signals[:] = TWIN.in_si({**named(signals), TIME: time})
+    supervisor.signals[:] = TWIN.to_si({**named(signals), TIME: time})
 
 
 def lean(degrees: list[float], entered: int = 0) -> list[int]:
@@ -170,7 +170,7 @@ def test_what_is_not_measured_opens_nothing():
     measure(supervisor, 1, legs_in_swing=math.nan)
     supervisor.request = code("step")
     choose_mode(supervisor, 1, False)
-    assert name_of(supervisor) == "walk_manual" and supervisor.refused == code("step")
+    assert name_of(supervisor) == "walk_manual" and supervisor.rejected == code("step")
     with raises(MeasurementError, "supervisor", "trunk.pitch_deg", "nan"):
         GaitStateMachine(TWIN, initial_phase="walk_automatic").step(1, named({"trunk.pitch_deg": math.nan}))
 
@@ -184,7 +184,7 @@ def test_a_trip_leads_to_the_hold_for_good(mode):
         supervisor.request = code(request)
         choose_mode(supervisor, tick, True)
         assert name_of(supervisor) == "hold" and not supervisor.entered
-        assert supervisor.refused == code(request)
+        assert supervisor.rejected == code(request)
 
 
 def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect():
@@ -200,7 +200,7 @@ def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect(
             angle = rng.choice([0.0, 12.0, 80.0])
             signals = {name: angle for name in TWIN.signals if name.endswith("angle_deg")}
             signals |= {"trunk.pitch_deg": rng.choice([0.0, 10.0]), "legs_in_swing": rng.choice([0.0, 1.0])}
-            values = TWIN.in_si(named(signals))
+            values = TWIN.to_si(named(signals))
         request = str(rng.choice(TWIN.requests)) if rng.random() < often else None
         before, ticks = machine.phase, tick - machine.entry_tick
         values[time] = 1e-3 * ticks
@@ -212,8 +212,8 @@ def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect(
         assert supervisor.entry_tick == machine.entry_tick
         if request is not None:
             answered = switch is not None and switch.cause == "asked"
-            assert supervisor.refused == (NO_REQUEST if answered else code(request))
-            why = why_refused(TWIN, before, request, signals, ticks)
+            assert supervisor.rejected == (NO_REQUEST if answered else code(request))
+            why = rejection_reason(TWIN, before, request, signals, ticks)
             assert (why is None) == answered or (switch is not None and why is None)
             refused += not answered
         visited.add(machine.phase)
@@ -228,13 +228,13 @@ def test_signals_are_of_both_legs_by_their_sides():
     legs = [f"{side}.{name}" for side in ("left", "right") for name in signal_names(("hip", "knee"))]
     assert names == (*legs, "time_in_phase_s", "trunk.pitch_deg", "legs_in_swing")
     assert {"left.knee.velocity_deg_per_s", "right.foot.load_bw", "left.time_in_phase_s"} < set(legs)
-    assert signal_of("legs_in_swing").unit.words == "no unit"
+    assert find_signal("legs_in_swing").unit.name == "no unit"
 
 
 @pytest.mark.parametrize("text", ["other.hip.angle_deg > 5", "walk > 0.5", "other.phase in [stand]"])
 def test_what_a_leg_reads_is_no_signal_of_modes(text):
     with pytest.raises(GaitTableError):
-        guard = parse_guard(text, MODE_WORDS)
+        guard = parse_guard(text, MODE_VOCABULARY)
         replace(TWIN, transitions=(*TWIN.transitions, replace(asking("sitting", "sit_up"), guard=guard)))
 
 
@@ -245,7 +245,7 @@ def test_what_the_supervisor_reads_is_no_signal_of_a_leg(text):
 
 
 def asking(source: str, target: str, debounce: int = 1) -> Transition:
-    guard = parse_guard("request in [stand]", MODE_WORDS)
+    guard = parse_guard("request in [stand]", MODE_VOCABULARY)
     return Transition(
         source=source, target=target, cause="x", guard=AllOf(guards=(guard,)), debounce_ticks=debounce
     )

@@ -91,7 +91,7 @@ def test_swing_ends_by_itself_when_the_foot_is_stuck(name: str) -> None:
     table = shipped(name)
     for phase in (GaitPhase.SWING_FLEXION, GaitPhase.SWING_EXTENSION):
         items = [table.transitions[index] for index in leaving(table, phase)]
-        assert any(item.is_time_out for item in items), phase
+        assert any(item.is_timeout for item in items), phase
 
 
 @pytest.mark.parametrize(
@@ -120,11 +120,11 @@ def test_kit_shows_every_condition_debounce_and_time_of_a_shipped_table(name: st
         assert "refuses signals that are NaN, infinite or missing" in shown
         for entry in decisive(item.guard):
             assert _wanted(table, entry.atom) <= shown
-        for count, word in ((item.debounce_ticks > 1, "debounce:"), (item.is_time_out, "time-out:")):
+        for count, word in ((item.debounce_ticks > 1, "debounce:"), (item.is_timeout, "time-out:")):
             assert any(what.startswith(word) for what in shown) is bool(count), (word, item)
         least = table.phases[item.source].minimum_ticks
         waits = any(what.startswith("minimum duration:") for what in shown)
-        assert waits is (least > 1 and not item.is_time_out), item
+        assert waits is (least > 1 and not item.is_timeout), item
 
 
 def _wanted(table: GaitTable, atom: Comparison | PhaseMembership) -> set[str]:
@@ -174,7 +174,7 @@ class ReferenceLeg:
             since = self.open_since.setdefault(index, tick)
             if (
                 tick - since + 1 >= item.debounce_ticks
-                and stayed >= (item.time_out_ticks or 0)
+                and stayed >= (item.timeout_ticks or 0)
                 and stayed >= self.table.phases[self.phase].minimum_ticks
             ):
                 due.append(index)

@@ -18,7 +18,7 @@ from twin_gait.identification.fitting import FitOptions, fit_model
 from twin_gait.identification.laws import MODELS
 from twin_gait.identification.models import FrictionTest, join_tests
 from twin_gait.identification.processing import process_log
-from twin_gait.identification.reading import LogColumns, Quantity, read_log
+from twin_gait.identification.reading import ColumnOptions, Quantity, read_log
 
 TIME = np.arange(400) / 100.0
 VELOCITY = 1.5 * np.sin(2.0 * np.pi * 0.5 * TIME)
@@ -35,7 +35,7 @@ def test_an_index_in_brackets_is_no_unit(tmp_path):
     columns = {"time_ms": 1e3 * TIME, "q_d[3]": 0.0 * TIME, "dq[3]": VELOCITY, "tau_J[3]": 2.0 * VELOCITY}
     path = write_log(tmp_path / "a.csv", columns)
     for name in ("tau_J[3]", "tau_J"):
-        log = read_log(path, LogColumns(names={Quantity.FRICTION_TORQUE: name}))
+        log = read_log(path, ColumnOptions(names={Quantity.FRICTION_TORQUE: name}))
         np.testing.assert_allclose(log.columns[Quantity.VELOCITY], VELOCITY, rtol=1e-7)
         np.testing.assert_allclose(log.columns[Quantity.FRICTION_TORQUE], 2.0 * VELOCITY, rtol=1e-7)
         np.testing.assert_allclose(log.columns[Quantity.TIME], TIME)
@@ -62,7 +62,7 @@ def test_an_encoder_that_wraps_is_named_and_unwrapped(tmp_path):
     path = wrapping_log(tmp_path / "knee_2kg.log")
     with raises(ParameterFileError, "angle", "--unwrap"):
         call(path, "--joint", "knee", "--out", tmp_path / "out")
-    angle = read_log(path, LogColumns(unwrap=True)).columns[Quantity.ANGLE]
+    angle = read_log(path, ColumnOptions(unwrap=True)).columns[Quantity.ANGLE]
     assert np.abs(np.diff(angle)).max() < 0.01
     fast = ("--model", "coulomb_viscous", "--no-pictures", "--joint", "knee", "--unwrap")
     assert call(path, *fast, "--out", tmp_path / "out") == 0

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.identification.fitting import FitOptions, Loss, fit_model
 from twin_gait.identification.laws import MODELS
-from twin_gait.identification.models import FrictionModel, FrictionTest, Shape, join_tests
+from twin_gait.identification.models import FrictionModel, FrictionTest, ShapeParameter, join_tests
 from twin_gait.identification.statistics import goodness, uncertainty
 
 LEAST_SQUARES = FitOptions(loss=Loss.LINEAR)
@@ -117,7 +117,7 @@ def as_model(law, limits, count: int = 1) -> FrictionModel:
         name="reference",
         formula="",
         coefficients=tuple(f"b{place}" for place in range(count)),
-        shape=tuple(Shape(f"e{place}", *pair) for place, pair in enumerate(limits)),
+        shape=tuple(ShapeParameter(f"e{place}", *pair) for place, pair in enumerate(limits)),
         torque=lambda samples, b, e: quietly(law, samples.velocity, b, e),
     )
 

@@ -20,7 +20,7 @@ from twin_gait.identification.identify import IdentificationOptions, identify_lo
 from twin_gait.identification.laws import MODELS
 from twin_gait.identification.models import FrictionTest, join_tests
 from twin_gait.identification.processing import process_log
-from twin_gait.identification.reading import LogColumns, Quantity, read_log
+from twin_gait.identification.reading import ColumnOptions, Quantity, read_log
 from twin_gait.identification.signals import soft_stop
 
 TIME = 0.01 * np.arange(1000)
@@ -40,7 +40,7 @@ def text_of(separator: str = ",", **columns: np.ndarray) -> str:
 
 def identified(path, text: str, model: str = "coulomb_viscous"):
     path.write_text(text)
-    options = IdentificationOptions(columns=LogColumns(names=NAMES), models=(model,))
+    options = IdentificationOptions(columns=ColumnOptions(names=NAMES), models=(model,))
     return identify_logs([path], options)
 
 
@@ -105,7 +105,7 @@ def test_one_column_cannot_be_two_quantities(tmp_path):
     (tmp_path / "a.csv").write_text(text_of())
     with raises(ParameterFileError, "dq2", "friction_torque"):
         read_log(
-            tmp_path / "a.csv", LogColumns(names={Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "dq2"})
+            tmp_path / "a.csv", ColumnOptions(names={Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "dq2"})
         )
 
 
@@ -169,5 +169,5 @@ def test_more_samples_than_are_used_are_taken_evenly(tmp_path, monkeypatch):
 
 def test_processing_keeps_every_sample_of_a_series(tmp_path):
     (tmp_path / "a.csv").write_text(text_of(t=np.floor(TIME * 20.0) / 20.0))
-    log = read_log(tmp_path / "a.csv", LogColumns(names=NAMES))
+    log = read_log(tmp_path / "a.csv", ColumnOptions(names=NAMES))
     assert len(process_log(log, None)) == 1000

@@ -21,7 +21,7 @@ from twin_gait.identification import fitting
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, bounds, fit_model, refine, refit
 from twin_gait.identification.identify import IdentificationOptions, identify_tests
 from twin_gait.identification.laws import MODELS
-from twin_gait.identification.models import FrictionModel, FrictionTest, Shape, join_tests
+from twin_gait.identification.models import FrictionModel, FrictionTest, ShapeParameter, join_tests
 from twin_gait.identification.statistics import goodness, uncertainty
 
 ROTATIONAL = (
@@ -108,7 +108,7 @@ def test_nist_reference_problems_come_out_to_six_digits(name):
         name=name,
         formula="",
         coefficients=("b1",),
-        shape=(Shape("b2", 1e-6, 1e2),),
+        shape=(ShapeParameter("b2", 1e-6, 1e2),),
         torque=lambda samples, b, e: law(samples.velocity, b, e),
     )
     number = len(x)

@@ -33,7 +33,7 @@ from numpy.testing import assert_allclose
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.identification.identify import IdentificationOptions, identify_logs, identify_tests
 from twin_gait.identification.processing import BenchSetup, Processing, process_log
-from twin_gait.identification.reading import Log, LogColumns, Quantity, read_log
+from twin_gait.identification.reading import Log, ColumnOptions, Quantity, read_log
 from twin_gait.identification.signals import moving_average, zero_phase
 from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.worlds.bench_joint import LoadAngle
@@ -252,7 +252,7 @@ def test_a_wrong_sign_is_refused_and_not_turned_into_friction(turned, message):
 SERIES = "t;dq2;tau2\n" + "\n".join(
     f"{0.01 * i};{math.sin(i / 9):.6f};{2 * math.sin(i / 9):.6f}" for i in range(60)
 )
-NAMED = LogColumns(names={Quantity.TIME: "t", Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "tau2"})
+NAMED = ColumnOptions(names={Quantity.TIME: "t", Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "tau2"})
 
 
 @pytest.mark.parametrize(
@@ -282,20 +282,20 @@ def test_units_come_from_the_name_the_brackets_or_the_user(tmp_path):
     rows = "\n".join(f"{10 * i},{30 * math.sin(i)},{2000 * math.sin(i)}" for i in range(30))
     path.write_text("time_ms,velocity [deg/s],torque\n" + rows)
     names = {Quantity.FRICTION_TORQUE: "torque"}
-    log = read_log(path, LogColumns(names=names, units={Quantity.FRICTION_TORQUE: "mNm"}))
+    log = read_log(path, ColumnOptions(names=names, units={Quantity.FRICTION_TORQUE: "mNm"}))
     assert_allclose(log.columns[Quantity.TIME], 0.01 * np.arange(30))
     assert_allclose(log.columns[Quantity.VELOCITY], np.radians(30 * np.sin(np.arange(30))))
     assert_allclose(log.columns[Quantity.FRICTION_TORQUE], 2 * np.sin(np.arange(30)))
     with raises(ParameterFileError, "deg/s", "--units velocity=rad/s"):
-        read_log(path, LogColumns(units={Quantity.VELOCITY: "rad/s"}))
+        read_log(path, ColumnOptions(units={Quantity.VELOCITY: "rad/s"}))
     with raises(ParameterFileError, "furlong", "velocity", "rad/s"):
-        read_log(path, LogColumns(units={Quantity.VELOCITY: "furlong"}))
+        read_log(path, ColumnOptions(units={Quantity.VELOCITY: "furlong"}))
 
 
 def test_a_column_that_is_asked_for_is_not_found_for_another_quantity(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("time_s,measured_current_A,target_current_A\n" + "\n".join(f"{i},1,2" for i in range(30)))
-    log = read_log(path, LogColumns(names={Quantity.MEASURED_CURRENT: "target_current_A"}))
+    log = read_log(path, ColumnOptions(names={Quantity.MEASURED_CURRENT: "target_current_A"}))
     assert set(log.columns) == {Quantity.TIME, Quantity.MEASURED_CURRENT}
     assert (log.columns[Quantity.MEASURED_CURRENT] == 2.0).all()
 
@@ -303,7 +303,7 @@ def test_a_column_that_is_asked_for_is_not_found_for_another_quantity(tmp_path):
 def test_a_file_without_names_has_numbered_columns_and_a_minus_turns_the_sign(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("\n".join(f"{math.sin(i)} {-3 * math.sin(i)}" for i in range(30)))
-    log = read_log(path, LogColumns(names={Quantity.VELOCITY: "1", Quantity.FRICTION_TORQUE: "-2"}))
+    log = read_log(path, ColumnOptions(names={Quantity.VELOCITY: "1", Quantity.FRICTION_TORQUE: "-2"}))
     assert_allclose(log.columns[Quantity.FRICTION_TORQUE], 3 * np.sin(np.arange(30)))
 
 
@@ -437,7 +437,7 @@ def test_a_constant_column_is_refused(column):
 def test_a_malformed_file_is_one_clear_line(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text)
-    columns = LogColumns(names={Quantity.VELOCITY: "velocity"} if "velocity,velocity" in text else {})
+    columns = ColumnOptions(names={Quantity.VELOCITY: "velocity"} if "velocity,velocity" in text else {})
     with raises(ParameterFileError, *message) as error:
         process_log(read_log(path, columns), None)
     assert "\n" not in str(error.value) and "bad.csv" in str(error.value)

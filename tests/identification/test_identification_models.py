@@ -10,11 +10,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from twin_gait.core.friction import advanced_deflection, friction_torque, rotational_friction_torque
+from twin_gait.core.friction import advance_deflection, friction_torque, rotational_friction_torque
 from twin_gait.core.friction_models import bristle_rate, bristle_step
 from twin_gait.identification.fitting import bounds
 from twin_gait.identification.identify import inherited_starts
-from twin_gait.identification.laws import MODELS, bristle_deflection, over_arrays, remembered_start
+from twin_gait.identification.laws import MODELS, bristle_deflection, array_laws, initial_deflection_share
 from twin_gait.identification.models import FrictionTest, Samples, join_tests
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE, law_of
 
@@ -53,7 +53,7 @@ def vector(name: str, seed: int, rows: Samples) -> np.ndarray:
 def test_rotational_law_is_that_of_the_plant():
     expected = [rotational_friction_torque(w, 1.743, 3.193, 0.2031, 2.06) for w in SPEEDS]
     assert_allclose(
-        over_arrays.two_velocity_torque(SPEEDS, 1.743, 3.193, 2.06, 0.2031, 0.02031),
+        array_laws.two_velocity_torque(SPEEDS, 1.743, 3.193, 2.06, 0.2031, 0.02031),
         expected,
         rtol=1e-12,
         atol=1e-12,
@@ -63,7 +63,7 @@ def test_rotational_law_is_that_of_the_plant():
 def test_simscape_form_reaches_the_breakaway_torque_at_its_velocity():
     """Without viscous friction the documented block passes T_brk + (tanh 10 - 1) T_C at ω_brk."""
     brk, coulomb, speed = 25.0, 20.0, 0.1
-    torque = over_arrays.two_velocity_torque(
+    torque = array_laws.two_velocity_torque(
         np.array([speed]), brk, coulomb, 0.0, math.sqrt(2.0) * speed, speed / 10.0
     )
     assert_allclose(torque, (brk - coulomb) + coulomb * math.tanh(10.0), rtol=1e-12)
@@ -71,41 +71,41 @@ def test_simscape_form_reaches_the_breakaway_torque_at_its_velocity():
 
 def test_table_3_1_of_the_knee_is_the_same_law_in_both_signs():
     assert_allclose(
-        over_arrays.two_velocity_torque(SPEEDS, -1.743, -3.193, 2.06, -0.2031, -0.02031),
-        over_arrays.two_velocity_torque(SPEEDS, 1.743, 3.193, 2.06, 0.2031, 0.02031),
+        array_laws.two_velocity_torque(SPEEDS, -1.743, -3.193, 2.06, -0.2031, -0.02031),
+        array_laws.two_velocity_torque(SPEEDS, 1.743, 3.193, 2.06, 0.2031, 0.02031),
         atol=1e-12,
     )
 
 
 def test_stribeck_runs_from_breakaway_to_coulomb_friction():
     w = np.array([1e-12, 0.1, 50.0])
-    torque = over_arrays.coulomb_viscous_torque(w, over_arrays.stribeck_level(w, 2.0, 3.0, 0.1, 2.0), 0.0)
+    torque = array_laws.coulomb_viscous_torque(w, array_laws.stribeck_level(w, 2.0, 3.0, 0.1, 2.0), 0.0)
     assert_allclose(torque, [3.0, 2.0 + math.exp(-1.0), 2.0], rtol=1e-9)
 
 
 def test_old_model_of_twin_at_one_over_forty_is_tanh_of_one():
     assert_allclose(
-        over_arrays.coulomb_viscous_tanh_torque(np.array([1 / 40]), 3.0, 2.0, 40.0),
+        array_laws.coulomb_viscous_tanh_torque(np.array([1 / 40]), 3.0, 2.0, 40.0),
         3.0 * math.tanh(1.0) + 0.05,
     )
 
 
 def test_conditioned_friction_falls_with_warmth_and_grows_with_load():
     w, one = np.array([5.0]), np.ones(1)
-    base = over_arrays.conditioned_torque(w, 0 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
+    base = array_laws.conditioned_torque(w, 0 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
     assert_allclose(base, 13.0)
     assert_allclose(
-        over_arrays.conditioned_torque(w, -10 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01) - base, 1.0
+        array_laws.conditioned_torque(w, -10 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01) - base, 1.0
     )
-    warm = over_arrays.conditioned_torque(w, 0 * one, 35 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
+    warm = array_laws.conditioned_torque(w, 0 * one, 35 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
     assert_allclose(warm - base, -0.2 - 2.5)
 
 
 def test_asymmetric_friction_contains_the_symmetric_laws():
-    viscous = over_arrays.directional_viscous_torque(SPEEDS, 2.0, 2.0, 1.0)
-    plain = over_arrays.asymmetric_torque(SPEEDS, 0.0, 3.0, 1 / 40, viscous)
-    assert_allclose(plain, over_arrays.coulomb_viscous_tanh_torque(SPEEDS, 3.0, 2.0, 40.0), atol=1e-12)
-    backward = over_arrays.directional_viscous_torque(np.array([-2.0, 2.0]), 1.0, 3.0, 0.5)
+    viscous = array_laws.directional_viscous_torque(SPEEDS, 2.0, 2.0, 1.0)
+    plain = array_laws.asymmetric_torque(SPEEDS, 0.0, 3.0, 1 / 40, viscous)
+    assert_allclose(plain, array_laws.coulomb_viscous_tanh_torque(SPEEDS, 3.0, 2.0, 40.0), atol=1e-12)
+    backward = array_laws.directional_viscous_torque(np.array([-2.0, 2.0]), 1.0, 3.0, 0.5)
     assert_allclose(backward, [-3.0 * math.sqrt(2.0), math.sqrt(2.0)])
 
 
@@ -134,11 +134,11 @@ def test_lugre_slides_as_stribeck_friction():
     """In steady sliding σ0 z = g(ω) sgn ω and ż = 0 (Canudas de Wit et al. 1995)."""
     time = np.arange(4000) * 0.001
     w = np.full(4000, 0.05)
-    level = over_arrays.stribeck_level(w, 1.0, 1.5, 0.1, 2.0)
+    level = array_laws.stribeck_level(w, 1.0, 1.5, 0.1, 2.0)
     z = bristle_deflection(w, np.full(4000, 0.001), time < 0.0005, level, 1e4)
     rate = np.array([bristle_rate(*item, 1e4) for item in zip(w, z, level, strict=True)])
-    torque = over_arrays.lugre_torque(w, z, rate, 1e4, 100.0, 0.4)
-    assert_allclose(torque[-1:], over_arrays.coulomb_viscous_torque(w[-1:], level[-1:], 0.4), rtol=1e-9)
+    torque = array_laws.lugre_torque(w, z, rate, 1e4, 100.0, 0.4)
+    assert_allclose(torque[-1:], array_laws.coulomb_viscous_torque(w[-1:], level[-1:], 0.4), rtol=1e-9)
 
 
 def test_dahl_loop_of_small_motion_is_the_closed_form():
@@ -184,7 +184,7 @@ def test_a_bent_start_decays_with_the_way_as_the_differential_equation_says():
     w = 0.05 * np.cos(9 * time)
     level, fresh = np.full(300, 2.0), time < 0.001
     straight = bristle_deflection(w, np.full(300, 0.002), fresh, level, 400.0)
-    left = remembered_start(w, np.full(300, 0.002), fresh, level, 400.0)
+    left = initial_deflection_share(w, np.full(300, 0.002), fresh, level, 400.0)
     z = 0.004
     for i in range(1, 300):
         z = bristle_step(w[i], z, 2.0, 400.0, 0.002)
@@ -222,8 +222,8 @@ def test_a_model_starts_from_the_law_of_a_simpler_one(child, parent, tolerance):
 
 def test_coulomb_viscous_friction_is_odd():
     assert_allclose(
-        over_arrays.coulomb_viscous_torque(-SPEEDS, 3.0, 2.0),
-        -over_arrays.coulomb_viscous_torque(SPEEDS, 3.0, 2.0),
+        array_laws.coulomb_viscous_torque(-SPEEDS, 3.0, 2.0),
+        -array_laws.coulomb_viscous_torque(SPEEDS, 3.0, 2.0),
     )
 
 
@@ -236,13 +236,13 @@ def test_a_plant_with_an_identified_law_has_the_torque_that_was_identified(name)
     x[count:] = np.log(np.clip(np.exp(vector(name, 4, rows)[count:]), 1e-3, 1e3))
     if name.startswith(("asymmetric", "lugre_")):
         x[count - 1] = 0.1  # an offset below what it adds to
-    friction = law_of(PARAMETER_FILES[PLANT_FILE][name], model.parameters(x)).in_plant()
+    friction = law_of(PARAMETER_FILES[PLANT_FILE][name], model.parameters(x)).to_plant_friction()
     # A test whose first torque is not the bristles' starts with straight ones.
     directions = (friction.viscous_friction_forward, friction.viscous_friction_backward)
-    rest = over_arrays.directional_viscous_torque(rows.velocity[0], *directions, friction.viscous_exponent)
+    rest = array_laws.directional_viscous_torque(rows.velocity[0], *directions, friction.viscous_exponent)
     clean = replace(rows, torque=np.full(len(rows), rest + friction.offset))
     z, torques = 0.0, []
     for velocity, period, fresh in zip(rows.velocity, rows.period, rows.fresh, strict=True):
-        z = 0.0 if fresh else advanced_deflection(friction, velocity * period, velocity, z)
+        z = 0.0 if fresh else advance_deflection(friction, velocity * period, velocity, z)
         torques.append(friction_torque(friction, velocity, z, 0.0))
     assert_allclose(torques, model.predict(x, clean), rtol=1e-9, atol=1e-12)

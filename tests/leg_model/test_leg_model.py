@@ -16,7 +16,7 @@ from example_robots import twin_joints
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ModelError, ParameterError
-from twin_gait.leg_model.joints import Bodies, LegJoints
+from twin_gait.leg_model.joints import BodySelection, LegJoints
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf, packaged_urdf, urdf_hash
 from twin_gait.leg_model.wearer import device_sizes
@@ -347,7 +347,7 @@ def test_fitting_moves_knees_ankles_and_hips(both_legs: dict[Side, LegJoints], h
 def test_feet_as_they_are_drawn_fit_a_wearer_of_175_cm_to_the_bit(
     both_legs: dict[Side, LegJoints], twin: LegModel
 ) -> None:
-    model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.75), bodies=Bodies.DEVICE).model
+    model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.75), bodies=BodySelection.DEVICE).model
     for leg in both_legs.values():
         for name in leg.contact_frames:
             drawn, fitted = (item.frames[item.getFrameId(name)].placement for item in (twin.model, model))
@@ -358,7 +358,7 @@ def test_feet_as_they_are_drawn_fit_a_wearer_of_175_cm_to_the_bit(
 
 def test_plate_of_a_longer_foot_has_its_mass_farther_out(both_legs: dict[Side, LegJoints]) -> None:
     """0.6 kg, centre 0.05 m ahead of the ankle and 0.065 m below, 0.0034 kg m² about it, at 1.75 m."""
-    model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.925), bodies=Bodies.DEVICE).model
+    model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.925), bodies=BodySelection.DEVICE).model
     plate = model.inertias[model.getJointId("left_ankle")]
     assert plate.mass == 0.6
     assert_allclose(plate.lever, [0.055, 0.0, -0.0715], rtol=1e-12)

@@ -18,7 +18,7 @@ from twin_gait.leg_model.wearer import (
     device_sizes,
     foot_line,
     segment_inertia,
-    segments_of,
+    wearer_segments,
     trunk_mass,
 )
 from twin_gait.parameters.wearer import Patient
@@ -86,14 +86,14 @@ def of_winter(mass: float = 70.0, height: float = 1.75, sex: Sex = Sex.MALE) -> 
 
 def test_segments_are_those_of_de_leva_unless_one_asks_for_those_of_winter() -> None:
     for sex in Sex:
-        assert segments_of(Patient(sex=sex)) == SEGMENTS[sex]
-        assert {name: item.mass for name, item in segments_of(of_winter(sex=sex)).items()} == {
+        assert wearer_segments(Patient(sex=sex)) == SEGMENTS[sex]
+        assert {name: item.mass for name, item in wearer_segments(of_winter(sex=sex)).items()} == {
             name: row[0] for name, row in WINTER.items()
         }
 
 
 def test_a_leg_of_winter_weighs_what_his_table_gives_to_legs_and_trunk() -> None:
-    segments = segments_of(of_winter())
+    segments = wearer_segments(of_winter())
     assert_allclose(sum(item.mass for item in segments.values()), WINTER_TOTAL_LEG, rtol=1e-12)
     assert_allclose(segments["shank"].mass + segments["foot"].mass, WINTER_FOOT_AND_SHANK, rtol=1e-12)
     assert_allclose(trunk_mass(of_winter(80.0)), 80.0 * WINTER_HEAD_ARMS_TRUNK, rtol=1e-12)
@@ -103,7 +103,7 @@ def test_a_leg_of_winter_weighs_what_his_table_gives_to_legs_and_trunk() -> None
 def test_inertia_about_either_end_is_that_of_winter(name: str) -> None:
     """The table gives radii of gyration about both ends; ours come from the one about the centre."""
     _, share, _, proximal, distal = WINTER[name]
-    segment = segments_of(of_winter())[name]
+    segment = wearer_segments(of_winter())[name]
     assert_allclose(segment.centre_of_mass, share, rtol=1e-12)
     for from_end, radius in ((share, proximal), (1.0 - share, distal)):
         # Three digits are printed of each of the radii.
@@ -117,7 +117,7 @@ def test_thigh_and_shank_of_winter_are_those_of_gait2d() -> None:
         ("shank", 0.4428, (3.4875, 0.0624, 0.1917)),
     ):
         axis = np.array([0.0, 0.0, -length])
-        mass, centre, inertia = segment_inertia(segments_of(of_winter())[name], 75.0, axis)
+        mass, centre, inertia = segment_inertia(wearer_segments(of_winter())[name], 75.0, axis)
         assert_allclose((mass, inertia[1, 1], -centre[2]), expected, atol=6e-5)
 
 

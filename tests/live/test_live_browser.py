@@ -25,11 +25,11 @@ import yaml
 from twin_gait import load_experiment
 from twin_gait.experiment.events import Stop
 from twin_gait.gait.table import TICK
-from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, read_run
+from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, read_stored_run
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.stepping import FADE_TICKS
-from twin_gait.viewer.commands import Window
-from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.commands import CommandBuffer
+from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import EXTREMES_TICKS
 from twin_gait.vocabulary import Side
 
@@ -281,8 +281,8 @@ def bench_session(
     finally:
         walk.close()
     changes = read_changes(walk)
-    again = read_run(walk.folder.with_name("run-2"))
-    return table, monitor, read_run(walk.folder).run.log, again.run.log, changes
+    again = read_stored_run(walk.folder.with_name("run-2"))
+    return table, monitor, read_stored_run(walk.folder).run.log, again.run.log, changes
 
 
 def read_changes(walk: Walk) -> list[dict[str, Any]]:
@@ -617,7 +617,7 @@ OBSERVE = """(paths) => {
 @pytest.fixture(scope="module")
 def joint_paths() -> dict[str, str]:
     model = load_experiment("treadmill").experiment.build_world().model
-    paths = Figure(Window(), model.model).paths
+    paths = ArticulatedFigure(CommandBuffer(), model.model).paths
     return {name: path for name, path in paths.items() if name != "universe"}
 
 
@@ -678,10 +678,10 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.close()
     status = treadmill.end()
     second = treadmill.folder.with_name("run-2")
-    first = read_run(treadmill.folder)
+    first = read_stored_run(treadmill.folder)
     changes = read_changes(treadmill)
     return {"seen": seen, "status": status, "log": first.run.log, "changes": changes, "events": events,
-            "again": read_run(second).run, "summary": first.summary, "curves": curves,
+            "again": read_stored_run(second).run, "summary": first.summary, "curves": curves,
             "hold": hold}  # fmt: skip
 
 

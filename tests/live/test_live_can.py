@@ -22,14 +22,14 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import run_frames
 from twin_gait.files import shipped_file
 from twin_gait.live import can_link
-from twin_gait.live.can_link import CanLink, commands_of, leaves_machine, open_bus
-from twin_gait.live.controls import Panel
+from twin_gait.live.can_link import CanLink, decode_commands, leaves_machine, open_bus
+from twin_gait.live.controls import ControlPanel
 from twin_gait.live.loop import PERIOD
-from twin_gait.live.news import Block, EventBook
-from twin_gait.live.protocol import MessageRefused
+from twin_gait.live.news import Block, EventLog
+from twin_gait.live.protocol import MessageRejected
 from twin_gait.live.session import LiveSession
 from twin_gait.network.dbc import load_messages
-from twin_gait.runs.record import read_run
+from twin_gait.runs.record import read_stored_run
 from twin_gait.simulation.simulator import simulate
 
 MESSAGES = load_messages()
@@ -47,7 +47,7 @@ def frame_of(board="right_knee", control="walk", **values):
 
 @pytest.fixture(scope="module")
 def panel():
-    return Panel(load_experiment("bench_leg", ["duration_s=60"]).experiment)
+    return ControlPanel(load_experiment("bench_leg", ["duration_s=60"]).experiment)
 
 
 def controls_of(panel):
@@ -59,7 +59,7 @@ def controls_of(panel):
 
 def test_a_command_sets_the_controls_of_its_joint_in_their_units():
     frame = frame_of(control="torque_control")
-    commands = commands_of(MESSAGES["right_knee_command"], bytes(frame.data))
+    commands = decode_commands(MESSAGES["right_knee_command"], bytes(frame.data))
     values = {name.rpartition(".")[2]: value for name, value in commands.items()}
     assert all(name == "mode" or name.startswith("monitor.right.knee.") for name in commands)
     assert values == pytest.approx(
@@ -72,18 +72,18 @@ def test_every_wish_names_a_control_of_the_panel(panel):
     known = controls_of(panel)
     for joint in ("hip", "knee"):
         name = f"right_{joint}_command"
-        assert set(commands_of(MESSAGES[name], bytes(8))) <= set(known)
+        assert set(decode_commands(MESSAGES[name], bytes(8))) <= set(known)
 
 
 def test_a_signal_without_a_number_asks_for_nothing():
     data = bytearray(frame_of().data)
     data[7] |= 0x7F  # all ones of the gain
-    assert "monitor.right.knee.gain" not in commands_of(MESSAGES["right_knee_command"], bytes(data))
+    assert "monitor.right.knee.gain" not in decode_commands(MESSAGES["right_knee_command"], bytes(data))
 
 
 def test_a_frame_of_another_length_is_refused():
-    with raises(MessageRefused, "right_knee_command", "8", "3"):
-        commands_of(MESSAGES["right_knee_command"], b"\0\0\0")
+    with raises(MessageRejected, "right_knee_command", "8", "3"):
+        decode_commands(MESSAGES["right_knee_command"], b"\0\0\0")
 
 
 # ------------------------------------------------------------------------------- the bus
@@ -151,7 +151,7 @@ class Rig:
     """A link on a virtual bus with a session that answers when it is told to."""
 
     def __init__(self, name, panel):
-        self.panel, self.book, self.asked = panel, EventBook(), []
+        self.panel, self.book, self.asked = panel, EventLog(), []
         self.coming = []
         self.bus = can.Bus(name, "virtual")
         self.link = CanLink(f"virtual:{name}", self)
@@ -221,7 +221,7 @@ def test_a_bus_that_gives_own_frames_back_still_hears_commands(panel, request, m
     monkeypatch.setattr(can_link, "OPTIONS", {"virtual": {"receive_own_messages": True}})
     with Rig(request.node.name, panel) as rig:
         for first in range(0, 200, 10):
-            rig.link.take(rows_of(panel, first, first + 10))
+            rig.link.add_block(rows_of(panel, first, first + 10))
         rig.bus.send(frame_of())
         rig.wait_for(lambda: rig.asked)
         assert rig.book.serial == 0
@@ -345,7 +345,7 @@ def walked(tmp_path_factory):
         def until(name, response):
             end = time.monotonic() + 60.0
             while time.monotonic() < end:
-                found = [event for event in session.book.after(0) if event.subject == name]
+                found = [event for event in session.event_log.after(0) if event.subject == name]
                 if found and found[-1].response is response:
                     return found[-1]
                 time.sleep(0.01)
@@ -363,7 +363,7 @@ def walked(tmp_path_factory):
     done.set()
     listener.join()
     bus.shutdown()
-    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=read_run(folder).run)
+    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=read_stored_run(folder).run)
 
 
 def test_what_was_on_the_bus_is_the_log_of_the_walk(walked):

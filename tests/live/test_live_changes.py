@@ -13,13 +13,13 @@ from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration.experiments import load_experiment
 from twin_gait.live import news
-from twin_gait.live.controls import Panel
-from twin_gait.live.forecast import warnings_of
-from twin_gait.live.news import SILENCE, EventBook, WalkNews
-from twin_gait.live.page import BURST, LivePage
-from twin_gait.live.protocol import DoAction, RateLimit
+from twin_gait.live.controls import ControlPanel
+from twin_gait.live.forecast import find_warnings
+from twin_gait.live.news import HANG_TIMEOUT, EventLog, WalkProcess
+from twin_gait.live.page import BURST, LivePageServer
+from twin_gait.live.protocol import DoAction, RateLimiter
 from twin_gait.live.session import LiveSession
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 
 K, ZERO = "late_stance.hip.stiffness", "swing_flexion.knee.equilibrium"
 
@@ -75,13 +75,13 @@ def test_one_forecast_is_made_of_several_changes_and_warns_of_unusual_ones(sessi
 
 
 def test_warnings_name_a_spring_and_an_equilibrium_that_are_unusual():
-    panel = Panel(load_experiment("treadmill", ["duration_s=1"]).experiment)
-    begun = warnings_of(panel.preset)
+    panel = ControlPanel(load_experiment("treadmill", ["duration_s=1"]).experiment)
+    begun = find_warnings(panel.preset)
     for name, value, text in (
         ("late_stance.hip.stiffness", 6.0, "late stance: hip k 6.00 Nm/deg is outside"),
         ("late_stance.hip.equilibrium", -30.0, "late stance: hip θ0 -30.0° is outside -20.0"),
     ):
-        found = [item for item in warnings_of(panel.set(panel.preset, name, value)) if item not in begun]
+        found = [item for item in find_warnings(panel.set(panel.preset, name, value)) if item not in begun]
         assert any(item.startswith(text) for item in found), found
 
 
@@ -89,7 +89,7 @@ def test_warnings_name_a_spring_and_an_equilibrium_that_are_unusual():
 
 
 def test_the_heartbeat_goes_on_in_a_pause_and_comes_from_the_loop(bench):
-    rig = Rig(build_problem(bench.experiment), [(0.1, {"serial": 1, "command": "pause"}),
+    rig = Rig(build_setup(bench.experiment), [(0.1, {"serial": 1, "command": "pause"}),
                                                 (1.1, {"serial": 2, "command": "end"})])  # fmt: skip
     rig.loop.walk()
     kinds = Counter(item["kind"] for item in rig.sent)
@@ -100,14 +100,14 @@ def test_the_heartbeat_goes_on_in_a_pause_and_comes_from_the_loop(bench):
 def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypatch):
     now = [0.0]
     monkeypatch.setattr(news, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    book = EventBook()
-    walk = WalkNews(book, build_problem(bench.experiment), on_compile=lambda: None, on_unkept=pytest.fail)
-    monkeypatch.setattr(WalkNews, "alive", True)
+    book = EventLog()
+    walk = WalkProcess(book, build_setup(bench.experiment), on_compile=lambda: None, on_store_failure=pytest.fail)
+    monkeypatch.setattr(WalkProcess, "alive", True)
 
     def look(until):
         while now[0] < until:
             now[0] += 0.1
-            silent = walk.silence()
+            silent = walk.time_since_message()
         return silent
 
     assert look(0.4) == pytest.approx(0.4) and book.after(0) == []
@@ -115,26 +115,26 @@ def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypat
     (note,) = book.after(0)
     assert note.response == "note" and "sent nothing for 0.5 s" in note.text
     walk._last_message = now[0] = 3.2
-    assert walk.silence() == 0.0 and "sends again, after 3.2 s" in book.after(1)[0].text
+    assert walk.time_since_message() == 0.0 and "sends again, after 3.2 s" in book.after(1)[0].text
     now[0] += 30.0  # this program itself stood still: messages of the process may wait to be read
-    assert walk.silence() == pytest.approx(30.0) and len(book.after(0)) == 2
+    assert walk.time_since_message() == pytest.approx(30.0) and len(book.after(0)) == 2
     walk._last_message = now[0]
-    assert walk.silence() == 0.0 and len(book.after(0)) == 2
+    assert walk.time_since_message() == 0.0 and len(book.after(0)) == 2
 
 
 def test_a_process_that_is_stopped_is_noticed_and_a_stop_is_not_confirmed(session):
     process = session.news.process.pid
-    wait_for(lambda: session.news.silence() < SILENCE)
+    wait_for(lambda: session.news.silence() < HANG_TIMEOUT)
     os.kill(process, signal.SIGSTOP)
     try:
-        wait_for(lambda: session.news.silence() > SILENCE)
+        wait_for(lambda: session.news.silence() > HANG_TIMEOUT)
         coming = session.submit(DoAction(id="late", action="stop"))
         time.sleep(0.2)
         assert not coming.done()
     finally:
         os.kill(process, signal.SIGCONT)
     assert coming.result(10.0)  # confirmed at last
-    wait_for(lambda: session.news.silence() < SILENCE and session.news.status == "held")
+    wait_for(lambda: session.news.silence() < HANG_TIMEOUT and session.news.status == "held")
     texts = [item.text for item in session.book.after(0)]
     assert [sum(text.startswith(f"the process of the simulation {words}") for text in texts)
             for words in ("has sent nothing", "sends again")] == [1, 1]  # fmt: skip
@@ -146,8 +146,8 @@ def test_a_process_that_is_stopped_is_noticed_and_a_stop_is_not_confirmed(sessio
 @pytest.fixture
 def listening(monkeypatch):
     """A page without a server, the messages that reach its session, and a panel."""
-    monkeypatch.setattr(RateLimit, "__init__", frozen_limit)
-    page, submitted, book = LivePage.__new__(LivePage), [], EventBook()
+    monkeypatch.setattr(RateLimiter, "__init__", frozen_limit)
+    page, submitted, book = LivePageServer.__new__(LivePageServer), [], EventLog()
     page._session = SimpleNamespace(book=book, user="Ann", submit=submitted.append)
     return page, submitted, book
 
@@ -159,7 +159,7 @@ def frozen_limit(limit, rate, burst):
 
 def test_a_flood_of_a_page_is_cut_off_with_one_line_and_stop_still_passes(listening):
     page, submitted, book = listening
-    panel, other = (SimpleNamespace(limit=RateLimit(20, BURST)) for _ in range(2))
+    panel, other = (SimpleNamespace(limit=RateLimiter(20, BURST)) for _ in range(2))
     for _ in range(BURST + 500):
         page.hear(panel, '{"kind": "set", "' + "x" * 3000 + '": 1}')
     events = book.after(0)

@@ -19,11 +19,11 @@ from twin_gait.configuration.events import changed_keys
 from twin_gait.configuration.experiments import LoadedExperiment, experiment_from_mapping
 from twin_gait.exceptions import ParameterError
 from twin_gait.live import loop
-from twin_gait.live.controls import Panel
-from twin_gait.live.journal import Piece, walked_document
+from twin_gait.live.controls import ControlPanel
+from twin_gait.live.journal import LogChunk, walked_document
 from twin_gait.live.session import LiveSession
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import log_table
 from twin_gait.simulation.settings import loop_numbers
 
@@ -32,7 +32,7 @@ class Desk:
     """What a session sends to the loop, without its threads."""
 
     def __init__(self, loaded: LoadedExperiment) -> None:
-        self.panel, self.script = Panel(loaded.experiment), list[tuple[float, dict[str, object]]]()
+        self.panel, self.script = ControlPanel(loaded.experiment), list[tuple[float, dict[str, object]]]()
         self.settings = self.panel.preset
 
     def send(self, time: float, command: str, **values: object) -> None:
@@ -49,12 +49,12 @@ class Desk:
         self.send(time, "settings", **json.loads(json.dumps({**sent, "whole": whole})))
 
 
-def assert_walks_again(walk: Piece, loaded: LoadedExperiment) -> None:
+def assert_walks_again(walk: LogChunk, loaded: LoadedExperiment) -> None:
     """The rerun of a walk, from its document as YAML takes it, has the same log in every column."""
     document = json.loads(json.dumps(walked_document(walk, loaded.document)))
     experiment = experiment_from_mapping(document, "experiment", Path())
     again = simulate(experiment)
-    layout = log_layout(build_problem(loaded.experiment))
+    layout = log_layout(build_setup(loaded.experiment))
     log = log_table(walk.rows, layout, again.table)
     pd.testing.assert_frame_equal(log, again.log, check_exact=True)
     assert pd.util.hash_pandas_object(log).equals(pd.util.hash_pandas_object(again.log))
@@ -134,7 +134,7 @@ def test_whatever_is_done_to_a_walk_is_walked_again(seed: int):
             desk.turn(time, "all", None)
         elif control.kind == "number":
             wanted = control.value * generator.uniform(0.95, 1.05)
-            desk.turn(time, control.name, float(np.clip(wanted, control.least, control.largest)))
+            desk.turn(time, control.name, float(np.clip(wanted, control.minimum, control.maximum)))
     desk.send(10.0, "end")  # of a walk that has fallen the time stands still
     rig = Rig(desk.panel.problem, desk.script, longest=9000)
     rig.loop.walk()
@@ -185,9 +185,9 @@ def test_a_session_and_one_whose_process_is_killed_leave_folders_that_walk_again
         say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
         say(session, kind="do", action="restart")
         pushed = say(session, kind="do", action="push", values={"joint": "right_knee", "torque": -6})
-        wait_for(lambda: session.news.frame["tick"] > pushed.tick + 1500)
-        os.kill(session.news.process.pid, signal.SIGKILL)
-        wait_for(lambda: not session.news.alive)
+        wait_for(lambda: session.walk.frame["tick"] > pushed.tick + 1500)
+        os.kill(session.walk.process.pid, signal.SIGKILL)
+        wait_for(lambda: not session.walk.alive)
     folders = list(session.summaries)
     assert folders == [tmp_path / "run", tmp_path / "run-2"]
     for folder in folders:

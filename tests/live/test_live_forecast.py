@@ -8,8 +8,8 @@ import pytest
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration.experiments import load_experiment
-from twin_gait.live.controls import Panel
-from twin_gait.live.forecast import HORIZON, foresee
+from twin_gait.live.controls import ControlPanel
+from twin_gait.live.forecast import HORIZON, predict
 from twin_gait.live.session import LiveSession
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.settings import loop_numbers
@@ -25,7 +25,7 @@ FALLS = [
 
 @pytest.fixture(scope="module")
 def panel():
-    return Panel(load_experiment("treadmill", ["duration_s=60"]).experiment)
+    return ControlPanel(load_experiment("treadmill", ["duration_s=60"]).experiment)
 
 
 @pytest.fixture(scope="module")
@@ -51,11 +51,11 @@ def moment_of(walk):
 def test_a_change_that_ends_the_walk_is_foreseen_to_the_tick(panel, walks, change):
     walking, ahead = walks
     moment = moment_of(walking)
-    forecast = foresee(ahead, moment, changed(panel, change))
+    forecast = predict(ahead, moment, changed(panel, change))
     assert forecast.bad
     # What really comes, by a walk that is changed indeed.
     real = SteppedRun(panel.problem)
-    real.go_on_from(moment)
+    real.restore(moment)
     real.set(loop_numbers(changed(panel, change)))
     real.advance(HORIZON)
     if real.trip is not None:
@@ -67,7 +67,7 @@ def test_a_change_that_ends_the_walk_is_foreseen_to_the_tick(panel, walks, chang
 
 def test_a_harmless_change_walks_on_with_its_deviation_and_saturation(panel, walks):
     walking, ahead = walks
-    forecast = foresee(ahead, moment_of(walking), changed(panel, ("late_stance.hip.stiffness", 1.3)))
+    forecast = predict(ahead, moment_of(walking), changed(panel, ("late_stance.hip.stiffness", 1.3)))
     assert not forecast.bad and forecast.text.startswith("walks on for the ")
     assert 0.0 < forecast.rmse_deg["hip"] < forecast.rmse_deg["knee"] < 20.0
     assert 0.0 < forecast.saturated_share < 0.2
@@ -79,17 +79,17 @@ def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(
     over.advance(1000)
     over.stop()
     over.advance(500)
-    forecast = foresee(ahead, moment_of(over), changed(panel))
+    forecast = predict(ahead, moment_of(over), changed(panel))
     assert not forecast.bad and forecast.text.startswith("after a new start walks on")
-    by_hand = foresee(ahead, moment_of(walking), changed(panel, ("manual", True)))
+    by_hand = predict(ahead, moment_of(walking), changed(panel, ("manual", True)))
     assert not by_hand.bad and by_hand.text.startswith("does not fall")
 
 
 def test_who_sits_and_is_not_asked_to_walk_does_not_fall():
-    panel = Panel(load_experiment("stand_to_sit").experiment)
+    panel = ControlPanel(load_experiment("stand_to_sit").experiment)
     walking, ahead = SteppedRun(panel.problem), SteppedRun(panel.problem)
     walking.advance(100)
-    forecast = foresee(ahead, moment_of(walking), changed(panel))
+    forecast = predict(ahead, moment_of(walking), changed(panel))
     assert not forecast.bad and forecast.text == f"does not fall for the {HORIZON / 1000:.0f} s looked ahead"
 
 
@@ -101,7 +101,7 @@ def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_f
     asked.loop.walk()
     assert all("moment" in asked.answers()[n] for n in range(5))
     ahead = SteppedRun(panel.problem)
-    foresee(ahead, asked.answers()[3]["moment"], changed(panel, FALLS[0]))
+    predict(ahead, asked.answers()[3]["moment"], changed(panel, FALLS[0]))
     np.testing.assert_array_equal(asked.takes[0].rows, plain.takes[0].rows)
     assert asked.takes[0].events == ()
 
@@ -112,7 +112,7 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
     with closing(LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False)) as session:
         session.start()
         name, value = FALLS[0]
-        wait_for(lambda: session.news.frame["tick"])
+        wait_for(lambda: session.walk.frame["tick"])
         told = say(session, kind="try", control=name, value=value)
         assert told.response == "forecast" and told.forecast["bad"] and told.subject == name
         assert told.forecast["text"] in told.text

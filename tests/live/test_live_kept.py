@@ -18,7 +18,7 @@ from errors import raises
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.cli.program import main
-from twin_gait.cli.sessions import line_of
+from twin_gait.cli.sessions import format_session
 from twin_gait.cli.simulate import _finish
 from twin_gait.configuration.experiments import load_experiment
 from twin_gait.exceptions import RunDirectoryError
@@ -26,18 +26,18 @@ from twin_gait.live import journal as finishing
 from twin_gait.live.journal import (
     BATCH_TICKS,
     Journal,
-    Piece,
+    LogChunk,
     complete,
-    locked,
+    lock_journal,
     read_journal,
-    walks_in,
+    split_walks,
 )
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
-from twin_gait.runs.folders import journal_of
-from twin_gait.runs.record import read_run
+from twin_gait.runs.folders import journal_path
+from twin_gait.runs.record import read_stored_run
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 
@@ -54,7 +54,7 @@ def loaded():
 
 @pytest.fixture(scope="module")
 def problem(loaded):
-    return build_problem(loaded.experiment)
+    return build_setup(loaded.experiment)
 
 
 def written(loaded, problem, folder, *, ticks=1400, over=True):
@@ -67,10 +67,10 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
     while run.tick < ticks:
         new = {"time_s": round(1e-3 * run.tick, 3), "set": {}, "by": "Ann"}
         rows = run.advance(min(100, ticks - run.tick))
-        journals.keep(
-            Piece(
+        journals.store(
+            LogChunk(
                 rows=rows, switches=run.switches(switches), events=(new,), status=run.status,
-                reason=run.reason, trip=run.trip, wall_s=run.tick * 1e-3, over=over and run.tick == ticks,
+                reason=run.reason, trip=run.trip, wall_s=run.tick * 1e-3, is_last=over and run.tick == ticks,
             )
         )  # fmt: skip
         switches = len(run.switches())
@@ -88,7 +88,7 @@ def written(loaded, problem, folder, *, ticks=1400, over=True):
 def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     run, journals = written(loaded, problem, tmp_path / "run")
     _, columns, pieces = read_journal(journals.path)
-    (take,) = walks_in(pieces, 60_000)
+    (take,) = split_walks(pieces, 60_000)
     np.testing.assert_array_equal(take.rows, run.rows())
     assert columns == run.layout.names and run.trip is not None
     assert (take.switches, take.trip) == (run.switches(), run.trip)
@@ -109,7 +109,7 @@ def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, prob
             assert "no journal of a walk" in str(error) and "\n" not in str(error)
             assert size < len(whole) / 3
             continue
-        for walk in walks_in(pieces, 60_000):
+        for walk in split_walks(pieces, 60_000):
             np.testing.assert_array_equal(walk.rows, run.rows()[: len(walk.rows)])
             lengths.add(len(walk.rows))
     assert {BATCH_TICKS, 2 * BATCH_TICKS} <= lengths <= {BATCH_TICKS, 2 * BATCH_TICKS, 1400}
@@ -121,12 +121,12 @@ def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem
     with raises(RunDirectoryError, journals.path):
         complete(journals.path)
     with raises(RunDirectoryError, folder, "twin-gait sessions complete"):
-        read_run(folder)
-    journals.keep(Piece(rows=run.rows()[:0], over=True))
+        read_stored_run(folder)
+    journals.store(LogChunk(rows=run.rows()[:0], is_last=True))
     journals.close()
     done = complete(journals.path)
     assert list(done) == [folder] and not journals.path.exists()
-    assert read_run(folder).summary["duration_s"] == pytest.approx(1.4)
+    assert read_stored_run(folder).summary["duration_s"] == pytest.approx(1.4)
     with raises(RunDirectoryError, journals.path):
         complete(journals.path)
 
@@ -145,10 +145,10 @@ def test_a_disk_that_is_full_is_told_and_the_walk_goes_on(problem, tmp_path, mon
     monkeypatch.setattr(pa, "OSFile", lambda path, mode, open=pa.OSFile: open("/dev/full", mode))
     journals = Journal(columns, {"folder": str(tmp_path / "x")}, told.append)
     for over in (False, False, True):
-        journals.keep(Piece(rows=np.zeros((10, len(columns))), over=over))
+        journals.store(LogChunk(rows=np.zeros((10, len(columns))), is_last=over))
     journals.close()
     assert len(told) == 1 and "cannot be written any more" in told[0]
-    with locked(journals.path):  # it has been let go
+    with lock_journal(journals.path):  # it has been let go
         pass
 
 
@@ -172,30 +172,30 @@ def test_a_full_disk_is_reported_in_terminal_record_and_page_and_what_is_on_it_i
 
     records, folder, said = tmp_path / "sessions", tmp_path / "run", []
     session = LiveSession(
-        loaded=loaded, folder=folder, records=records, pictures=False, on_unkept=said.append
+        loaded=loaded, folder=folder, records=records, pictures=False, on_store_failure=said.append
     )  # fmt: skip
     with monkeypatch.context() as context, closing(session):
         session.start()
         small_disk()  # for this process; that of the walk has it still
-        wait_for(lambda: session.news.unkept)
-        last = session.news.frame["tick"]
-        wait_for(lambda: session.news.frame["tick"] > last + 100)  # the walk goes on
+        wait_for(lambda: session.walk.store_failure)
+        last = session.walk.frame["tick"]
+        wait_for(lambda: session.walk.frame["tick"] > last + 100)  # the walk goes on
         context.setattr(finishing, "write_run", full)
     way_out = f"twin-gait sessions complete {folder}"
     (text,) = said
     assert text.startswith("the walk is no longer kept: ") and way_out in text and "\n" not in text
     assert way_out in session.failure and "No space left" in session.failure
-    assert text in [event.text for event in session.book.after(0)]  # what pages are sent
+    assert text in [event.text for event in session.event_log.after(0)]  # what pages are sent
     assert text in [item["text"] for item in read_session(records, 1)["log"]]
     (entry,) = list_sessions(records)
-    assert entry["folders"] == entry["unfinished"] == [str(folder)] and way_out in line_of(entry)
+    assert entry["folders"] == entry["unfinished"] == [str(folder)] and way_out in format_session(entry)
     assert _finish(session, False) == 1 and way_out in capsys.readouterr().err
 
-    _, columns, pieces = read_journal(journal_of(folder))
-    (walk,) = walks_in(pieces, 60_000)
+    _, columns, pieces = read_journal(journal_path(folder))
+    (walk,) = split_walks(pieces, 60_000)
     assert BATCH_TICKS <= len(walk.rows) < last
     assert main(["sessions", "complete", str(folder)]) == 0
-    angle = read_run(folder).run.log["right_hip_angle_rad"]
+    angle = read_stored_run(folder).run.log["right_hip_angle_rad"]
     np.testing.assert_array_equal(angle, walk.rows[:, columns.index("right_hip_angle_rad")])
     (entry,) = list_sessions(records)
     assert entry["folders"] == [str(folder)] and entry["unfinished"] == []
@@ -267,13 +267,13 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     with closing(session):
         session.start()
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
-        wait_for(lambda: session.news.frame["tick"] > changed.tick + MOST_LOST)
-        os.kill(session.news.process.pid, signal.SIGKILL)
-        wait_for(lambda: not session.news.alive)
-        last = session.news.frame
-        assert last["status"] == session.news.status == "died"
-        assert "died" in session.book.after(0)[-1].text and "signal 9" in session.news.death
-    stored = read_run(tmp_path / "run")
+        wait_for(lambda: session.walk.frame["tick"] > changed.tick + MOST_LOST)
+        os.kill(session.walk.process.pid, signal.SIGKILL)
+        wait_for(lambda: not session.walk.alive)
+        last = session.walk.frame
+        assert last["status"] == session.walk.status == "died"
+        assert "died" in session.event_log.after(0)[-1].text and "signal 9" in session.walk.exit_reason
+    stored = read_stored_run(tmp_path / "run")
     assert len(stored.run.log) >= last["tick"] - MOST_LOST
     assert (
         stored.summary["status"] == "interrupted" and "process of the walk died" in stored.summary["reason"]
@@ -307,7 +307,7 @@ def test_the_command_says_that_its_walk_died_and_ends_with_1(tmp_path):
             command.kill()
     assert command.returncode == 1
     assert str(tmp_path / "run") in output and "process of the walk died" in errors
-    assert len(read_run(tmp_path / "run").run.log) > 0
+    assert len(read_stored_run(tmp_path / "run").run.log) > 0
 
 
 PARENT = """
@@ -332,7 +332,7 @@ PARENT = """
 
 def let_go(journal):
     try:
-        with locked(journal):
+        with lock_journal(journal):
             return True
     except RunDirectoryError:
         return False
@@ -349,7 +349,7 @@ def killed_together(folder, database, delay):
         os.kill(child, signal.SIGKILL)
         parent.send_signal(signal.SIGKILL)
         lines = [line.split() for line in parent.stdout if line.endswith("\n")]
-    wait_for(lambda: let_go(journal_of(folder)))  # the system takes its time to bury the walk's process
+    wait_for(lambda: let_go(journal_path(folder)))  # the system takes its time to bury the walk's process
     return [(float(line[0]), int(line[1]), int(line[2])) for line in lines if len(line) == 3]
 
 
@@ -363,7 +363,7 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
         events = max((events for at, events, _ in told if last - at > 1.0 or events == 0), default=0)
         assert main(["sessions", "complete", str(folder)]) == 0
         assert capsys.readouterr().out.strip() == str(folder)
-        assert len(read_run(folder).run.log) >= tick - MOST_LOST
+        assert len(read_stored_run(folder).run.log) >= tick - MOST_LOST
         found = read_session(database, number + 1)
         assert (found["status"], found["folders"], found["ended"]) == ("killed", [str(folder)], None)
         assert len(found["log"]) >= events
@@ -397,7 +397,7 @@ def test_run_folders_of_all_walks_of_a_killed_session_are_listed(tmp_path, capsy
     with subprocess.Popen(list(map(str, code)), **pipes) as parent:
         os.kill(int(parent.stdout.readline()), signal.SIGKILL)
         parent.kill()
-    wait_for(lambda: let_go(journal_of(folder)))
+    wait_for(lambda: let_go(journal_path(folder)))
     file = records / "1.jsonl"
     file.write_text(file.read_text() + '{"log": {"ti')  # a line that the kill has cut short
     (entry,) = list_sessions(records)
@@ -407,8 +407,8 @@ def test_run_folders_of_all_walks_of_a_killed_session_are_listed(tmp_path, capsy
     assert capsys.readouterr().out.splitlines() == made
     (entry,) = list_sessions(records)
     assert (entry["status"], entry["folders"], entry["unfinished"]) == ("killed", made, [])
-    assert line_of(entry).endswith("  " + ", ".join(made))
-    assert all(len(read_run(Path(path)).run.log) >= 300 for path in made)
+    assert format_session(entry).endswith("  " + ", ".join(made))
+    assert all(len(read_stored_run(Path(path)).run.log) >= 300 for path in made)
 
 
 def test_a_walk_that_was_killed_is_completed_by_name(loaded, problem, tmp_path, capsys):
@@ -421,4 +421,4 @@ def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded,
     written(loaded, problem, tmp_path / "run")
     with raises(RunDirectoryError, tmp_path / "run", "--out", "--force"):
         LiveSession(loaded=loaded, folder=tmp_path / "run", pictures=False).start()
-    assert read_run(tmp_path / "run").summary["duration_s"] == pytest.approx(1.4)
+    assert read_stored_run(tmp_path / "run").summary["duration_s"] == pytest.approx(1.4)

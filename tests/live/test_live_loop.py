@@ -21,27 +21,27 @@ from errors import raises
 from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.experiment.events import FADE_TICKS
-from twin_gait.live.controls import Panel, action_specs, fault_text, values_of
-from twin_gait.live.forecast import errors_of
-from twin_gait.live.journal import complete, walked_document, walked_run, walks_in
+from twin_gait.live.controls import ControlPanel, action_specs, fault_text, action_values
+from twin_gait.live.forecast import find_errors
+from twin_gait.live.journal import complete, walked_document, walked_run, split_walks
 from twin_gait.live.loop import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock, LiveLoop
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
     DeadlineStatistics,
     DoAction,
     Frame,
-    MessageRefused,
-    RateLimit,
+    MessageRejected,
+    RateLimiter,
     SetControl,
     SetControls,
     read_message,
 )
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
-from twin_gait.runs.folders import journal_of
-from twin_gait.runs.record import read_run
+from twin_gait.runs.folders import journal_path
+from twin_gait.runs.record import read_stored_run
 from twin_gait.simulation import stepping
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.settings import loop_numbers
 from twin_gait.simulation.simulator import simulate
 from twin_gait.simulation.stepping import SteppedRun
@@ -52,12 +52,12 @@ DEGREE = math.pi / 180.0
 
 @pytest.fixture(scope="module")
 def bench_panel():
-    return Panel(load_experiment("bench_leg", ["duration_s=60"]).experiment)
+    return ControlPanel(load_experiment("bench_leg", ["duration_s=60"]).experiment)
 
 
 @pytest.fixture(scope="module")
 def treadmill_panel():
-    return Panel(load_experiment("treadmill", ["duration_s=60"]).experiment)
+    return ControlPanel(load_experiment("treadmill", ["duration_s=60"]).experiment)
 
 
 # ---------------------------------------------------------------------- messages
@@ -112,7 +112,7 @@ def test_messages_are_read_as_they_were_meant():
     ],
 )
 def test_what_is_no_message_is_refused_with_the_reason(text, reason):
-    with raises(MessageRefused, *reason):
+    with raises(MessageRejected, *reason):
         read_message(text)
 
 
@@ -130,7 +130,7 @@ LONG = "n" * 3000
     ],
 )
 def test_long_names_are_shortened_in_the_reason_which_is_all_there(text):
-    with pytest.raises(MessageRefused) as caught:
+    with pytest.raises(MessageRejected) as caught:
         read_message(text)
     reason = str(caught.value)
     assert len(reason) < 250 and ("…" in reason or "..." in reason)
@@ -140,17 +140,17 @@ def test_long_names_are_shortened_in_the_reason_which_is_all_there(text):
 def test_a_text_of_a_value_is_shortened_in_its_refusal(treadmill_panel):
     specs = tuple(action_specs(treadmill_panel.problem))
     asked = DoAction(id="1", user="", action="push", values={"joint": "j" * 200})
-    with raises(MessageRefused, "joint", "left_hip") as caught:
-        values_of(specs, asked)
+    with raises(MessageRejected, "joint", "left_hip") as caught:
+        action_values(specs, asked)
     assert len(str(caught.value)) < 200
-    with raises(MessageRefused, "control") as caught:
+    with raises(MessageRejected, "control") as caught:
         treadmill_panel.revert(treadmill_panel.preset, "j" * 200)
     assert "jjj" in str(caught.value)
     assert len(str(caught.value)) < 200
 
 
 def test_a_rate_limit_lets_a_burst_pass_then_a_rate_and_counts_the_rest():
-    limit = RateLimit(10.0, 5)
+    limit = RateLimiter(10.0, 5)
     assert [limit.allows(100.0) for _ in range(7)] == [True] * 5 + [False] * 2
     assert limit.dropped == 2
     assert [limit.allows(100.25) for _ in range(3)] == [True, True, False]
@@ -272,36 +272,36 @@ def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_t
 def test_a_value_out_of_its_range_and_an_unknown_control_are_refused(treadmill_panel, name, value, reason):
     shown = {item.name: item for item in treadmill_panel.controls(treadmill_panel.preset)}
     reason = [fact.format(most=shown["late_stance.hip.stiffness"].largest) for fact in reason]
-    with raises(MessageRefused, *reason):
+    with raises(MessageRejected, *reason):
         treadmill_panel.set(treadmill_panel.preset, name, value)
 
 
 def test_equilibrium_beyond_the_stops_widens_its_range_and_no_other():
     settings = ["table.phases.middle_stance.hip.equilibrium_deg=-33.3", "duration_s=1"]
-    panel = Panel(load_experiment("treadmill", settings).experiment)
+    panel = ControlPanel(load_experiment("treadmill", settings).experiment)
     shown = {item.name: item for item in panel.controls(panel.preset)}
     beyond, other = (shown[f"middle_stance.{joint}.equilibrium"] for joint in ("hip", "knee"))
-    assert beyond.least < beyond.value == pytest.approx(-33.3) and beyond.largest > 90.0
-    begun = Panel(load_experiment("treadmill", settings[1:]).experiment)
-    assert other.least == begun.range_of("equilibrium", "knee")[0]
-    assert beyond.least < begun.range_of("equilibrium", "hip")[0]
+    assert beyond.minimum < beyond.value == pytest.approx(-33.3) and beyond.maximum > 90.0
+    begun = ControlPanel(load_experiment("treadmill", settings[1:]).experiment)
+    assert other.minimum == begun.control_range("equilibrium", "knee")[0]
+    assert beyond.minimum < begun.control_range("equilibrium", "hip")[0]
 
 
 @pytest.mark.parametrize("preset", ["treadmill", "overground", "bench_leg", "treadmill_ankle"])
 def test_every_impedance_can_be_raised_and_every_equilibrium_moved_both_ways(preset):
-    panel = Panel(load_experiment(preset, ["duration_s=1"]).experiment)
+    panel = ControlPanel(load_experiment(preset, ["duration_s=1"]).experiment)
     limit = panel.preset.experiment.control.limits.torque
     checked = 0
     for control in panel.controls(panel.preset):
         quantity = control.name.rpartition(".")[2]
         if quantity in ("stiffness", "damping"):
-            assert control.least == 0.0 and control.largest >= 1.4 * control.value, control.name
+            assert control.minimum == 0.0 and control.maximum >= 1.4 * control.value, control.name
             # At the end of the range 5 deg or 0.5 rad/s are enough for the torque limit.
             reach = 5.0 if quantity == "stiffness" else 0.5
-            assert control.largest * reach >= limit, control.name
+            assert control.maximum * reach >= limit, control.name
         elif quantity == "equilibrium":
             low, high = np.degrees(panel._stops[control.joint])
-            assert control.least < min(low, control.value) and control.largest > max(high, control.value)
+            assert control.minimum < min(low, control.value) and control.maximum > max(high, control.value)
         else:
             continue
         checked += 1
@@ -311,9 +311,9 @@ def test_every_impedance_can_be_raised_and_every_equilibrium_moved_both_ways(pre
 def test_the_range_of_an_own_table_does_not_end_at_its_values():
     key = "table.phases.middle_stance.knee"
     settings = [f"{key}.stiffness_Nm_per_deg=25", f"{key}.damping_Nms_per_rad=300", "duration_s=1"]
-    panel = Panel(load_experiment("treadmill", settings).experiment)
-    assert panel.range_of("stiffness", "knee")[1] >= 37.5
-    assert panel.range_of("damping", "knee")[1] >= 450.0
+    panel = ControlPanel(load_experiment("treadmill", settings).experiment)
+    assert panel.control_range("stiffness", "knee")[1] >= 37.5
+    assert panel.control_range("damping", "knee")[1] >= 450.0
     panel.set(panel.preset, "middle_stance.knee.stiffness", 30.0)
 
 
@@ -321,16 +321,16 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
     specs = tuple(action_specs(treadmill_panel.problem))
 
     def ask(action, **values):
-        return values_of(specs, DoAction(id="1", user="", action=action, values=values))
+        return action_values(specs, DoAction(id="1", user="", action=action, values=values))
 
     assert ask("push") == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
-    with raises(MessageRefused, "torque", "-60", "60 Nm"):
+    with raises(MessageRejected, "torque", "-60", "60 Nm"):
         ask("push", torque=61.0)
-    with raises(MessageRefused, "push", "force", "joint", "torque", "duration"):
+    with raises(MessageRejected, "push", "force", "joint", "torque", "duration"):
         ask("push", force=1.0)
-    with raises(MessageRefused, "stop", "x"):
+    with raises(MessageRejected, "stop", "x"):
         ask("stop", x=1.0)
-    with raises(MessageRefused, "explode"):
+    with raises(MessageRejected, "explode"):
         ask("explode")
     for kind, place in (("motor_dead", "left_hip"), ("foot_load_stuck", "left_foot"), ("supply_dip", "")):
         assert ask("fault", kind=kind)["place"] == place  # the place that a fault begins with fits it
@@ -343,7 +343,7 @@ def test_values_of_actions_are_checked_too(treadmill_panel):
 )
 def test_a_fault_that_does_not_fit_is_refused(bench_problem, wrong):
     asked = DoAction(id="1", user="", action="fault", values=wrong)
-    fault = fault_text(values_of(action_specs(bench_problem), asked))
+    fault = fault_text(action_values(action_specs(bench_problem), asked))
     rig = Rig(bench_problem, [(0.0, {"serial": 1, "command": "fault", "fault": fault})], longest=20)
     rig.loop.walk()
     assert rig.answers()[1]["refused"] and rig.run.injected == ()
@@ -353,30 +353,30 @@ def test_a_fault_that_does_not_fit_is_refused(bench_problem, wrong):
 
 
 def test_a_gain_that_lets_the_loop_grow_is_refused_and_one_below_is_not(bench_panel):
-    assert errors_of(bench_panel.preset) == {}
+    assert find_errors(bench_panel.preset) == {}
     # Friction compensation beyond the true friction drives the joint; the check names the border.
     unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
-    (reason,) = errors_of(unsafe).values()
+    (reason,) = find_errors(unsafe).values()
     assert reason.startswith("unstable (middle_stance): a small motion") and "stay below" in reason
-    assert errors_of(bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.5)) == {}
+    assert find_errors(bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.5)) == {}
 
 
 def test_a_phase_that_could_not_be_left_any_more_is_refused(bench_panel):
     stuck = bench_panel.set(bench_panel.preset, "swing_flexion.hip.equilibrium", 5.0)
-    assert next(iter(errors_of(stuck).values())).startswith("cannot_leave (swing_flexion)")
+    assert next(iter(find_errors(stuck).values())).startswith("cannot_leave (swing_flexion)")
 
 
 def test_an_error_that_was_there_before_does_not_refuse_the_way_out(bench_panel):
     unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
     better = bench_panel.set(unsafe, "middle_stance.hip.gain", 0.9)
-    assert errors_of(better).keys() == errors_of(unsafe).keys()
+    assert find_errors(better).keys() == find_errors(unsafe).keys()
 
 
 def test_the_monitor_is_held_to_the_same_stability(bench_panel):
     free = bench_panel.set(bench_panel.preset, "mode", "friction_control")
-    assert errors_of(free) == {}
+    assert find_errors(free) == {}
     driven = bench_panel.set(free, "monitor.right.hip.gain", 0.95)
-    assert all(text.startswith("unstable") for text in errors_of(driven).values()) and errors_of(driven)
+    assert all(text.startswith("unstable") for text in find_errors(driven).values()) and find_errors(driven)
 
 
 # ---------------------------------------------------------------------- the clock
@@ -457,7 +457,7 @@ class Rig:
             sleep=self.sleep,
             commands=self.next_command,
             send=self.sent.append,
-            keep=self.keep,
+            store_chunk=self.keep,
         )
 
     def keep(self, piece):
@@ -468,7 +468,7 @@ class Rig:
     @property
     def takes(self):
         """The walks that are over."""
-        return [walk for pieces in self.pieces[:-1] for walk in walks_in(pieces, self.longest)]
+        return [walk for pieces in self.pieces[:-1] for walk in split_walks(pieces, self.longest)]
 
     def sleep(self, duration):
         assert duration > 0.0
@@ -633,7 +633,7 @@ def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_
     (take,) = rig.takes
     assert (str(take.status), take.trip) == ("completed", None)
     run = walked_run(take, problem, problem.experiment)
-    assert run.log["belt_speed_m_per_s"].eq(0.0).mean() > 0.5 and run.waiting.any()
+    assert run.log["belt_speed_m_per_s"].eq(0.0).mean() > 0.5 and run.waiting_mask.any()
     assert run.verdict.outcome == "walked"  # though no stride begins for more than four seconds
     hips = take.rows[:, [rig.run.layout.names.index(f"{side}_hip_angle_rad") for side in problem.sides]]
     # 0.4 m/s under a leg of 0.9 m would turn a hip by half a radian in a second.
@@ -704,9 +704,9 @@ def finished(tmp_path_factory):
         time.sleep(0.5)
         said["state"] = session.state()
         said["table"] = session.settings.table
-        said["block"] = wait_for(session.news.blocks)[-1]
+        said["block"] = wait_for(session.walk.blocks)[-1]
         said["stop"] = say(session, kind="do", action="stop")
-        wait_for(lambda: session.news.status == "held")
+        wait_for(lambda: session.walk.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
     return session, said, folder
@@ -721,11 +721,11 @@ def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
 def test_changes_are_applied_with_their_tick_and_logged(finished):
     _, said, folder = finished
     assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == ["applied"] * 5
-    log = read_run(folder / "run").run.log
+    log = read_stored_run(folder / "run").run.log
     pushed = np.flatnonzero(log["right_knee_patient_torque_Nm"] == -6.0)
     assert pushed[0] == said["push"].tick and len(pushed) == 200
     assert np.flatnonzero(log["safety_state"])[0] == said["stop"].tick
-    events = read_run(folder / "run").run.experiment.events
+    events = read_stored_run(folder / "run").run.experiment.events
     assert [item.tick for item in events] == [said[name].tick for name in ("k", "zero", "push", "stop")]
     assert {item.by for item in events} == {"Ann"}
     (stiffness,) = events[0].changes.values()
@@ -737,7 +737,7 @@ def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished)
     assert said["unsafe"].response is said["range"].response == "refused"
     assert "unstable (middle_stance)" in said["unsafe"].text
     assert "expected 0 to 1, got 7" in said["range"].text
-    assert read_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
+    assert read_stored_run(folder / "run").run.log["right_hip_friction_compensation_gain"].max() < 0.5
     gain = next(item for item in said["state"].controls if item.name == "middle_stance.hip.gain")
     assert not gain.changed
 
@@ -754,10 +754,10 @@ def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
     session, _, folder = finished
     assert list(session.summaries) == [folder / "run", folder / "run-3"] and session.failure == ""
     for path in session.summaries:
-        stored = read_run(path)
+        stored = read_stored_run(path)
         assert stored.summary["status"] == "interrupted" and len(stored.run.log) > 200
         assert stored.run.experiment.duration == pytest.approx(len(stored.run.log) * 1e-3)
-    assert read_run(folder / "run").summary["safety"]["cause"] == "operator"
+    assert read_stored_run(folder / "run").summary["safety"]["cause"] == "operator"
     assert not list(folder.glob(".*")) and not list((folder / "run-2").iterdir())
 
 
@@ -766,7 +766,7 @@ def test_the_saved_table_walks_in_simulate_with_the_parameters_of_the_live_episo
     experiment = load_experiment("bench_leg", [f"table={said['save'].value}", "duration_s=4"]).experiment
     assert experiment.table.phases == said["table"].phases
     run = simulate(experiment)
-    rows = build_problem(experiment).phase_rows
+    rows = build_setup(experiment).phase_rows
     for phase, column, name, set_to in (
         ("late_stance", STIFFNESS, "right_hip_stiffness_Nm_per_rad", 2.4 / DEGREE),
         ("swing_flexion", 4 + EQUILIBRIUM, "right_knee_equilibrium_rad", 57.0 * DEGREE),
@@ -796,7 +796,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
 
 def test_blocks_of_the_process_are_those_of_its_log(finished):
     _, said, folder = finished
-    block, rows = said["block"], read_run(folder / "run").run.log.iloc[said["block"].first :][:BLOCK_TICKS]
+    block, rows = said["block"], read_stored_run(folder / "run").run.log.iloc[said["block"].first :][:BLOCK_TICKS]
     assert block.end == block.first + BLOCK_TICKS
     for name in ("right_phase", "right_knee_angle_rad"):
         assert block.columns[name].tolist() == rows[name].tolist()
@@ -844,7 +844,7 @@ def test_nobody_reading_does_not_slow_the_loop(tmp_path):
     # Time did not stand still for the reader.
     assert ticks[-1] * 1e-3 + lost == pytest.approx(asleep, abs=0.3)
     assert len([item for item in messages if item["kind"] == "answer"]) == 1
-    assert list(complete(journal_of(tmp_path / "run"))) == [tmp_path / "run"]
+    assert list(complete(journal_path(tmp_path / "run"))) == [tmp_path / "run"]
 
 
 def test_an_end_of_input_ends_the_process_with_a_complete_journal(tmp_path):
@@ -857,8 +857,8 @@ def test_an_end_of_input_ends_the_process_with_a_complete_journal(tmp_path):
         messages = [json.loads(line) for line in process.stdout]
     assert process.returncode == 0
     assert messages[-1]["status"] == "ended"
-    complete(journal_of(tmp_path / "run"))
-    assert read_run(tmp_path / "run").summary["reason"].startswith("stopped at")
+    complete(journal_path(tmp_path / "run"))
+    assert read_stored_run(tmp_path / "run").summary["reason"].startswith("stopped at")
 
 
 PARENT = """
@@ -886,8 +886,8 @@ def test_a_parent_that_is_killed_takes_the_loop_with_it_and_leaves_the_run(tmp_p
         child = int(parent.stdout.readline())
         parent.send_signal(signal.SIGKILL)
     wait_for(lambda: not Path(f"/proc/{child}").exists() if os.path.isdir("/proc") else gone(child))
-    complete(journal_of(tmp_path / "run"))
-    assert read_run(tmp_path / "run").summary["status"] == "interrupted"
+    complete(journal_path(tmp_path / "run"))
+    assert read_stored_run(tmp_path / "run").summary["status"] == "interrupted"
 
 
 def gone(pid):
@@ -902,7 +902,7 @@ def test_a_set_up_that_cannot_be_used_is_told_in_one_line(tmp_path):
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     broken = replace(loaded, document={**loaded.document, "duration_s": -1})
     session = LiveSession(loaded=broken, folder=tmp_path / "run", pictures=False)
-    with raises(MessageRefused, "duration_s", "0.001", "3600", "-1"):
+    with raises(MessageRejected, "duration_s", "0.001", "3600", "-1"):
         session.start()
     session.close()
     assert not (tmp_path / "run").exists()

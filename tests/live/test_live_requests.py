@@ -10,10 +10,10 @@ import pytest
 from errors import raises
 
 from twin_gait import load_experiment, simulate
-from twin_gait.live.controls import Panel, action_specs, values_of
+from twin_gait.live.controls import ControlPanel, action_specs, action_values
 from twin_gait.live.loop import LiveLoop
-from twin_gait.live.protocol import DoAction, MessageRefused, read_message
-from twin_gait.simulation.problem import build_problem
+from twin_gait.live.protocol import DoAction, MessageRejected, read_message
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import log_table
 from twin_gait.simulation.stepping import SteppedRun
 
@@ -22,7 +22,7 @@ NAMES = ("walk", "walk")
 
 
 def problem_of(*settings: str):
-    return build_problem(
+    return build_setup(
         load_experiment("overground", ["modes=walking", "duration_s=3", *settings]).experiment
     )
 
@@ -42,23 +42,23 @@ def test_the_panel_offers_what_the_modes_declare_and_leaves_steps_by_hand_to_the
     twin = ["modes=twin", f"table={TABLE}"]
     for preset, settings in (("overground", ["modes=walking"]), ("treadmill_start_stop", twin)):
         experiment = load_experiment(preset, settings).experiment
-        panel = Panel(experiment)
+        panel = ControlPanel(experiment)
         specs = {item.action: item for item in action_specs(panel.problem)}
         (field,) = specs["request"].fields
         assert field.choices == experiment.modes.requests
         assert "step" not in specs
         assert "manual" not in [item.name for item in panel.controls(panel.preset)]
-    bare = tuple(action_specs(build_problem(load_experiment("treadmill").experiment)))
+    bare = tuple(action_specs(build_setup(load_experiment("treadmill").experiment)))
     assert "request" not in {item.action for item in bare}
-    with raises(MessageRefused, "request"):
-        values_of(bare, ask("walk"))
+    with raises(MessageRejected, "request"):
+        action_values(bare, ask("walk"))
 
 
 def test_an_unknown_request_is_one_line():
     specs = tuple(action_specs(problem_of()))
-    assert values_of(specs, ask("stop")) == {"request": "stop"}
-    with raises(MessageRefused, "step", "stop", "fly") as error:
-        values_of(specs, ask("fly"))
+    assert action_values(specs, ask("stop")) == {"request": "stop"}
+    with raises(MessageRejected, "step", "stop", "fly") as error:
+        action_values(specs, ask("fly"))
     assert "\n" not in str(error.value)
 
 
@@ -73,7 +73,7 @@ def test_a_request_is_heard_in_the_next_tick_as_one_of_a_schedule(run):
     run.advance(3000 - run.tick)
     schedule = ", ".join(f"{item.request}@{item.time:.3f}s" for item in told)
     scheduled = simulate(problem_of(f"requests=[{schedule}]").experiment)
-    assert tuple(told) == scheduled.answers
+    assert tuple(told) == scheduled.request_results
     assert log_table(run.rows(), run.layout, run.problem.table).equals(scheduled.log)
     assert [item.after for item in told] == ["walk_manual", "walk_manual", "manual_step", "stopping"]
     assert told[1].refused == "walk_manual does not answer walk; it answers step, stop"
@@ -90,7 +90,7 @@ def test_the_loop_answers_a_page_at_once_and_the_block_is_the_rest_of_ten_ticks(
         sleep=lambda seconds: None,
         commands=lambda: commands.pop(0) if len(commands) > 1 or (commands and run.tick >= 100) else None,
         send=sent.append,
-        keep=lambda piece: None,
+        store_chunk=lambda piece: None,
     )
     loop.walk()
     answers = [item for item in sent if item["kind"] == "answer"]

@@ -24,13 +24,13 @@ from tornado.websocket import websocket_connect
 from twin_gait.cli import main
 from twin_gait.exceptions import ViewerError
 from twin_gait.files import write_atomically
-from twin_gait.live.page import LivePage
+from twin_gait.live.page import LivePageServer
 from twin_gait.viewer import server as scene_server
-from twin_gait.viewer.commands import Window, set_object, set_property
+from twin_gait.viewer.commands import CommandBuffer, set_object, set_property
 from twin_gait.viewer.server import (
     LONGEST_MESSAGE,
     MOST_WAITING,
-    Outbox,
+    SendBuffer,
     SceneServer,
     is_loopback,
     is_own_page,
@@ -39,10 +39,10 @@ from twin_gait.viewer.server import (
 PAGE = "<!DOCTYPE html><title>page</title>"
 
 
-class Told(LivePage):
+class Told(LivePageServer):
     """A server with nothing behind it, which remembers what it heard."""
 
-    def __init__(self, window: Window, port: int = 0) -> None:
+    def __init__(self, window: CommandBuffer, port: int = 0) -> None:
         self.heard: list[str] = []
         self.stops, self.confirms, self.window = 0, True, window
         SceneServer.__init__(self, PAGE, first_port=port)
@@ -65,8 +65,8 @@ class Told(LivePage):
 class Listener:
     """Such a server and its clients."""
 
-    def __init__(self, window: Window | None = None) -> None:
-        self.server = Told(window or Window())
+    def __init__(self, window: CommandBuffer | None = None) -> None:
+        self.server = Told(window or CommandBuffer())
         self.origin, self.key = self.server.url.split("/?")
         self.clients: list[Any] = []
 
@@ -98,7 +98,7 @@ class Listener:
         return await AsyncHTTPClient().fetch(address, raise_error=False, **options)
 
 
-def with_listener(scene: Callable[[Listener], Awaitable[None]], window: Window | None = None) -> None:
+def with_listener(scene: Callable[[Listener], Awaitable[None]], window: CommandBuffer | None = None) -> None:
     async def run() -> None:
         listener = Listener(window)
         try:
@@ -287,7 +287,7 @@ def test_nothing_listens_on_another_address() -> None:
 def test_taken_port_gives_way_to_the_next() -> None:
     async def scene(listener: Listener) -> None:
         taken = listener.server.port
-        second = Told(Window(), taken)
+        second = Told(CommandBuffer(), taken)
         try:
             assert taken < second.port < taken + 100
             assert second.url.startswith(f"http://127.0.0.1:{second.port}/?token=")
@@ -301,7 +301,7 @@ def test_taken_port_gives_way_to_the_next() -> None:
 def test_no_free_port_is_one_line_with_the_way_out() -> None:
     async def run() -> None:
         with raises(ViewerError, "--port") as caught:
-            Told(Window(), 65535)
+            Told(CommandBuffer(), 65535)
         assert "\n" not in str(caught.value)
 
     with socket.socket() as blocker:
@@ -489,7 +489,7 @@ def test_socket_of_the_scene_does_not_listen() -> None:
 
 
 def test_page_gets_no_more_before_it_has_drawn_what_came() -> None:
-    window = Window()
+    window = CommandBuffer()
 
     async def scene(listener: Listener) -> None:
         view = await listener.connect("/socket")
@@ -518,7 +518,7 @@ def test_page_gets_no_more_before_it_has_drawn_what_came() -> None:
 
 
 def test_page_that_comes_late_gets_the_whole_scene() -> None:
-    window = Window()
+    window = CommandBuffer()
     window.send({"type": "page", "path": "", "page": {"title": "first"}})
     for step in range(50):
         window.send(set_property("/belt", "position", [float(step), 0.0, 0.0]))
@@ -537,7 +537,7 @@ def test_page_that_comes_late_gets_the_whole_scene() -> None:
 
 
 def test_several_pages_get_every_change() -> None:
-    window = Window()
+    window = CommandBuffer()
 
     async def scene(listener: Listener) -> None:
         views = [await listener.connect("/socket") for _ in range(5)]
@@ -553,7 +553,7 @@ def test_several_pages_get_every_change() -> None:
 
 
 def test_frozen_page_misses_frames_and_delays_nobody() -> None:
-    window = Window()
+    window = CommandBuffer()
 
     async def scene(listener: Listener) -> None:
         frozen = frozen_page(listener, "/socket")
@@ -587,8 +587,8 @@ def test_frozen_panel_keeps_a_bounded_number_of_events() -> None:
         await until(lambda: len(listener.server.pages) == 1)
         (panel,) = listener.server.pages
         for number in range(7000):
-            listener.server.tell({"kind": "event", "text": "x" * 4000, "number": number})
-            listener.server.tell({"kind": "frame", "number": number}, key="frame")
+            listener.server.publish({"kind": "event", "text": "x" * 4000, "number": number})
+            listener.server.publish({"kind": "frame", "number": number}, key="frame")
             if number % 100 == 0:
                 await asyncio.sleep(0)
         assert len(panel.outbox) == MOST_WAITING
@@ -640,7 +640,7 @@ def test_slow_page_ends_with_the_last_value_of_every_key(steps: list[tuple[str, 
             await gate.acquire()
             got.update(batch)
 
-        outbox = Outbox(write)
+        outbox = SendBuffer(write)
         truth: dict[int, int] = {}
         for what, key, value in steps:
             if what == "post":
@@ -662,7 +662,7 @@ def test_redrawn_object_forgets_nothing_for_late_pages() -> None:
     from twin_gait.viewer import shapes
     from twin_gait.viewer.commands import Material
 
-    window = Window()
+    window = CommandBuffer()
     window.send(set_property("/a", "visible", False))
     window.send(set_object("/a", shapes.ball(1.0), Material(colour=(1.0, 0.0, 0.0))))
     kinds = [command["type"] for command in window.commands()]

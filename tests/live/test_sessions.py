@@ -21,7 +21,7 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.live import session_records as sessions
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import (
-    GOING_ON,
+    RUNNING,
     KILLED,
     SessionError,
     SessionRecorder,
@@ -69,7 +69,7 @@ def test_all_run_folders_of_a_session_are_listed(tmp_path):
     recorder = SessionRecorder(tmp_path, user="Ann", experiment="treadmill", document={}, folder=Path("run"))
     recorder.close("ended", 5, {}, ["/runs/one", "/runs/one-2", "/runs/one-3"])
     (entry,) = list_sessions(tmp_path)
-    assert command.line_of(entry).endswith("  /runs/one, /runs/one-2, /runs/one-3")
+    assert command.format_session(entry).endswith("  /runs/one, /runs/one-2, /runs/one-3")
 
 
 @pytest.mark.parametrize("forged", ["Eve\n   9  2026-01-01 00:00 UTC  Ann", "\x1b[2J", "a\rb", "x" * 65])
@@ -81,7 +81,7 @@ def test_a_name_that_would_forge_lines_is_refused_and_one_of_a_record_is_shown_o
     recorder = SessionRecorder(tmp_path, user=forged, experiment="treadmill", document={}, folder=Path("r\n"))
     recorder.close("ended", 0, {}, ["r\n"])
     (entry,) = list_sessions(tmp_path)
-    assert command.line_of(entry).isprintable() and command.line_of(entry).startswith("   1  ")
+    assert command.format_session(entry).isprintable() and command.format_session(entry).startswith("   1  ")
 
 
 # ---------------------------------------------------------------------- keeping
@@ -118,7 +118,7 @@ def test_sessions_are_listed_newest_first_and_per_user(record):
 def test_a_session_without_an_end_goes_on_while_its_process_lives_and_was_killed_afterwards(tmp_path):
     with subprocess.Popen([sys.executable, str(FAKE), str(tmp_path)], stdout=subprocess.PIPE) as process:
         process.stdout.readline()
-        assert [item["status"] for item in list_sessions(tmp_path)] == [GOING_ON]
+        assert [item["status"] for item in list_sessions(tmp_path)] == [RUNNING]
         process.kill()
     assert [item["status"] for item in list_sessions(tmp_path)] == [KILLED]
 

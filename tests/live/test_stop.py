@@ -18,7 +18,7 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
@@ -67,7 +67,7 @@ def test_pictures_of_a_held_walk_show_a_belt_at_rest():
 
 @pytest.fixture(scope="module")
 def walk():
-    return SteppedRun(build_problem(load_experiment("treadmill", ["duration_s=20"]).experiment))
+    return SteppedRun(build_setup(load_experiment("treadmill", ["duration_s=20"]).experiment))
 
 
 def column(run, name, first=0):
@@ -131,7 +131,7 @@ def test_a_controller_that_runs_away_with_a_knee_is_held_before_the_wearer_falls
 
 
 def test_without_belt_and_harness_a_stop_is_a_fall():
-    run = SteppedRun(build_problem(load_experiment("treadmill", ["duration_s=20", *RUNS_ON]).experiment))
+    run = SteppedRun(build_setup(load_experiment("treadmill", ["duration_s=20", *RUNS_ON]).experiment))
     run.advance(3000)
     run.stop()
     run.advance(3000)

@@ -28,14 +28,14 @@ from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
     cadence,
     double_support_share,
-    in_strides,
+    is_in_stride,
     normalise_strides,
-    over_strides,
+    values_in_strides,
     step_times,
     stride_extremes,
-    walks,
+    join_strides,
 )
-from twin_gait.runs.log_files import read_table
+from twin_gait.runs.log_files import read_log_table
 from twin_gait.vocabulary import JointName, Side
 
 # ---------------------------------------------------------------- steps
@@ -67,14 +67,14 @@ def test_both_feet_carry_for_a_quarter_of_the_stride():
 
 def test_strides_of_two_walks_leave_out_what_is_between():
     bounds = np.array([[10, 20], [20, 30], [80, 90]])
-    assert walks(bounds).tolist() == [[10, 30], [80, 90]]
-    assert over_strides(np.arange(100), bounds).tolist() == [*range(10, 30), *range(80, 90)]
+    assert join_strides(bounds).tolist() == [[10, 30], [80, 90]]
+    assert values_in_strides(np.arange(100), bounds).tolist() == [*range(10, 30), *range(80, 90)]
     ticks = np.array([9, 10, 20, 29, 30, 50, 80, 90])
-    assert in_strides(ticks, bounds).tolist() == [False, True, True, True, False, False, True, False]
-    assert in_strides(ticks, bounds, last=True).tolist() == [False, *[True] * 4, False, True, True]
-    assert walks(bounds[:0]).shape == (0, 2)
-    assert not in_strides(ticks, bounds[:0], last=True).any()
-    assert len(over_strides(np.arange(100), bounds[:0])) == 0
+    assert is_in_stride(ticks, bounds).tolist() == [False, True, True, True, False, False, True, False]
+    assert is_in_stride(ticks, bounds, last=True).tolist() == [False, *[True] * 4, False, True, True]
+    assert join_strides(bounds[:0]).shape == (0, 2)
+    assert not is_in_stride(ticks, bounds[:0], last=True).any()
+    assert len(values_in_strides(np.arange(100), bounds[:0])) == 0
 
 
 # ---------------------------------------------------------------- distance from healthy gait
@@ -188,7 +188,7 @@ def test_measures_survive_a_csv_to_the_last_bit(walk, tmp_path):
 def test_measures_survive_a_motion_file(walk, tmp_path, unit, rounding, convention):
     path = tmp_path / "walk.sto"
     export_motion(walk, path, convention, unit=unit)
-    motion = read_table(path)
+    motion = read_log_table(path)
     assert motion.unit == unit
     strides = leg_record(walk, Side.LEFT, list(walk["left_phase"].cat.categories), TICK).strides()
     for joint, name in ((JointName.HIP, "hip_flexion_l"), (JointName.KNEE, "knee_angle_l")):

@@ -24,9 +24,9 @@ from twin_gait.measures.foot_contact import (
     FootContacts,
     find_foot_contacts,
     is_loaded,
-    scuffs,
+    find_scuffs,
     swing_clearances,
-    swings,
+    find_swings,
 )
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.phases import (
@@ -275,7 +275,7 @@ def test_bounce_and_scuff_are_told_apart() -> None:
     assert_array_equal(contacts.heel_strikes, [1000, 2500])
     assert_array_equal(contacts.toe_offs, [1800, 3300])
     assert_array_equal(contacts.further_contacts, [1160, 2100])
-    assert_array_equal(scuffs(contacts), [2100])
+    assert_array_equal(find_scuffs(contacts), [2100])
 
 
 def test_force_that_trembles_about_a_threshold_is_one_contact() -> None:
@@ -302,7 +302,7 @@ def test_heel_that_bounces_strikes_at_its_first_touch_however_long_it_is_away(aw
     assert_array_equal(contacts.heel_strikes, landed)
     assert_array_equal(contacts.toe_offs, [3600, 6600])
     assert_array_equal(contacts.further_contacts, [at + 100 + away for at in landed])
-    assert len(scuffs(contacts)) == 0
+    assert len(find_scuffs(contacts)) == 0
     # By the force alone, a long one is a swing and the second touch is taken for the heel strike.
     late = 100 + away if away > 250 else 0
     assert_array_equal(find_foot_contacts(force, TICK).heel_strikes, [at + late for at in landed])
@@ -310,7 +310,7 @@ def test_heel_that_bounces_strikes_at_its_first_touch_however_long_it_is_away(aw
 
 def test_scuff_before_the_first_strike_counts_after_a_toe_off_only() -> None:
     contacts = FootContacts(np.array([1000]), np.array([400]), np.array([200, 600, 1200]))
-    assert_array_equal(scuffs(contacts), [600])
+    assert_array_equal(find_scuffs(contacts), [600])
 
 
 @pytest.mark.parametrize("unknown", [slice(1000, 1001), slice(1200, 1201), slice(900, 1500)])
@@ -323,7 +323,7 @@ def test_a_gap_in_the_hip_angle_costs_no_stride(unknown) -> None:
 
 def test_clearance_is_the_least_of_the_middle_half() -> None:
     contacts = FootContacts(np.array([1000, 2000]), np.array([1600]), np.array([], dtype=int))
-    assert_array_equal(swings(contacts), [[1600, 2000]])
+    assert_array_equal(find_swings(contacts), [[1600, 2000]])
     clearance = np.full(2500, 0.04)
     clearance[[1650, 1950]] = 0.001  # in the first and the last quarter of the swing
     clearance[1701] = 0.015
@@ -332,7 +332,7 @@ def test_clearance_is_the_least_of_the_middle_half() -> None:
 
 def test_swing_that_the_record_cuts_off_has_no_clearance() -> None:
     contacts = FootContacts(np.array([1000]), np.array([1600]), np.array([], dtype=int))
-    assert swings(contacts).shape == (0, 2)
+    assert find_swings(contacts).shape == (0, 2)
     assert len(swing_clearances(np.zeros(2000), contacts)) == 0
 
 

@@ -20,7 +20,7 @@ from twin_gait.measures.switching import (
     joint_jerk,
     low_pass,
     spring_energy,
-    sums_over,
+    span_sums,
     switching_energy,
     torque_jumps,
 )
@@ -127,7 +127,7 @@ def test_switching_and_the_work_of_the_controllers_torque_balance_the_energy(row
 
 
 def test_spans_are_summed_without_their_last_tick() -> None:
-    assert_allclose(sums_over(np.arange(10.0), np.array([[0, 3], [3, 10]])), [3.0, 42.0])
+    assert_allclose(span_sums(np.arange(10.0), np.array([[0, 3], [3, 10]])), [3.0, 42.0])
 
 
 @pytest.mark.parametrize("frequency", [5.0, 50.0, 100.0])

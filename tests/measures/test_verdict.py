@@ -18,12 +18,12 @@ from twin_gait.measures.outcome import (
     HIGHEST_STRIDE_VARIATION,
     LONGEST_STRIDE,
     flight_share,
-    gait_verdict,
+    judge_gait,
 )
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.report.run_figures import draw_cycle
-from twin_gait.report.walk_words import strides_of
-from twin_gait.runs.summary import summarise
+from twin_gait.report.walk_words import describe_strides
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.batch import flat_summary
 from twin_gait.studies.fault_campaign import fault_row
@@ -55,7 +55,7 @@ def walker(period: float = 1.2, **changes) -> list[LegRecord]:
 
 
 def test_a_regular_walk_is_one():
-    assert gait_verdict(walker()) == (Outcome.WALKED, "")
+    assert judge_gait(walker()) == (Outcome.WALKED, "")
 
 
 @pytest.mark.parametrize("margin, outcome", [(-0.1, Outcome.WALKED), (0.1, Outcome.STALLED)])
@@ -66,7 +66,7 @@ def test_a_gap_between_strides_decides(margin, outcome):
     # All strides but one are equal, so that the variation is not to decide: it is skipped with the first two.
     record = leg(Side.LEFT, [5.0 - 1.2, 5.0, *strikes[5:]], stance=0.6)
     standing = leg(Side.RIGHT, [0.3, 2.3, 4.3, 6.3, 8.3, 10.3, 12.3, 14.3, 16.3, 18.3], stance=1.6)
-    verdict = gait_verdict([record, standing])
+    verdict = judge_gait([record, standing])
     assert verdict.outcome is outcome
     if outcome is Outcome.STALLED:
         assert verdict.reason == f"the left leg began no stride for {gap:.1f} s from 5.0 s on"
@@ -78,7 +78,7 @@ def test_time_in_which_a_step_is_waited_for_is_no_stall(waited, outcome):
     waiting = np.zeros(round(20.0 / TICK), dtype=bool)
     waiting[5500 : 5500 + round(waited / TICK)] = True
     standing = leg(Side.RIGHT, [0.3, 2.3, 4.3, 6.3, 8.3, 10.3, 12.3, 14.3, 16.3, 18.3], stance=1.6)
-    verdict = gait_verdict([leg(Side.LEFT, strikes, stance=0.6, waiting=waiting), standing])
+    verdict = judge_gait([leg(Side.LEFT, strikes, stance=0.6, waiting=waiting), standing])
     assert verdict.outcome is outcome
     assert verdict.reason in ("", "the left leg began no stride for 4.5 s from 5.0 s on")
 
@@ -93,7 +93,7 @@ def test_irregular_strides_are_no_walk(factor, outcome):
     standing = leg(Side.RIGHT, list(np.arange(0.3, 20.0, 2.0)), stance=1.6)
     end = strikes[-1] + 1.0
     irregular = leg(Side.LEFT, strikes, steady=((0.0, end),))
-    verdict = gait_verdict([irregular, replace(standing, steady=((0.0, end),))])
+    verdict = judge_gait([irregular, replace(standing, steady=((0.0, end),))])
     assert verdict.outcome is outcome
 
 
@@ -108,7 +108,7 @@ def test_feet_off_the_ground_are_hung(margin, outcome):
         leg(Side.RIGHT, list(strikes + 1.0), stance=stance, duration=18.3, steady=((0.3, 18.3),)),
     ]
     assert flight_share(legs) == pytest.approx(share, abs=2e-3)
-    assert gait_verdict(legs).outcome is outcome
+    assert judge_gait(legs).outcome is outcome
 
 
 def test_only_the_steady_time_counts():
@@ -116,14 +116,14 @@ def test_only_the_steady_time_counts():
     late = [
         replace(item, normal_force=np.where(np.arange(20000) < 9000, 0.0, item.normal_force)) for item in legs
     ]
-    assert gait_verdict(late).outcome is Outcome.HUNG
-    assert gait_verdict([replace(item, steady=((9.0, 20.0),)) for item in late]).outcome is Outcome.WALKED
+    assert judge_gait(late).outcome is Outcome.HUNG
+    assert judge_gait([replace(item, steady=((9.0, 20.0),)) for item in late]).outcome is Outcome.WALKED
 
 
 @pytest.mark.parametrize("end, outcome", [(1.3, Outcome.TOO_SHORT), (2.7, Outcome.WALKED)])
 def test_a_run_without_a_whole_stride_of_each_leg_is_too_short_to_judge(end, outcome):
     """Heel strikes of the left leg at 1.4 and 2.6 s, of the right leg at 0.8 and 2.0 s."""
-    verdict = gait_verdict([replace(item, steady=((0.0, end),)) for item in walker()])
+    verdict = judge_gait([replace(item, steady=((0.0, end),)) for item in walker()])
     assert verdict.outcome is outcome
     if outcome is Outcome.TOO_SHORT:
         assert verdict.reason == "the left leg made no whole stride in 1.3 s; simulate a longer run"
@@ -131,20 +131,20 @@ def test_a_run_without_a_whole_stride_of_each_leg_is_too_short_to_judge(end, out
 
 def test_legs_that_hang_for_long_are_not_too_short_to_judge():
     hanging = [leg(side, [], duration=4.5) for side in Side]
-    assert gait_verdict(hanging).outcome is Outcome.HUNG
-    assert gait_verdict([leg(side, [], duration=3.9) for side in Side]).outcome is Outcome.TOO_SHORT
+    assert judge_gait(hanging).outcome is Outcome.HUNG
+    assert judge_gait([leg(side, [], duration=3.9) for side in Side]).outcome is Outcome.TOO_SHORT
 
 
 def test_who_is_not_to_walk_is_nothing_against_it():
-    assert gait_verdict([replace(item, steady=()) for item in walker()]) == (Outcome.WALKED, "")
+    assert judge_gait([replace(item, steady=()) for item in walker()]) == (Outcome.WALKED, "")
 
 
 def test_standing_between_two_walks_is_no_gap_and_no_stride():
     strikes = [*np.arange(0.2, 6.0, 1.2), *np.arange(14.2, 20.0, 1.2)]
     legs = [leg(Side.LEFT, strikes, stance=0.6), leg(Side.RIGHT, list(np.arange(0.3, 20.0, 2.0)), stance=1.6)]
-    assert gait_verdict(legs).outcome is Outcome.STALLED
+    assert judge_gait(legs).outcome is Outcome.STALLED
     twice = [replace(item, steady=((0.0, 6.5), (14.0, 20.0))) for item in legs]
-    assert gait_verdict(twice).outcome is Outcome.WALKED
+    assert judge_gait(twice).outcome is Outcome.WALKED
     for item, stride, fewest in zip(twice, (1.2, 2.0), (7, 5), strict=True):
         strides = np.diff(item.strides(skip=0), axis=1) * item.tick
         assert len(strides) >= fewest
@@ -157,7 +157,7 @@ def test_standing_between_two_walks_is_no_gap_and_no_stride():
 def test_a_run_of_three_tenths_of_a_second_is_no_walk():
     run = simulate(load_experiment("treadmill", ["duration_s=0.3"]).experiment)
     assert run.verdict.outcome is Outcome.TOO_SHORT
-    assert summarise(run)["outcome"] == flat_summary(run)["outcome"] == "too short to judge"
+    assert summarise_run(run)["outcome"] == flat_summary(run)["outcome"] == "too short to judge"
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +176,7 @@ ALL = "control.mode=position", "scenario.support.share=1.0"  # along a path that
 def test_a_wearer_who_hangs_in_the_harness_does_not_walk(settings, outcome):
     run = simulate(load_experiment("treadmill", ["duration_s=12", *settings]).experiment)
     assert run.status is RunStatus.COMPLETED
-    assert (run.verdict.outcome, flat_summary(run)["outcome"], summarise(run)["outcome"]) == (outcome,) * 3
+    assert (run.verdict.outcome, flat_summary(run)["outcome"], summarise_run(run)["outcome"]) == (outcome,) * 3
 
 
 def test_a_run_that_ends_early_says_how(walk):
@@ -199,12 +199,12 @@ def test_a_table_without_transitions_asks_for_no_walk():
 
 
 def test_terminal_figure_and_summary_count_the_same_strides(walk):
-    summary = summarise(walk)
+    summary = summarise_run(walk)
     left = summary["sides"]["left"]
     counted, found = left["strides_counted"], left["strides"]
     assert found - SKIPPED_STRIDES == counted >= 1
     told = f"{counted} stride{'s' * (counted > 1)} (the first 2 of {found} settle)"
-    assert strides_of(left).startswith(f"{told} of ")
+    assert describe_strides(left).startswith(f"{told} of ")
     titles = [axes.get_title(loc=place) for axes in draw_cycle(walk).axes for place in ("left", "center")]
     assert any(title.startswith(f"left hip, {told}, RMSE") for title in titles)
 

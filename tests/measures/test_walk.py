@@ -14,9 +14,9 @@ from numpy.testing import assert_allclose
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import ERROR_PARTS, PERCENT, error_parts
 from twin_gait.measures.walk import (
-    Walkway,
-    belt_carries,
-    pressure_curve,
+    WalkConditions,
+    is_belt_driven,
+    cop_curve,
     slip_speed,
     walk_measures,
     walk_power,
@@ -27,7 +27,7 @@ TICK = 1e-3
 STRIDE, STANCE = 1500, 1000  # ticks
 CARRIED = 400.0  # [N]
 SPEED = 0.4  # [m/s]
-WALKWAY = Walkway(CARRIED, friction_coefficient=0.8, transition_velocity=0.05)
+WALKWAY = WalkConditions(CARRIED, friction_coefficient=0.8, transition_velocity=0.05)
 PHASES = ("early_stance", "swing_flexion")
 SWING_BEGINS = 900  # ticks after heel strike, while the foot is loaded
 
@@ -133,9 +133,9 @@ def test_slip_is_the_speed_that_gives_the_friction() -> None:
 def test_centre_of_pressure_is_weighted_with_the_load() -> None:
     place, load = np.array([0.2] * 100 + [0.8] * 101), np.array([100.0] * 100 + [300.0] * 101)
     bounds = np.array([[0, 99], [100, 199]])
-    curve = pressure_curve(place, load, bounds)
+    curve = cop_curve(place, load, bounds)
     assert_allclose(curve, (0.2 * 100.0 + 0.8 * 300.0) / 400.0)
-    assert np.isnan(pressure_curve(place, np.zeros(201), bounds)).all()
+    assert np.isnan(cop_curve(place, np.zeros(201), bounds)).all()
 
 
 def test_a_walk_without_strides_has_no_numbers() -> None:
@@ -156,10 +156,10 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     assert power["guide_W"] == 0.0 and not power["carried_by_belt"]
     braced = log.assign(pelvis_forward_velocity_m_per_s=0.1, wearer_pelvis_forward_velocity_m_per_s=0.2)
     assert walk_power(braced, measured(log).values(), bounds, WALKWAY)["guide_W"] == pytest.approx(4.0)
-    assert belt_carries(10.0, SPEED, 3.9, CARRIED)  # 4 W
-    assert not belt_carries(10.0, SPEED, 4.1, CARRIED)
-    assert not belt_carries(7.5, SPEED, -5.0, CARRIED)  # less than 2 % of the carried 400 N
-    assert not belt_carries(math.nan, SPEED, math.nan, CARRIED)
+    assert is_belt_driven(10.0, SPEED, 3.9, CARRIED)  # 4 W
+    assert not is_belt_driven(10.0, SPEED, 4.1, CARRIED)
+    assert not is_belt_driven(7.5, SPEED, -5.0, CARRIED)  # less than 2 % of the carried 400 N
+    assert not is_belt_driven(math.nan, SPEED, math.nan, CARRIED)
 
 
 def test_a_belt_that_was_made_faster_counts_as_it_ran() -> None:

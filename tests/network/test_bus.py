@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from twin_gait.core import can_bus
-from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, advance, draw
+from twin_gait.core.can_bus import FULL_SCALE, NEVER, NO_INDEX, Bus, advance, draw
 from twin_gait.network.bus import cyclic_messages, new_bus, picoseconds
 from twin_gait.network.dbc import load_messages
 from twin_gait.parameters.network import BOARDS, NODES, NetworkParameters, OutageKind, parse_outage
@@ -52,7 +52,7 @@ def test_no_two_frames_and_no_two_seeds_have_the_same_draws() -> None:
 
 def test_shares_count_in_draws() -> None:
     bus = bus_of(NetworkParameters(loss=0.25, error_share=1.0))
-    assert (bus.loss_share, bus.error_share) == (EVERYTHING // 4, EVERYTHING)
+    assert (bus.loss_share, bus.error_share) == (FULL_SCALE // 4, FULL_SCALE)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 20])
@@ -70,7 +70,7 @@ def test_outages_are_what_they_were_called() -> None:
     bus = bus_of(NetworkParameters(outages=outages))
     rows = [(item.kind, item.node, item.start, item.end) for item in bus.outages[:3]]
     assert rows == [
-        (can_bus.SILENCE, NOBODY, 1000 * MS, 3000 * MS),
+        (can_bus.SILENCE, NO_INDEX, 1000 * MS, 3000 * MS),
         (can_bus.REBOOT, 0, 2000 * MS, NEVER),
         (can_bus.BUS_OFF, 4, 3000 * MS, NEVER),
     ]

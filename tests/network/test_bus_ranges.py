@@ -6,7 +6,7 @@ import pytest
 
 from twin_gait.checking.check import load_case
 from twin_gait.checking.finding import Severity
-from twin_gait.checking.network import values_on_the_bus
+from twin_gait.checking.network import bus_value_range
 from twin_gait.configuration.experiments import load_experiment, presets
 from twin_gait.files import shipped_file
 from twin_gait.parameters.network import BOARD_JOINTS
@@ -16,7 +16,7 @@ ON_THE_BUS = [name for name in presets() if tuple(load_experiment(name).experime
 
 @pytest.mark.parametrize("preset", ON_THE_BUS)
 def test_the_shipped_file_carries_what_ships(preset):
-    assert values_on_the_bus(load_case(None, preset, ["network=can"])) == []
+    assert bus_value_range(load_case(None, preset, ["network=can"])) == []
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_the_shipped_file_carries_what_ships(preset):
     ],
 )
 def test_a_value_without_room_is_said_once_with_range_and_way_out(setting, said):
-    (finding,) = values_on_the_bus(load_case(None, "bench_leg", [setting, "network=can"]))
+    (finding,) = bus_value_range(load_case(None, "bench_leg", [setting, "network=can"]))
     assert said in finding.reason and "the range of right_" in finding.reason
 
 
@@ -44,13 +44,13 @@ def test_springs_of_the_control_unit_do_not_go_over_the_bus():
     stiff = "table.phases.early_stance.knee.stiffness_Nm_per_deg=20"
     for place, n_lines in (("board", 1), ("ccu", 0)):
         case = load_case(None, "bench_leg", [stiff, f"network.impedance={place}"])
-        assert len(values_on_the_bus(case)) == n_lines
+        assert len(bus_value_range(case)) == n_lines
 
 
 def test_check_refuses_what_a_network_has_no_room_for():
     settings = ["control.limits.current_A=20"]
-    assert values_on_the_bus(load_case(None, "treadmill", settings)) == []
-    (finding,) = values_on_the_bus(load_case(None, "treadmill", [*settings, "network=can"]))
+    assert bus_value_range(load_case(None, "treadmill", settings)) == []
+    (finding,) = bus_value_range(load_case(None, "treadmill", [*settings, "network=can"]))
     assert finding.severity is Severity.ERROR and "24 A is outside" in finding.reason
     assert finding.suggestion == "take a value within it, or a DBC file with a wider one"
 
@@ -59,5 +59,5 @@ def test_narrower_files_have_less_room(tmp_path):
     text, path = shipped_file("twin.dbc").read_text(encoding="ascii"), tmp_path / "narrow.dbc"
     torque, small = "(0.025,0) [-102.375|102.375]", "(0.01,0) [-40.95|40.95]"
     path.write_text(text.replace(torque, small), encoding="ascii")
-    found = values_on_the_bus(load_case(None, "treadmill", [f"network={{dbc: {path}}}"]))
+    found = bus_value_range(load_case(None, "treadmill", [f"network={{dbc: {path}}}"]))
     assert [finding.reason.partition(": ")[0] for finding in found] == ["control.limits.torque_Nm"]

@@ -20,7 +20,7 @@ from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
 from twin_gait.parameters.drives import HARD_TORQUE_LIMIT
 from twin_gait.parameters.network import BOARDS, NetworkParameters
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.vocabulary import GaitPhase
 
 PATH = shipped_file(PACKAGED_DBC)
@@ -122,7 +122,7 @@ ON_CHAIR = ("lean", "rise", "straighten", "reach_back", "lower")
 @pytest.mark.parametrize("preset", presets())
 def test_the_ranges_hold_the_shipped_experiments_by_half(preset):
     experiment = load_experiment(preset).experiment
-    problem = build_problem(experiment)
+    problem = build_setup(experiment)
     safety, limits = experiment.control.safety, experiment.control.limits
     every = problem.phase_rows[:, :, :-1]
     steps = [number for number, name in enumerate(experiment.table.phases) if name not in ON_CHAIR]

@@ -19,15 +19,15 @@ from twin_gait import load_experiment
 from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.quantities import (
-    LATER,
+    NON_NEGATIVE_OR_INFINITE,
     POSITIVE,
     Angle,
-    AsInFile,
+    CustomSerialized,
     Key,
     Parameters,
     Range,
     Time,
-    UnitInside,
+    UnitInKeys,
     declarations,
 )
 from twin_gait.parameters.wearer import JointCondition, Patient
@@ -62,7 +62,7 @@ def test_every_parameter_says_what_it_is(kind: type[Any]) -> None:
             assert item.unit is not None, f"{item.name}: no unit"
             assert item.range is not None, f"{item.name}: no range"
         if item.range is not None and item.default is not MISSING and item.default is not None:
-            item.taken(item.default)
+            item.coerce(item.default)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +77,8 @@ class Sample(Parameters):
     """
 
     swing: Annotated[Angle, Range(0.0, math.pi)]
-    pause: Annotated[Time, LATER, Key("rest")] = math.inf
-    posture: Annotated[dict[JointName, Angle], UnitInside()] = field(default_factory=dict)
+    pause: Annotated[Time, NON_NEGATIVE_OR_INFINITE, Key("rest")] = math.inf
+    posture: Annotated[dict[JointName, Angle], UnitInKeys()] = field(default_factory=dict)
 
 
 def test_keys_follow_from_name_and_unit() -> None:
@@ -125,8 +125,8 @@ def test_a_word_that_an_enumeration_lacks_is_refused_with_those_it_has() -> None
 
 
 def test_what_is_above_a_bound_is_not_on_it() -> None:
-    assert POSITIVE.holds(5e-324) and not POSITIVE.holds(0.0)
-    assert Range(0.0).holds(0.0) and not Range(0.0).holds(math.inf) and LATER.holds(math.inf)
+    assert POSITIVE.contains(5e-324) and not POSITIVE.contains(0.0)
+    assert Range(0.0).contains(0.0) and not Range(0.0).contains(math.inf) and NON_NEGATIVE_OR_INFINITE.contains(math.inf)
 
 
 @given(
@@ -145,7 +145,7 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
         f"{kind.__name__}.{item.name}"
         for kind in CLASSES
         for item in declarations(kind)
-        if item.mark(AsInFile)
+        if item.find_annotation(CustomSerialized)
     }
     assert by_hand == {
         "Experiment.controller",

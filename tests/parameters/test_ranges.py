@@ -18,8 +18,8 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.parameters.drives import SensorParameters
-from twin_gait.parameters.quantities import Declaration, Parameters, Unit, declarations, within
-from twin_gait.parameters.ranges import LATER, NOT_NEGATIVE, POSITIVE, SHARE, Range
+from twin_gait.parameters.quantities import Declaration, Parameters, QuantityUnits, declarations, symmetric_range
+from twin_gait.parameters.ranges import NON_NEGATIVE_OR_INFINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range
 from twin_gait.worlds.faults import parse_fault
 
 # Packages whose import starts nothing; none of them is left out that declares parameters.
@@ -47,7 +47,7 @@ def test_every_declared_number_has_a_finite_range() -> None:
         if item.range is not None
     ]
     assert len(numbers) > 250
-    open_ended = [name for name, bounds in numbers if not math.isfinite(bounds.most - bounds.least)]
+    open_ended = [name for name, bounds in numbers if not math.isfinite(bounds.maximum - bounds.minimum)]
     assert open_ended == []
 
 
@@ -58,7 +58,7 @@ def test_every_range_says_why_it_ends() -> None:
         for kind in all_parameters()
         for item in declarations(kind)
         if item.range is not None and not (item.range.reason or item.range.words)
-        if (item.range.least, item.range.most) != (0.0, 1.0)
+        if (item.range.minimum, item.range.maximum) != (0.0, 1.0)
     ]
     known = {  # whose reason stands in the meaning of the field, or in the name of the range
         "CrutchParameters.length", "ChairParameters.height", "HarnessParameters.height",
@@ -115,15 +115,15 @@ def test_a_fault_beyond_physics_is_refused(text: str) -> None:
 
 
 def test_the_ends_that_a_range_leaves_open_are_those_of_the_quantity() -> None:
-    general = within(5.0, "a reason")
-    assert NOT_NEGATIVE.completed(general) == Range(0.0, 5.0, reason="a reason")
-    assert POSITIVE.completed(general).expected == "a number above 0 and at most 5 (a reason)"
-    assert SHARE.completed(general) is SHARE
+    general = symmetric_range(5.0, "a reason")
+    assert NOT_NEGATIVE.fill_limits(general) == Range(0.0, 5.0, reason="a reason")
+    assert POSITIVE.fill_limits(general).expected == "a number above 0 and at most 5 (a reason)"
+    assert SHARE.fill_limits(general) is SHARE
     own = Range(-9.0, 9.0, reason="its own")
-    assert own.completed(general) is own
-    later = LATER.completed(general)
-    assert later.holds(math.inf) and later.holds(5.0) and not later.holds(5.1) and not later.holds(math.nan)
-    assert Unit("m").general is None
+    assert own.fill_limits(general) is own
+    later = NON_NEGATIVE_OR_INFINITE.fill_limits(general)
+    assert later.contains(math.inf) and later.contains(5.0) and not later.contains(5.1) and not later.contains(math.nan)
+    assert QuantityUnits("m").plausible_range is None
 
 
 Numbers = dict[str, Declaration]
@@ -155,8 +155,8 @@ SETTABLE = {
 
 
 def values_in(bounds: Range) -> st.SearchStrategy[float]:
-    ends = [bounds.most, *([] if bounds.above else [bounds.least])]
-    inside = st.floats(bounds.least, bounds.most, exclude_min=bounds.above, allow_infinity=False)
+    ends = [bounds.maximum, *([] if bounds.exclusive_minimum else [bounds.minimum])]
+    inside = st.floats(bounds.minimum, bounds.maximum, exclude_min=bounds.exclusive_minimum, allow_infinity=False)
     return inside | st.sampled_from(ends)
 
 

@@ -19,8 +19,8 @@ from twin_gait.measures.reference import CYCLE, WINTER_CYCLE_TIME, reference_cur
 from twin_gait.parameters.wearer import Patient
 from twin_gait.replay.machine import Replay, replay, replay_log
 from twin_gait.replay.recording import normative_walk
-from twin_gait.replay.samples import Recording, at_ticks
-from twin_gait.replay.writing import meant_cycles, stride_phases, summarise_replay
+from twin_gait.replay.samples import Recording, resample_to_ticks
+from twin_gait.replay.writing import allowed_cycles, stride_phases, summarise_replay
 from twin_gait.report.pages import render
 from twin_gait.vocabulary import JointName, Side
 
@@ -68,7 +68,7 @@ def test_switches_come_at_the_first_tick_after_the_crossing():
 @pytest.mark.parametrize("rate", [50.0, 128.0, 4000.0])
 def test_a_log_of_another_rate_switches_at_the_same_instants(rate):
     time = np.arange(round(4.0 * rate) + 1) / rate
-    recording = at_ticks(
+    recording = resample_to_ticks(
         Recording("log", 0.0, {(Side.LEFT, HIP): sine(time), (Side.LEFT, KNEE): 0.0 * time}, {}, {}), time
     )
     assert recording.n_ticks == 4001
@@ -91,7 +91,7 @@ def test_the_velocity_is_that_of_the_firmwares_filter():
 def test_samples_on_the_ticks_are_kept_bit_for_bit():
     time = 17.3 + np.arange(200) * TICK
     hip = np.random.default_rng(3).uniform(-1.0, 1.0, size=200)
-    recording = at_ticks(Recording("log", 0.0, {(Side.LEFT, HIP): hip}, {}, {}), time)
+    recording = resample_to_ticks(Recording("log", 0.0, {(Side.LEFT, HIP): hip}, {}, {}), time)
     assert (recording.angles[Side.LEFT, HIP] == hip).all()
     np.testing.assert_allclose(recording.time, time, atol=1e-9)
 
@@ -100,7 +100,7 @@ def test_interpolation_meets_every_sample_and_overshoots_none():
     time = np.arange(21) * 0.01
     hip = np.where(time < 0.1, 0.0, 0.5)  # a step, where a cubic spline would overshoot
     names = np.array(["stance" if instant < 0.1 else "swing" for instant in time], dtype=object)
-    recording = at_ticks(Recording("log", 0.0, {(Side.LEFT, HIP): hip}, {}, {Side.LEFT: names}), time)
+    recording = resample_to_ticks(Recording("log", 0.0, {(Side.LEFT, HIP): hip}, {}, {Side.LEFT: names}), time)
     values = recording.angles[Side.LEFT, HIP]
     np.testing.assert_allclose(values[::10], hip, atol=1e-12)
     assert values.min() >= 0.0 and values.max() <= 0.5
@@ -222,7 +222,7 @@ def assert_walks(result: Replay, cycle_time: float) -> None:
         assert {phases for _, _, phases in strides} == {(0, 1, 2, 3, 4)}
         times = [(end - start) * TICK for start, end, _ in strides]
         np.testing.assert_allclose(times, cycle_time, atol=2.0 * TICK)
-    assert not any(result.table.transitions[switch.transition].is_time_out for switch in result.switches)
+    assert not any(result.table.transitions[switch.transition].is_timeout for switch in result.switches)
 
 
 @pytest.mark.parametrize("speed", [0.75, 1.0, 1.5, 3.0, 5.0])
@@ -397,5 +397,5 @@ def test_strides_begin_where_the_first_phase_is_entered():
 
 def test_a_table_that_states_its_cycles_means_those():
     table = two_way_table()
-    assert meant_cycles(table) == {(0, 1)}
-    assert meant_cycles(replace(table, cycles=(("swing", "stance"),))) == {(0, 1)}
+    assert allowed_cycles(table) == {(0, 1)}
+    assert allowed_cycles(replace(table, cycles=(("swing", "stance"),))) == {(0, 1)}

@@ -24,7 +24,7 @@ HIP, KNEE, ANKLE = JointName.HIP, JointName.KNEE, JointName.ANKLE
 
 
 def house_degrees(convention: Convention, joint: JointName, degrees: float) -> float:
-    return float(np.degrees(convention.turned(joint, np.radians(degrees))))
+    return float(np.degrees(convention.convert_angle(joint, np.radians(degrees))))
 
 
 @pytest.mark.parametrize("convention", CONVENTIONS.values(), ids=str)
@@ -41,7 +41,7 @@ def test_gait2392_counts_knee_flexion_negative():
     assert house_degrees(OPENSIM_GAIT2392, HIP, hip_flexion_l) == pytest.approx(11.96)
     assert house_degrees(OPENSIM_GAIT2392, KNEE, knee_angle_l) == pytest.approx(58.25)
     assert house_degrees(OPENSIM_GAIT2392, ANKLE, ankle_angle_l) == pytest.approx(-5.28)
-    back = OPENSIM_GAIT2392.turned(KNEE, np.radians(58.25))
+    back = OPENSIM_GAIT2392.convert_angle(KNEE, np.radians(58.25))
     assert np.degrees(back) == pytest.approx(knee_angle_l)
 
 
@@ -51,15 +51,15 @@ def test_rajagopal_counts_knee_flexion_positive():
     hip_flexion_l, knee_angle_l = 14.73839068, 92.35758777
     assert house_degrees(RAJAGOPAL, HIP, hip_flexion_l) == pytest.approx(hip_flexion_l)
     assert house_degrees(RAJAGOPAL, KNEE, knee_angle_l) == pytest.approx(knee_angle_l)
-    assert np.degrees(RAJAGOPAL.turned(KNEE, np.radians(60.0))) == pytest.approx(60.0)
+    assert np.degrees(RAJAGOPAL.convert_angle(KNEE, np.radians(60.0))) == pytest.approx(60.0)
 
 
 def test_the_two_models_of_opensim_differ_in_the_knee_only():
     assert OPENSIM_GAIT2392.columns == RAJAGOPAL.columns
     angle = np.array(0.7)
     for joint in (HIP, ANKLE):
-        assert OPENSIM_GAIT2392.turned(joint, angle) == RAJAGOPAL.turned(joint, angle)
-    assert OPENSIM_GAIT2392.turned(KNEE, angle) == -RAJAGOPAL.turned(KNEE, angle)
+        assert OPENSIM_GAIT2392.convert_angle(joint, angle) == RAJAGOPAL.convert_angle(joint, angle)
+    assert OPENSIM_GAIT2392.convert_angle(KNEE, angle) == -RAJAGOPAL.convert_angle(KNEE, angle)
     assert RAJAGOPAL.columns[Side.LEFT, KNEE] == "knee_angle_l"
     assert RAJAGOPAL.columns[Side.RIGHT, HIP] == "hip_flexion_r"
 

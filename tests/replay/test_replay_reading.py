@@ -13,7 +13,7 @@ from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL, fin
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.replay.recording import LogFormat, read_recording
 from twin_gait.replay.samples import Recording
-from twin_gait.runs.log_files import read_table
+from twin_gait.runs.log_files import read_log_table
 from twin_gait.vocabulary import JointName, Side
 
 HIP, KNEE, ANKLE = JointName.HIP, JointName.KNEE, JointName.ANKLE
@@ -79,11 +79,11 @@ def test_a_motion_of_opensim_is_read_with_its_unit_and_the_sign_of_its_model(tmp
 
 def test_the_header_says_whether_angles_are_degrees(tmp_path):
     text = OPENSIM_TEXT.replace("inDegrees=yes", "inDegrees=no").replace("-3.94", "-0.0394")
-    table = read_table(write(tmp_path, "radians.mot", text))
+    table = read_log_table(write(tmp_path, "radians.mot", text))
     assert table.unit == "rad"
     assert table.names[3] == "knee_angle_r" and table.numbers("knee_angle_r")[0] == -0.0394
-    assert read_table(write(tmp_path, "degrees.mot", OPENSIM_TEXT)).unit == "deg"
-    assert read_table(write(tmp_path, "simm.mot", SIMM_TEXT)).unit is None
+    assert read_log_table(write(tmp_path, "degrees.mot", OPENSIM_TEXT)).unit == "deg"
+    assert read_log_table(write(tmp_path, "simm.mot", SIMM_TEXT)).unit is None
 
 
 def test_the_older_header_needs_a_unit_and_a_doubled_name_does_no_harm(tmp_path):

@@ -28,14 +28,14 @@ from table_builder import JOINTS, guard, impedance, phase, transition, two_phase
 from twin_gait.cli import tables as command
 from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait.documents import Held, PhaseLogic, Stay, transition_table, truth_table
+from twin_gait.gait.documents import Debounced, PhaseLogic, MinimumTime, transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, parse_guard
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.signals import all_signal_names
 from twin_gait.gait.table import TICK, Blending, GaitTable, Scaling
 from twin_gait.report.state_diagram import (
     arrows,
-    guard_words,
+    describe_guard,
     state_diagram_mermaid,
     state_diagram_svg,
 )
@@ -220,9 +220,9 @@ def independent_outcome(table: GaitTable, logic: PhaseLogic, truth: dict[Any, bo
 
     minimum = table.phases[logic.phase].minimum_ticks
     for index, item in enumerate(table.transitions):
-        waits = [Held(index, item.debounce_ticks)] if item.debounce_ticks > 1 else []
-        waits += [] if item.time_out_ticks is None else [Stay(item.time_out_ticks)]
-        waits += [Stay(minimum)] if minimum else []
+        waits = [Debounced(index, item.debounce_ticks)] if item.debounce_ticks > 1 else []
+        waits += [] if item.timeout_ticks is None else [MinimumTime(item.timeout_ticks)]
+        waits += [MinimumTime(minimum)] if minimum else []
         if item.source == logic.phase and true(item.guard) and all(truth[wait] for wait in waits):
             return index
     return None
@@ -242,7 +242,7 @@ def test_every_possible_combination_is_in_exactly_one_row(table: GaitTable) -> N
             assert len(fitting) == 1
             outcome = independent_outcome(table, logic, known)
             assert fitting[0].transition == outcome
-            assert logic.outcome(known) == (outcome, True)
+            assert logic.first_possible_exit(known) == (outcome, True)
 
 
 def test_conditions_that_exclude_each_other_need_no_rows() -> None:
@@ -256,7 +256,7 @@ def test_conditions_that_exclude_each_other_need_no_rows() -> None:
     both = {place["other.phase in [stance]"]: True, place["other.phase in [swing]"]: True}
     assert not logic.possible(both)
     assert logic.possible(dict.fromkeys(both, False))  # a leg alone is in neither
-    late, later = Stay(40), Stay(300)
+    late, later = MinimumTime(40), MinimumTime(300)
     assert {late, later} <= set(logic.conditions)
     assert not logic.possible({later: True, late: False})
 
@@ -288,11 +288,11 @@ def test_a_time_on_its_threshold_is_possible() -> None:
         transition("stance", "swing", None, cause="time_out", time_out_ticks=50),
     )
     logic = PhaseLogic(two_phase_table(*exits), "stance")
-    assert logic.conditions == (longer, shorter, Stay(50))
-    assert logic.possible({longer: False, shorter: False, Stay(50): True})
-    assert not logic.possible({longer: False, shorter: False, Stay(50): False})
-    assert not logic.possible({longer: True, Stay(50): False})
-    assert not logic.possible({shorter: True, Stay(50): True})
+    assert logic.conditions == (longer, shorter, MinimumTime(50))
+    assert logic.possible({longer: False, shorter: False, MinimumTime(50): True})
+    assert not logic.possible({longer: False, shorter: False, MinimumTime(50): False})
+    assert not logic.possible({longer: True, MinimumTime(50): False})
+    assert not logic.possible({shorter: True, MinimumTime(50): True})
 
 
 def test_phase_with_very_many_conditions_has_no_table() -> None:
@@ -379,9 +379,9 @@ def test_transition_table_has_a_row_for_each_transition(table: GaitTable) -> Non
             for line in rows
             if all(f" {word} " in line for word in (item.source, item.target, item.cause))
         )
-        assert item.is_time_out or f"`{item.guard}`" in row
-        if item.time_out_ticks is not None:
-            assert f" {item.time_out_ticks * TICK:g} " in row
+        assert item.is_timeout or f"`{item.guard}`" in row
+        if item.timeout_ticks is not None:
+            assert f" {item.timeout_ticks * TICK:g} " in row
 
 
 def test_names_of_a_table_cannot_break_markdown() -> None:
@@ -416,8 +416,8 @@ def test_drawing_shows_phases_causes_thresholds_and_parameters(table: GaitTable)
 def test_drawing_has_an_arrow_for_each_way_and_dashes_time_outs(table: GaitTable) -> None:
     root = ElementTree.fromstring(state_diagram_svg(table))
     drawn = [item.get("class") for item in root.iter(f"{SVG}path") if "arrow" in (item.get("class") or "")]
-    guarded = {(item.source, item.target) for item in table.transitions if not item.is_time_out}
-    timed = {(item.source, item.target) for item in table.transitions if item.is_time_out}
+    guarded = {(item.source, item.target) for item in table.transitions if not item.is_timeout}
+    timed = {(item.source, item.target) for item in table.transitions if item.is_timeout}
     assert drawn.count("arrow") == len(guarded)
     assert drawn.count("arrow time-out") == len(timed)
 
@@ -548,7 +548,7 @@ def test_every_signal_has_words_and_a_unit() -> None:
         "time_in_phase_s > 3",
     ]
     texts += ["trunk.pitch_deg > 3", "walk > 0.5"]
-    assert [guard_words(parse_guard(text)) for text in texts] == [
+    assert [describe_guard(parse_guard(text)) for text in texts] == [
         "hip > 3°",
         "other knee velocity < 3°/s",
         "foot load > 3 BW",

@@ -12,7 +12,7 @@ from errors import raises
 from synthetic_run import synthetic_run
 
 import twin_gait
-from twin_gait import load_experiment, load_run, plot_run, save_run, simulate, summarise
+from twin_gait import load_experiment, load_run, plot_run, save_run, simulate, summarise_run
 from twin_gait.cli import main
 from twin_gait.control.safety import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
@@ -191,7 +191,7 @@ def test_plot_writes_nothing_where_one_of_its_files_exists(folder, tmp_path, cap
 def test_a_run_is_saved_and_loaded_again(bench, folder, tmp_path):
     again = load_run(folder)
     pd.testing.assert_frame_equal(again.log, bench.log, check_exact=True)
-    assert summarise(again) == summarise(bench)
+    assert summarise_run(again) == summarise_run(bench)
     with raises(RunDirectoryError, folder, "--out", "--force"):
         save_run(bench, folder)
     without = save_run(bench, tmp_path / "new" / "run", pictures=False)

@@ -24,7 +24,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.control.safety import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
-from twin_gait.report.canvas import STRIP_OPACITY, end_or_events, last_strides
+from twin_gait.report.canvas import STRIP_OPACITY, event_window, last_strides
 from twin_gait.report.figures import FIGURES, plot_run, write_figures
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import (
@@ -258,14 +258,14 @@ def test_phases_are_grey_after_the_trip(tripped: Run, draw: Callable) -> None:
 
 def test_the_window_goes_back_to_the_event(tripped: Run) -> None:
     long = replace(tripped, trip=None, status=RunStatus.COMPLETED)
-    time = walk_time(long)[end_or_events(long, 1.5)]
+    time = walk_time(long)[event_window(long, 1.5)]
     assert (time[0], time[-1]) == pytest.approx((STRUCK - 0.5, STRUCK + 1.0), abs=2e-3)
     quiet = replace(long, experiment=replace(long.experiment, faults=()))
-    assert walk_time(quiet)[end_or_events(quiet, 1.5)][-1] == pytest.approx(7.199)
+    assert walk_time(quiet)[event_window(quiet, 1.5)][-1] == pytest.approx(7.199)
 
 
 def test_a_stride_with_a_trip_in_it_is_no_stride(tripped: Run, walk: Run) -> None:
-    assert walk.steady == ((0.0, math.inf),) and tripped.steady == ((0.0, TRIPPED),)
+    assert walk.steady_spans == ((0.0, math.inf),) and tripped.steady_spans == ((0.0, TRIPPED),)
     for record, whole in zip(tripped.leg_records(), walk.leg_records(), strict=True):
         strides = record.strides(skip=0)
         assert 0 < len(strides) < len(whole.strides(skip=0))

@@ -30,7 +30,7 @@ def run() -> Run:
 @pytest.fixture(scope="module")
 def pictures(run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("pictures")
-    assert figures.write_figures(run, folder, figures.first_figures(run)) == {}
+    assert figures.write_figures(run, folder, figures.default_figures(run)) == {}
     return contents(folder)
 
 

@@ -18,14 +18,14 @@ from twin_gait.configuration.experiments import experiment_from_mapping, resolve
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf
-from twin_gait.live.page import LiveFigure
+from twin_gait.live.page import LiveScene
 from twin_gait.parameters.wearer import Patient
 from twin_gait.report.walk_words import describe
 from twin_gait.runs.record import StoredRun, load_run, save_run
-from twin_gait.runs.run_page import about
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation.problem import build_problem
-from twin_gait.studies.batch import overridden, simulate_batch
+from twin_gait.runs.run_page import page_texts
+from twin_gait.runs.summary import summarise_run
+from twin_gait.simulation.problem import build_setup
+from twin_gait.studies.batch import override_experiment, simulate_batch
 
 STROKE = ("patient=stroke_left", "patient.mass_kg=62", "patient.height_m=1.63")
 KEYS = ("patient", "table", "device", "controller")
@@ -43,7 +43,7 @@ def experiment(*settings: str, source: str | Path = "treadmill") -> Experiment:
 
 def stored(*settings: str) -> StoredRun:
     run = simulate(experiment(*settings))
-    return StoredRun(run, summarise(run))
+    return StoredRun(run, summarise_run(run))
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,8 @@ def plain() -> StoredRun:
 def test_two_runs_differ_in_summary_and_page_in_what_differs_alone(key: str, plain: StoredRun) -> None:
     other = stored(*DIFFERENCES[key])
     assert [name for name in KEYS if plain.summary[name] != other.summary[name]] == [key]
-    (text,) = about(other, plain)["differing"]
-    (counterpart,) = about(plain, other)["differing"]
+    (text,) = page_texts(other, plain)["differing"]
+    (counterpart,) = page_texts(plain, other)["differing"]
     assert text in describe(other.run.experiment) and counterpart in describe(plain.run.experiment)
     same = [part for part in describe(other.run.experiment) if part != text]
     assert same == [part for part in describe(plain.run.experiment) if part != counterpart]
@@ -65,7 +65,7 @@ def test_two_runs_differ_in_summary_and_page_in_what_differs_alone(key: str, pla
 
 def test_a_person_is_named_and_said_to_be_changed() -> None:
     shipped, changed = experiment("patient=stroke_left"), experiment(*STROKE)
-    digest = summarise(simulate(changed))["patient"]["sha256"]
+    digest = summarise_run(simulate(changed))["patient"]["sha256"]
     walk, device = "1.50 km/h, 60 % of the weight supported", "device twin"
     parts = ["stroke_left, 70 kg, 1.75 m", walk, "table treadmill", device, "controller impedance"]
     assert describe(shipped) == parts
@@ -105,12 +105,12 @@ def test_names_come_back_from_a_run_folder(typed: bool, tmp_path: Path) -> None:
     document = resolved_document(loaded.experiment, loaded.document if typed else None, {})
     assert document["patient"]["name"] == "stroke_left"
     again = experiment_from_mapping(yaml.safe_load(json.dumps(document)), "again", Path())
-    expected = replace(loaded.experiment, integration=loaded.experiment.stepping)  # which a folder has
+    expected = replace(loaded.experiment, integration=loaded.experiment.resolved_integration)  # which a folder has
     assert again == expected and describe(again) == describe(loaded.experiment)
     folder = save_run(run, tmp_path / "walk", pictures=False)
     assert describe(load_run(folder).experiment) == describe(loaded.experiment)
     kept = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    assert {key: kept[key] for key in KEYS} == {key: summarise(run)[key] for key in KEYS}
+    assert {key: kept[key] for key in KEYS} == {key: summarise_run(run)[key] for key in KEYS}
 
 
 def test_a_name_changes_no_number_of_a_run(plain: StoredRun) -> None:
@@ -124,14 +124,14 @@ def test_a_sweep_has_the_same_columns_and_numbers_with_a_named_wearer() -> None:
     overrides = [{"patient.mass_kg": mass} for mass in (55, 70)]
     tables = [simulate_batch(walk, overrides, workers=1) for walk in (named, nameless)]
     pd.testing.assert_frame_equal(*tables)
-    changed, as_shipped = (overridden(named, item) for item in overrides)
+    changed, as_shipped = (override_experiment(named, item) for item in overrides)
     assert describe(changed)[0].startswith("stroke_left with changes (")
     assert describe(as_shipped) == describe(named)
 
 
 def test_the_live_page_describes_its_walk() -> None:
     walk = experiment(*STROKE)
-    assert LiveFigure(build_problem(walk)).page["subtitle"] == describe(walk)
+    assert LiveScene(build_setup(walk)).page["subtitle"] == describe(walk)
 
 
 @pytest.mark.parametrize("name", ["", "../anna", "a\nb", ".", "x" * 81, "\x1b[2J"])

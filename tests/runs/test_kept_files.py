@@ -16,7 +16,7 @@ from twin_gait import files
 from twin_gait.cli import main
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.runs import folders
-from twin_gait.runs.folders import FolderKind, abandoned, staged_directory
+from twin_gait.runs.folders import FolderKind, find_abandoned_folders, staged_directory
 
 KIND = FolderKind("a test folder", "mark")
 WRITER = """
@@ -40,7 +40,7 @@ def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     assert process.stdout is not None
     with process:
         assert process.stdout.readline() == "writing\n"
-        assert abandoned(tmp_path / "runs") == []  # it is being written
+        assert find_abandoned_folders(tmp_path / "runs") == []  # it is being written
         process.send_signal(signal.SIGKILL)
     (left,) = (tmp_path / "runs").iterdir()
     return left
@@ -49,7 +49,7 @@ def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_folder_of_a_killed_run_is_found_and_offered(
     killed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert abandoned(killed.parent) == [killed]
+    assert find_abandoned_folders(killed.parent) == [killed]
     monkeypatch.chdir(tmp_path)
     arguments = ["simulate", "bench_leg", "--duration", "0.1", "--no-pictures", "--out", "runs/b"]
     assert main(arguments) == 0
@@ -71,14 +71,14 @@ def test_a_folder_that_is_being_written_is_left_alone(
 ) -> None:
     with staged_directory(tmp_path / "a", KIND) as staging:
         os.utime(staging, (0, 0))
-        assert abandoned(tmp_path) == []
+        assert find_abandoned_folders(tmp_path) == []
         (staging / "mark").touch()
     assert (tmp_path / "a" / "mark").exists()
     fresh = tmp_path / f".b.0{folders.PARTIAL}"
     fresh.mkdir()
-    assert abandoned(tmp_path) == []  # its process may be about to lock it
+    assert find_abandoned_folders(tmp_path) == []  # its process may be about to lock it
     os.utime(fresh, (time.time() - 2 * folders.SETTLED,) * 2)
-    assert abandoned(tmp_path) == [fresh]
+    assert find_abandoned_folders(tmp_path) == [fresh]
 
 
 def test_clean_of_no_folder_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,8 +17,8 @@ from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.experiment import LONGEST_RUN
 from twin_gait.gait.table import TICK
 from twin_gait.identification.reading import read_log
-from twin_gait.runs.log_files import read_table
-from twin_gait.runs.record import read_run
+from twin_gait.runs.log_files import read_log_table
+from twin_gait.runs.record import read_stored_run
 
 
 @pytest.fixture(scope="module")
@@ -44,24 +44,24 @@ def test_a_small_file_that_unpacks_to_too_many_rows_is_refused(
     bomb: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pq, "read_table", lambda path: pytest.fail("was read"))
-    assert "20000000 rows" in refused(read_table, bomb)
+    assert "20000000 rows" in refused(read_log_table, bomb)
 
 
 def test_a_run_whose_log_is_too_large_is_refused(tmp_path: Path, bomb: Path) -> None:
     out = tmp_path / "run"
     assert main(["simulate", "bench_leg", "--duration", "0.1", "--no-pictures", "--out", str(out)]) == 0
     (out / "log.parquet").write_bytes(bomb.read_bytes())
-    assert "20000000 rows" in refused(read_run, out)
+    assert "20000000 rows" in refused(read_stored_run, out)
 
 
 def test_many_columns_count_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pq.write_table(pa.table({name: np.zeros(50) for name in "abc"}), tmp_path / "a.parquet")
     (tmp_path / "a.csv").write_text("a,b,c\n" + 50 * "1,2,3\n")
     for name in ("a.parquet", "a.csv"):
-        assert len(read_table(tmp_path / name).names) == 3
+        assert len(read_log_table(tmp_path / name).names) == 3
     monkeypatch.setattr(files, "MOST_CELLS", 149)
     for name in ("a.parquet", "a.csv"):
-        assert "50 rows of 3 columns" in refused(read_table, tmp_path / name)
+        assert "50 rows of 3 columns" in refused(read_log_table, tmp_path / name)
 
 
 def test_the_longest_run_can_be_read_again() -> None:
@@ -73,13 +73,13 @@ def test_the_longest_run_can_be_read_again() -> None:
 @pytest.mark.parametrize("text", [",".join(["1"] * 2_000_000), "time,hip\n0,1\n" + "1," * 2_000_000 + "\n"])
 def test_a_line_of_four_megabytes_does_not_hang(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text)
-    assert "characters" in refused(read_table, tmp_path / name)
+    assert "characters" in refused(read_log_table, tmp_path / name)
 
 
 def test_a_text_that_is_too_long_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (tmp_path / "log.csv").open("wb") as file:
         file.truncate(files.MOST_TEXT + 1)  # a hole, which takes no disk
-    assert "cut it in parts" in refused(read_table, tmp_path / "log.csv")
+    assert "cut it in parts" in refused(read_log_table, tmp_path / "log.csv")
 
 
 @pytest.mark.parametrize("before", ["", "# mass_kg: 2.5\n"])

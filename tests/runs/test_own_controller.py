@@ -20,11 +20,11 @@ from errors import raises
 from twin_gait import load_experiment, load_run, save_run, simulate
 from twin_gait.control.controller import Controller
 from twin_gait.control.controllers.position import Position
-from twin_gait.control.own_controller import record_of, restored
+from twin_gait.control.own_controller import record_controller, restore_controller
 from twin_gait.exceptions import FirmwareError, ParameterError, TwinGaitError
-from twin_gait.firmware.project import refuse_what_c_has_not
+from twin_gait.firmware.project import require_printable
 from twin_gait.simulation.run import Run
-from twin_gait.simulation.simulator import simulate_together
+from twin_gait.simulation.simulator import simulate_blocks
 from twin_gait.studies.compare.comparing import CONTROLLERS
 
 POSTURES = """
@@ -108,7 +108,7 @@ def test_the_run_of_a_saved_folder_is_the_same_in_python(own: Own, tmp_path: Pat
         again = simulate(experiment)
         assert again.log.equals(run.log) and not again.log.equals(standard.log)
         assert again.experiment.controller == run.experiment.controller
-    ((_, together),) = simulate_together([stored.experiment])
+    ((_, together),) = simulate_blocks([stored.experiment])
     assert together.log.equals(run.log)
     assert save_run(stored, tmp_path / "copy", pictures=False) and load_run(tmp_path / "copy").log.equals(
         run.log
@@ -243,9 +243,9 @@ def test_a_module_of_a_package_is_compared_before_anything_is_executed(tmp_path:
     (package / "__init__.py").write_text("raise RuntimeError('executed')", encoding="utf-8")
     (package / "law.py").write_text("import os", encoding="utf-8")
     monkeypatch.syspath_prepend(str(package.parent))
-    record = replace(record_of(Position()), module="laboratory.law", class_name="Law")
+    record = replace(record_controller(Position()), module="laboratory.law", class_name="Law")
     with raises(ParameterError, "Position", "laboratory.law"):
-        restored(record)
+        restore_controller(record)
 
 
 # ------------------------------------------------------------------ as it was made
@@ -267,24 +267,24 @@ class Held(Controller):
     ids=repr,
 )  # fmt: skip
 def test_attributes_come_back_exactly(value: object, tmp_path: Path) -> None:
-    experiment = replace(bench(), controller=record_of(Held(value=value)))
+    experiment = replace(bench(), controller=record_controller(Held(value=value)))
     run = simulate(bench("duration_s=0.001"))
     save_run(replace(run, experiment=experiment), tmp_path / "walk", pictures=False)
     record = load_experiment(tmp_path / "walk").experiment.controller
     assert record is not None and record == experiment.controller
-    found = restored(record).value  # type: ignore[attr-defined]
+    found = restore_controller(record).value  # type: ignore[attr-defined]
     assert type(found) is type(value) and repr(found) == repr(value)
     assert getattr(found, "dtype", None) == getattr(value, "dtype", None)
 
 
 def test_what_a_file_cannot_hold_is_made_anew_or_refused(own: Own) -> None:
-    usual = record_of(Position())  # its parameters are a dataclass
-    assert usual.attributes is None and restored(usual) == Position()
-    other = record_of(Position(path=replace(Position().path, damping_ratio=0.8)))
+    usual = record_controller(Position())  # its parameters are a dataclass
+    assert usual.attributes is None and restore_controller(usual) == Position()
+    other = record_controller(Position(path=replace(Position().path, damping_ratio=0.8)))
     with raises(ParameterError, "Position", "controller=null"):
-        restored(other)
+        restore_controller(other)
     with raises(ParameterError, "Springs", "controller=null"):
-        restored(record_of(own.module.Springs(maker=lambda: 1)))
+        restore_controller(record_controller(own.module.Springs(maker=lambda: 1)))
 
 
 @pytest.mark.parametrize(
@@ -297,12 +297,12 @@ def test_what_a_file_cannot_hold_is_made_anew_or_refused(own: Own) -> None:
 def test_what_cannot_be_imported_says_how_to_go_on(
     module: str, name: str, message: tuple[object, ...]
 ) -> None:
-    record = replace(record_of(Held()), module=module, class_name=name)
+    record = replace(record_controller(Held()), module=module, class_name=name)
     with raises(ParameterError, *message) as told:
         simulate(replace(bench(), controller=record))
     assert "controller=Springs(…)" in str(told.value)
     given = simulate(replace(bench(), controller=record), controller=Held())
-    assert given.experiment.controller == record_of(Held())
+    assert given.experiment.controller == record_controller(Held())
 
 
 def test_a_script_records_its_source(tmp_path: Path) -> None:
@@ -331,9 +331,9 @@ def test_another_mode_takes_its_place_only_if_it_is_dropped(own: Own, tmp_path: 
 
 def test_a_comparison_has_its_own_controllers_and_the_firmware_refuses(own: Own) -> None:
     experiment = own.run().experiment
-    assert all(item.change(experiment).controller is None for item in CONTROLLERS.values())
+    assert all(item.apply_to(experiment).controller is None for item in CONTROLLERS.values())
     with raises(FirmwareError, "controller", "Springs", "controller=null"):
-        refuse_what_c_has_not(experiment)
+        require_printable(experiment)
 
 
 def test_a_record_with_a_mistake_names_the_key(own: Own, tmp_path: Path) -> None:

@@ -16,9 +16,9 @@ from twin_gait import load_experiment, load_run, save_run, simulate
 from twin_gait.cli import main
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.files import shipped_file
-from twin_gait.live.journal import Journal, Piece, complete
+from twin_gait.live.journal import Journal, LogChunk, complete
 from twin_gait.runs.own_files import FILES_FOLDER
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.viewer.visuals import load_visuals
 
 MESH = "thigh.stl"
@@ -148,9 +148,9 @@ def test_a_live_walk_is_written_in_the_same_way(own: Path, tmp_path: Path) -> No
     journal = Journal(
         columns, {"document": loaded.document, "folder": str(tmp_path / "walk"), "force": False}, print
     )
-    journal.keep(Piece(rows=rows.to_numpy(float), over=True))
+    journal.store(LogChunk(rows=rows.to_numpy(float), is_last=True))
     journal.close()
-    assert len(build_problem(loaded.experiment).sides) == 2
+    assert len(build_setup(loaded.experiment).sides) == 2
     (folder,) = complete(journal.path)
     shutil.rmtree(own)
     assert load_run(folder).log.shape == run.log.shape

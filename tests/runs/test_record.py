@@ -18,10 +18,10 @@ from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.runs.folders import staged_directory
-from twin_gait.runs.record import RUN_DIRECTORY, read_run, write_run
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.record import RUN_DIRECTORY, read_stored_run, write_run
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, log_layout, unit_of
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_holds_every_file(directory):
 
 
 def test_log_is_read_back_bit_for_bit(run, directory):
-    log = read_run(directory).run.log
+    log = read_stored_run(directory).run.log
     pd.testing.assert_frame_equal(log, run.log, check_exact=True)
 
 
@@ -60,18 +60,18 @@ def test_columns_of_numbers_are_written_without_a_dictionary(directory):
 
 
 def test_a_run_is_read_back_with_all_that_it_had(run, directory):
-    again = read_run(directory).run
+    again = read_stored_run(directory).run
     assert (again.table, again.switches, again.trip) == (run.table, run.switches, run.trip)
     assert (again.status, again.reason, again.wall_s) == (run.status, run.reason, run.wall_s)
     assert (again.body_weight, again.duration) == (run.body_weight, run.duration)
-    assert summarise(again) == summarise(run)
+    assert summarise_run(again) == summarise_run(run)
 
 
 def test_an_experiment_with_numbers_of_numpy_is_written_and_read(run, tmp_path):
     plant = replace(run.experiment.plant, friction_ratio={"knee": np.float64(0.5)}, gravity=np.float32(9.5))
     changed = simulate(replace(run.experiment, plant=plant, seed=np.int64(3), duration=np.float64(0.1)))
     write_run(changed, tmp_path, pictures=False)
-    assert read_run(tmp_path).run.experiment.plant == plant
+    assert read_stored_run(tmp_path).run.experiment.plant == plant
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "a\nb", None])
@@ -86,7 +86,7 @@ def test_switches_that_the_table_does_not_have_are_refused(directory, tmp_path):
     switches = broken / "transitions.csv"
     switches.write_text(switches.read_text().replace(",late_stance,", ",last_stance,"))
     with raises(RunDirectoryError, "transitions.csv", "last_stance"):
-        read_run(broken)
+        read_stored_run(broken)
 
 
 def test_log_carries_units_schema_version_and_status(directory):
@@ -100,7 +100,7 @@ def test_log_carries_units_schema_version_and_status(directory):
 
 
 def test_every_column_has_a_unit():
-    names = log_layout(build_problem(load_experiment("treadmill").experiment)).names
+    names = log_layout(build_setup(load_experiment("treadmill").experiment)).names
     without = {name.split("_", 2)[2] for name in names if unit_of(name) == "1"}
     assert without == {"friction_compensation_gain", "pressure_place"}
 
@@ -164,7 +164,7 @@ def test_force_replaces_a_run_but_nothing_else(tmp_path, directory):
 
 def test_a_folder_that_is_not_a_run_is_refused(tmp_path):
     with raises(RunDirectoryError, "experiment.yaml"):
-        read_run(tmp_path)
+        read_stored_run(tmp_path)
 
 
 def test_a_run_with_other_columns_is_refused_with_what_makes_it_again(tmp_path, directory):
@@ -172,7 +172,7 @@ def test_a_run_with_other_columns_is_refused_with_what_makes_it_again(tmp_path, 
     summary = json.loads((old / "summary.json").read_text())
     (old / "summary.json").write_text(json.dumps({**summary, "log_schema_version": 1}))
     with raises(RunDirectoryError, "twin-gait simulate", "old/experiment.yaml"):
-        read_run(old)
+        read_stored_run(old)
 
 
 def test_a_broken_log_is_one_line(tmp_path, directory):
@@ -180,7 +180,7 @@ def test_a_broken_log_is_one_line(tmp_path, directory):
         (tmp_path / name).write_bytes((directory / name).read_bytes())
     (tmp_path / "log.parquet").write_bytes(b"PAR1 broken")
     with pytest.raises(RunDirectoryError) as caught:
-        read_run(tmp_path)
+        read_stored_run(tmp_path)
     assert "\n" not in str(caught.value)
 
 

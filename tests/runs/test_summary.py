@@ -35,8 +35,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.control.safety import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.surroundings import BeltProfile
-from twin_gait.report.walk_words import amount, carried_by_belt, lines_of, table_of_walk
-from twin_gait.runs.summary import summarise, versions
+from twin_gait.report.walk_words import amount, belt_carries_note, format_table, walk_table
+from twin_gait.runs.summary import summarise_run, software_versions
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.treadmill import Treadmill
@@ -49,7 +49,7 @@ def walk() -> Run:
 
 @pytest.fixture(scope="module")
 def summary(walk: Run) -> dict[str, Any]:
-    return summarise(walk)
+    return summarise_run(walk)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def test_run_is_described(summary: dict[str, Any]) -> None:
 
 
 def test_versions_are_those_that_were_imported() -> None:
-    found = versions()
+    found = software_versions()
     assert found["twin_gait"] == twin_gait.__version__
     assert found["python"] == platform.python_version()
     assert found["numpy"] == np.__version__
@@ -108,14 +108,14 @@ def test_early_stance_leads_each_heel_strike_by_the_known_time(summary: dict[str
 
 @pytest.mark.parametrize("stop", [math.inf, 0.45 * LENGTH * TICK])
 def test_only_a_contact_of_the_even_walk_can_be_missed(walk: Run, stop: float) -> None:
-    missed = walk.leg_record(Side.LEFT).entries[3]
+    missed = walk.leg_record(Side.LEFT).first_phase_entries[3]
     assert missed * TICK > 0.45 * LENGTH * TICK
     log = walk.log.copy()
     late = log["left_phase"].iloc[missed - 1]
     log.loc[missed : missed + STRIDE // 2, "left_phase"] = late
     belt = BeltProfile(start=0.0, stop=stop, ramp=TICK, delay=0.0)
     experiment = replace(walk.experiment, scenario=replace(walk.experiment.scenario, belt=belt))
-    found = summarise(replace(walk, log=log, experiment=experiment))["sides"]["left"]
+    found = summarise_run(replace(walk, log=log, experiment=experiment))["sides"]["left"]
     assert found["heel_strikes_without_early_stance"] == (1 if stop == math.inf else 0)
 
 
@@ -176,12 +176,12 @@ def test_torque_at_switches_is_looked_at_until_their_blends_end(walk: Run) -> No
     command[switch.tick + 40] = -50.0  # within the 60 ticks of blending
     command[switch.tick + 90] = 500.0  # after them
     log["right_knee_motor_command_torque_Nm"] = command
-    knee = summarise(replace(walk, log=log))["sides"]["right"]["joints"]["knee"]
+    knee = summarise_run(replace(walk, log=log))["sides"]["right"]["joints"]["knee"]
     assert knee["switch_torque_change_Nm"] == 50.0
     assert knee["switch_torque_jump_Nm"] == 85.0  # from 35 to -50
     slow = {**walk.table.phases, switch.target: replace(walk.table.phases[switch.target], blending_ticks=90)}
     table = replace(walk.table, phases=slow)
-    knee = summarise(replace(walk, log=log, table=table))["sides"]["right"]["joints"]["knee"]
+    knee = summarise_run(replace(walk, log=log, table=table))["sides"]["right"]["joints"]["knee"]
     assert knee["switch_torque_change_Nm"] == 500.0  # a phase with a time of blending of its own
 
 
@@ -198,12 +198,12 @@ def stiffness_and_equilibrium_by_phase(walk: Run, equilibrium: float) -> Run:
 
 
 def test_a_stiff_phase_puts_in_more_than_a_joint_gives_back_that_is_less_bent_at_its_end(walk: Run) -> None:
-    knee = summarise(stiffness_and_equilibrium_by_phase(walk, 0.0))["sides"]["left"]["joints"]["knee"]
+    knee = summarise_run(stiffness_and_equilibrium_by_phase(walk, 0.0))["sides"]["left"]["joints"]["knee"]
     assert knee["switch_energy_J"] == pytest.approx(0.5 * 200.0 * (0.2**2 - 0.1**2))
 
 
 def test_energy_by_switching_counts_the_equilibrium_too(walk: Run) -> None:
-    knee = summarise(stiffness_and_equilibrium_by_phase(walk, -0.1))["sides"]["left"]["joints"]["knee"]
+    knee = summarise_run(stiffness_and_equilibrium_by_phase(walk, -0.1))["sides"]["left"]["joints"]["knee"]
     begins = 0.5 * 300.0 * 0.3**2 - 0.5 * 100.0 * 0.2**2
     ends = 0.5 * 100.0 * 0.1**2 - 0.5 * 300.0 * 0.2**2
     assert knee["switch_energy_J"] == pytest.approx(begins + ends)
@@ -217,7 +217,7 @@ def test_torque_jump_and_change_of_a_joint_are_those_of_its_counted_switches(wal
     command[tick + 10 :] += 4.0
     command[tick + 20 :] += 3.0
     log = walk.log.assign(left_hip_motor_command_torque_Nm=command)
-    hip = summarise(replace(walk, log=log))["sides"]["left"]["joints"]["hip"]
+    hip = summarise_run(replace(walk, log=log))["sides"]["left"]["joints"]["hip"]
     assert hip["switch_torque_jump_Nm"] == 4.0
     assert hip["switch_torque_change_Nm"] == 7.0
 
@@ -226,7 +226,7 @@ def test_jerk_of_a_sine_is_the_closed_form(walk: Run) -> None:
     rate = 2.0 * math.pi / (STRIDE * TICK)
     velocity = 1.5 * np.sin(rate * np.arange(LENGTH) * TICK)
     log = walk.log.assign(right_hip_velocity_rad_per_s=velocity)
-    hip = summarise(replace(walk, log=log))["sides"]["right"]["joints"]["hip"]
+    hip = summarise_run(replace(walk, log=log))["sides"]["right"]["joints"]["hip"]
     # The filter takes less than 1e-3 at the frequency of the stride.
     assert hip["jerk_rms_rad_per_s3"] == pytest.approx(1.5 * rate**2 / math.sqrt(2.0), rel=1e-3)
     assert hip["jerk_dimensionless"] == pytest.approx((2.0 * math.pi) ** 4 / 2.0, rel=2e-3)
@@ -237,7 +237,7 @@ def test_command_beyond_the_limit_counts_as_saturated(walk: Run) -> None:
     command = log["left_hip_motor_command_torque_Nm"].to_numpy().copy()
     command[: LENGTH // 10] = 61.0
     log["left_hip_motor_command_torque_Nm"] = command
-    hip = summarise(replace(walk, log=log))["sides"]["left"]["joints"]["hip"]
+    hip = summarise_run(replace(walk, log=log))["sides"]["left"]["joints"]["hip"]
     assert hip["at_torque_limit_share"] == pytest.approx(0.1)
     assert hip["saturated_share"] == pytest.approx(0.1)
 
@@ -247,7 +247,7 @@ def test_share_of_any_joint_at_a_limit_is_not_that_of_the_worst_joint(walk: Run)
     log = walk.log.copy()
     for name, ticks in (("left_hip", slice(0, 99)), ("right_knee", slice(50, 249))):
         log.loc[ticks, f"{name}_motor_command_torque_Nm"] = 61.0
-    found, before = summarise(replace(walk, log=log)), summarise(walk)
+    found, before = summarise_run(replace(walk, log=log)), summarise_run(walk)
     assert before["any_joint_saturated_share"] == before["worst_joint_saturated_share"] == 0.0
     assert found["worst_joint_saturated_share"] == pytest.approx(200 / len(log))
     assert found["any_joint_saturated_share"] == pytest.approx(250 / len(log))
@@ -266,13 +266,13 @@ def test_time_outs_are_counted_in_all_and_once_the_gait_has_settled() -> None:
     # The fourth left stride begins with the heel strike at 200 + 3 · 1200.
     early, late = into_extension + 2 * STRIDE, into_extension + 3 * STRIDE
     assert early < LAG + 3 * STRIDE < late
-    values = summarise(synthetic_run(timed_out={early, late}))["sides"]["left"]
+    values = summarise_run(synthetic_run(timed_out={early, late}))["sides"]["left"]
     assert (values["time_outs"], values["time_outs_after_third_stride"]) == (2, 1)
     assert (CYCLE[3][0], CYCLE[3][1]) == ("swing_flexion", "swing_extension")
 
 
 def test_skipped_strides_are_a_choice(walk: Run) -> None:
-    summary = summarise(walk, skip_strides=0)
+    summary = summarise_run(walk, skip_strides=0)
     assert summary["strides_skipped"] == 0
     assert summary["sides"]["left"]["strides_counted"] == N_STRIDES - 1
 
@@ -283,7 +283,7 @@ def test_no_reference_beyond_its_speeds(belt_speed: float) -> None:
     scenario = replace(experiment.scenario, belt_speed=belt_speed)
     assert isinstance(scenario, Treadmill)
     run = replace(synthetic_run(), experiment=replace(experiment, scenario=scenario))
-    values = summarise(run)["sides"]["left"]
+    values = summarise_run(run)["sides"]["left"]
     assert values["rmse_hip_by_contact_deg"] is None
     assert values["stride_time_mean_s"] == pytest.approx(STRIDE * TICK)
 
@@ -291,7 +291,7 @@ def test_no_reference_beyond_its_speeds(belt_speed: float) -> None:
 @pytest.mark.parametrize("rows", [0, 1, 2, 500])
 def test_run_that_ends_at_once_is_summed_up_without_numbers(walk: Run, rows: int) -> None:
     cut = replace(walk, log=walk.log.iloc[:rows], switches=(), status=RunStatus.INTERRUPTED, reason="stopped")
-    summary = summarise(cut)
+    summary = summarise_run(cut)
     json.dumps(summary, allow_nan=False)
     left = summary["sides"]["left"]
     assert left["strides"] == 0
@@ -305,7 +305,7 @@ def test_run_that_ends_at_once_is_summed_up_without_numbers(walk: Run, rows: int
 
 
 def test_bench_leg_has_strides_by_phase_only(bench_run: Run) -> None:
-    summary = summarise(bench_run, skip_strides=0)
+    summary = summarise_run(bench_run, skip_strides=0)
     json.dumps(summary, allow_nan=False)
     (values,) = summary["sides"].values()
     assert values["strides"] is None and values["further_contacts"] is None
@@ -323,9 +323,9 @@ def test_bench_leg_has_strides_by_phase_only(bench_run: Run) -> None:
 
 def test_energy_of_a_simulated_run_balances(bench_run: Run) -> None:
     # What is left is the integrator's error; the wrong sign of one work is a hundred times as much.
-    assert summarise(bench_run)["energy_residual_share"] < 1e-3
+    assert summarise_run(bench_run)["energy_residual_share"] < 1e-3
     wrong = bench_run.log.assign(friction_work_J=-bench_run.log["friction_work_J"])
-    assert summarise(replace(bench_run, log=wrong))["energy_residual_share"] > 0.1
+    assert summarise_run(replace(bench_run, log=wrong))["energy_residual_share"] > 0.1
 
 
 # ------------------------------------------------------------------ the walk beside healthy walking
@@ -370,7 +370,7 @@ def test_errors_of_known_offset_and_wave_are_told_apart(summary: dict[str, Any])
 
 
 def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
-    head, *rows = table_of_walk(summary)
+    head, *rows = walk_table(summary)
     assert head == ("", "left", "right", "healthy")
     cells = {row[0]: row[1:] for row in rows}
     assert cells["stride time s"] == ("1.20", "1.20", "1.75")
@@ -379,7 +379,7 @@ def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
     assert cells["slip m"] == ("0.000", "0.000", "")
     assert cells["hip error offset deg"][0] == f"{math.degrees(HIP_OFFSET):.2f}"
     assert cells["hip error timing deg"] == ("0.000", "0.000", "")
-    lines = list(lines_of([head, *rows]))
+    lines = list(format_table([head, *rows]))
     assert len(lines) == len(rows) + 1 and lines[0].endswith("healthy")
     assert len({line.find("1.75") for line in lines if "1.75" in line}) == 1
 
@@ -392,28 +392,28 @@ def dragged(walk: Run, force: float) -> dict[str, Any]:
     log["guide_force_N"] = 2.0 * force * (1.0 - SWING / STRIDE)
     for name in [name for name in log if name.endswith("motor_torque_Nm")]:
         log[name] = 0.0
-    return summarise(replace(walk, log=log))
+    return summarise_run(replace(walk, log=log))
 
 
 def test_belt_that_carries_a_walk_is_said_and_no_other(walk: Run) -> None:
     free = dragged(walk, 0.0)
-    assert carried_by_belt(free) == "" and free["power"]["carried_by_belt"] is False
+    assert belt_carries_note(free) == "" and free["power"]["carried_by_belt"] is False
     pulled = dragged(walk, 20.0)
     mean = 2.0 * 20.0 * (1.0 - SWING / STRIDE)
     assert pulled["power"]["belt_W"] == pytest.approx(mean * 1.5 / 3.6)
     assert pulled["power"]["motors_W"] == 0.0
-    told = carried_by_belt(pulled)
+    told = belt_carries_note(pulled)
     assert told.startswith("The belt carries this walk") and f"{amount(mean)} N" in told
-    assert carried_by_belt(dragged(walk, 5.0)) == ""  # 6 N are less than 2 % of 352 N
+    assert belt_carries_note(dragged(walk, 5.0)) == ""  # 6 N are less than 2 % of 352 N
 
 
 def test_leg_on_a_stand_has_no_walk_to_tell_of(bench_run: Run) -> None:
-    summary = summarise(bench_run)
+    summary = summarise_run(bench_run)
     assert "power" not in summary and "walk" not in summary["sides"]["right"]
-    assert table_of_walk(summary) == [] and list(lines_of([])) == []
-    assert carried_by_belt(summary) == ""
+    assert walk_table(summary) == [] and list(format_table([])) == []
+    assert belt_carries_note(summary) == ""
     # A summary of an earlier version has none either.
-    assert table_of_walk({"sides": {"left": {"strides": 3}}}) == []
+    assert walk_table({"sides": {"left": {"strides": 3}}}) == []
 
 
 def test_what_a_leg_does_in_the_hold_is_no_gait(walk: Run, summary: dict[str, Any]) -> None:
@@ -422,7 +422,7 @@ def test_what_a_leg_does_in_the_hold_is_no_gait(walk: Run, summary: dict[str, An
     for side in Side:
         log.loc[trip.tick :, f"{side}_phase"] = log[f"{side}_phase"].iloc[trip.tick]
         log.loc[trip.tick :, f"{side}_foot_clearance_m"] = -0.01
-    for side, found in summarise(replace(walk, log=log, trip=trip))["sides"].items():
+    for side, found in summarise_run(replace(walk, log=log, trip=trip))["sides"].items():
         whole = summary["sides"][side]
         assert 0 < found["strides"] < whole["strides"]
         assert found["heel_strikes_without_early_stance"] == 0

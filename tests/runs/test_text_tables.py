@@ -9,7 +9,7 @@ import pytest
 from errors import raises
 
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.runs.log_files import read_table, read_text_table
+from twin_gait.runs.log_files import read_log_table, read_text_table
 
 NUMBERS = np.array([[0.0, 1.5, -2.25], [0.01, 1.75, -2.5], [0.02, 2.0, -2.75]])
 NAMES = ["time", "hip", "knee"]
@@ -64,7 +64,7 @@ def test_every_layout_gives_the_same_numbers(tmp_path, name):
 def test_the_byte_order_mark_gives_the_encoding(tmp_path, mark, encoding):
     path = tmp_path / "a.csv"
     path.write_bytes(mark + text_of("\t").encode(encoding))
-    np.testing.assert_array_equal(read_table(path).numbers("hip"), NUMBERS[:, 1])
+    np.testing.assert_array_equal(read_log_table(path).numbers("hip"), NUMBERS[:, 1])
 
 
 def test_a_number_sign_is_a_comment_at_the_start_of_a_line_only(tmp_path):
@@ -119,7 +119,7 @@ STORAGE = "walk\nnRows=2\nnColumns=2\ninDegrees=no\nendheader\ntime\t{}\n0\t0.5\
 def test_a_header_of_opensim_that_does_not_fit_is_read_with_a_notice(tmp_path, stated, other, found):
     path = tmp_path / "a.sto"
     path.write_text(STORAGE.format("hip_flexion_r").replace(stated, other))
-    table = read_table(path)
+    table = read_log_table(path)
     assert table.notices == (f"the header says {other}, but the file has {found}",)
     assert table.numbers("hip_flexion_r").tolist() == [0.5, 0.75]
 
@@ -128,6 +128,6 @@ def test_a_path_of_moco_is_its_coordinate_if_it_is_a_value(tmp_path):
     path = tmp_path / "a.sto"
     names = "/jointset/knee_r/knee_angle_r/value\t/jointset/knee_r/knee_angle_r/speed"
     path.write_text(STORAGE.format(names).replace("0.5", "0.5\t9").replace("0.75", "0.75\t9"))
-    table = read_table(path)
+    table = read_log_table(path)
     assert table.names == ("time", "knee_angle_r", "/jointset/knee_r/knee_angle_r/speed")
     assert table.numbers("knee_angle_r").tolist() == [0.5, 0.75]

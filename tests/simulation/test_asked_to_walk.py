@@ -28,7 +28,7 @@ def test_who_is_not_asked_to_walk_does_not_stall():
 def test_strides_count_from_the_request_on_and_standing_before_it_does_not_stall():
     asked = 7.0  # longer than the longest stride of a walk
     run = run_of(f"walk_automatic@{asked:g}s")
-    ((first, last),) = run.steady
+    ((first, last),) = run.steady_spans
     assert first == pytest.approx(asked, abs=2e-3) and last == pytest.approx(run.duration, abs=2e-3)
     assert run.verdict.outcome is Outcome.WALKED
     assert all(len(leg.strides(skip=0)) > 2 for leg in run.leg_records())
@@ -37,7 +37,7 @@ def test_strides_count_from_the_request_on_and_standing_before_it_does_not_stall
 def test_a_walk_by_steps_of_the_therapist_does_not_stall_while_they_are_waited_for():
     run = run_of("walk@1s", *(f"step@{time}s" for time in (2, 4, 6, 13, 15, 17)), "stop@19s", duration=20.0)
     assert run.verdict == (Outcome.WALKED, "")
-    assert len(run.steady) == 1 and all(len(leg.strides(skip=0)) > 1 for leg in run.leg_records())
+    assert len(run.steady_spans) == 1 and all(len(leg.strides(skip=0)) > 1 for leg in run.leg_records())
 
 
 def test_where_the_therapist_never_asks_for_a_step_there_is_no_walk():

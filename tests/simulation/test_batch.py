@@ -15,9 +15,9 @@ from errors import raises
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.studies import batch
-from twin_gait.studies.batch import overridden, simulate_batch
+from twin_gait.studies.batch import override_experiment, simulate_batch
 
 FALLING = 4
 OVERRIDES: list[dict[str, Any]] = [
@@ -93,8 +93,8 @@ def test_order_does_not_matter(walk, alone):
 def test_a_row_is_the_summary_of_its_episode(walk, alone):
     settings = ["duration_s=6", "engine=compiled", "patient.mass_kg=82", "scenario.belt_speed_m_per_s=0.41"]
     by_command_line = load_experiment("treadmill", settings).experiment
-    assert overridden(walk, OVERRIDES[11]) == by_command_line
-    summary, row = summarise(simulate(by_command_line)), alone.iloc[11]
+    assert override_experiment(walk, OVERRIDES[11]) == by_command_line
+    summary, row = summarise_run(simulate(by_command_line)), alone.iloc[11]
     assert row["patient.mass_kg"] == 82.0
     assert row["duration_s"] == 6.0
     assert row["battery_power_mean_W"] == summary["battery_power_mean_W"]

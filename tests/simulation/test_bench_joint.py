@@ -19,9 +19,9 @@ from twin_gait.parameters.friction import KNEE_FRICTION, FrictionParameters, LuG
 from twin_gait.simulation.bench_joint import tick
 from twin_gait.simulation.bench_joint.episode import BenchVariation
 from twin_gait.simulation.bench_joint.loop import BenchRun, bench_episode, simulate_bench
-from twin_gait.simulation.binding import bind
+from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.keeping import source_files
-from twin_gait.simulation.record import dtype_of, stored
+from twin_gait.simulation.record import dtype_of, to_array
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
@@ -208,7 +208,7 @@ def test_cache_key_covers_every_module_that_the_loop_is_made_of() -> None:
         made_of.add(function.__code__.co_filename)
         return function
 
-    bind(tick.run_ticks, {}, note)
+    specialize(tick.run_ticks, {}, note)
     assert len(made_of) > 10
     assert made_of <= {str(path.resolve()) for path in source_files()}
 
@@ -223,7 +223,7 @@ def test_tests_share_one_loop_whatever_their_parts_and_lengths() -> None:
 
 def test_parameters_stand_in_the_record_as_they_are_declared() -> None:
     test = everything()
-    kept = stored(bench_episode(test, BenchVariation()))[0]
+    kept = to_array(bench_episode(test, BenchVariation()))[0]
     assert kept["test"]["drive"]["ripple"] == test.drive.ripple > 0.0
     assert kept["efficiency"]["coefficients"].tolist() == list(CatalogueEfficiency().coefficients)
     assert "inductance" in kept["test"]["drive"].dtype.names

@@ -10,7 +10,7 @@ import pytest
 
 from twin_gait.core.contact import Ground, ground_contact_force
 from twin_gait.core.impedance import impedance_torque
-from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.binding import specialize, kernel_functions
 
 ROOMS = """
 import math
@@ -63,56 +63,56 @@ def rooms() -> ModuleType:
 
 
 def test_globals_change_all_the_way_down(rooms: ModuleType) -> None:
-    bound = bind(rooms.entry, {"FACTOR": 5.0})
+    bound = specialize(rooms.entry, {"FACTOR": 5.0})
     assert bound(1.5) == 5.0 * 1.5 + 1 + 5.0
-    assert bind(rooms.entry, {"law": lambda x: -x})(1.5) == -1.5 + 1 + 2.0
+    assert specialize(rooms.entry, {"law": lambda x: -x})(1.5) == -1.5 + 1 + 2.0
 
 
 def test_the_original_stays_as_it_was(rooms: ModuleType) -> None:
     before, names = dict(vars(rooms)), {"FACTOR": 5.0, "law": lambda x: 0.0}
-    bind(rooms.entry, names)
+    specialize(rooms.entry, names)
     assert dict(vars(rooms)) == before
     assert rooms.entry(1.5) == 2.0 * 1.5 + 1 + 2.0
 
 
 def test_two_bindings_do_not_know_each_other(rooms: ModuleType) -> None:
-    first, second = (bind(rooms.entry, {"FACTOR": factor}) for factor in (3.0, 4.0))
+    first, second = (specialize(rooms.entry, {"FACTOR": factor}) for factor in (3.0, 4.0))
     assert (first(1.0), second(1.0)) == (3.0 + 1 + 3.0, 4.0 + 1 + 4.0)
 
 
 def test_a_function_may_call_itself(rooms: ModuleType) -> None:
-    assert bind(rooms.power, {"FACTOR": 3.0})(2.0, 2) == 36.0
+    assert specialize(rooms.power, {"FACTOR": 3.0})(2.0, 2) == 36.0
     assert rooms.power(2.0, 2) == 16.0
 
 
 def test_functions_may_call_each_other_in_a_ring(rooms: ModuleType) -> None:
     wrapped: list[FunctionType] = []
-    bound = bind(rooms.even, {}, lambda function: wrapped.append(function) or function)  # type: ignore[func-returns-value]
+    bound = specialize(rooms.even, {}, lambda function: wrapped.append(function) or function)  # type: ignore[func-returns-value]
     assert bound(7) is False and bound(8) is True
     assert [function.__name__ for function in wrapped] == ["even", "odd"]
     assert wrapped[1].__globals__["even"] is bound
 
 
 def test_functions_of_others_are_called_as_they_are(rooms: ModuleType) -> None:
-    bound = bind(rooms.outside, {"FACTOR": 5.0})
+    bound = specialize(rooms.outside, {"FACTOR": 5.0})
     assert bound(1.0) == 10.0 + 5.0
     assert bound.__globals__["foreign"] is rooms.foreign
-    assert bind(rooms.middle, {}).__globals__["math"] is rooms.math
+    assert specialize(rooms.middle, {}).__globals__["math"] is rooms.math
 
 
 def test_what_a_comprehension_calls_is_bound_too(rooms: ModuleType) -> None:
-    assert bind(rooms.summed, {"FACTOR": 5.0})(3) == 5.0 * 3 + 3
-    assert bind(rooms.applied, {"FACTOR": 5.0})([1.0, 2.0]) == [5.0, 10.0]
+    assert specialize(rooms.summed, {"FACTOR": 5.0})(3) == 5.0 * 3 + 3
+    assert specialize(rooms.applied, {"FACTOR": 5.0})([1.0, 2.0]) == [5.0, 10.0]
 
 
 def test_defaults_and_closures_are_kept(rooms: ModuleType) -> None:
-    assert bind(rooms.by_default, {"FACTOR": 5.0})(1.0) == 2.0 + 1.0 + 5.0
+    assert specialize(rooms.by_default, {"FACTOR": 5.0})(1.0) == 2.0 + 1.0 + 5.0
     weight = 7.0
 
     def closure(x: float) -> float:
         return weight * x
 
-    assert bind(closure, {"weight": 1.0})(2.0) == 14.0
+    assert specialize(closure, {"weight": 1.0})(2.0) == 14.0
 
 
 def test_every_function_is_wrapped_once(rooms: ModuleType) -> None:
@@ -122,15 +122,15 @@ def test_every_function_is_wrapped_once(rooms: ModuleType) -> None:
         wrapped.append(function.__qualname__)
         return lambda *values: ("wrapped", function(*values))
 
-    assert bind(rooms.middle, {"math": ModuleType("math")}, wrap)
+    assert specialize(rooms.middle, {"math": ModuleType("math")}, wrap)
     assert wrapped == ["middle", "law"]
 
 
 def of_before(room: Any, before: dict[str, Any], after: dict[str, Any]) -> bool:
     """Whether a second binding of a function is that of the first."""
     made: dict[Any, Any] = {}
-    first = bind(room, before, made=made)
-    return bind(room, after, made=made) is first
+    first = specialize(room, before, cache=made)
+    return specialize(room, after, cache=made) is first
 
 
 def test_what_was_made_before_is_taken_if_all_that_it_names_is_the_same(rooms: ModuleType) -> None:
@@ -159,30 +159,30 @@ def test_defaults_and_closures_count_too(rooms: ModuleType) -> None:
         return lambda x: weight * x  # type: ignore[return-value]
 
     made: dict[Any, Any] = {}
-    two, three, again = (bind(times(weight), {}, made=made) for weight in (2.0, 3.0, 2.0))
+    two, three, again = (specialize(times(weight), {}, cache=made) for weight in (2.0, 3.0, 2.0))
     assert (two(1.0), three(1.0)) == (2.0, 3.0) and again is two
-    before = bind(rooms.by_default, {}, made=made)
+    before = specialize(rooms.by_default, {}, cache=made)
     rooms.by_default.__kwdefaults__ = {"offset": 2.0}
-    assert bind(rooms.by_default, {}, made=made)(1.0) == before(1.0) + 1.0
+    assert specialize(rooms.by_default, {}, cache=made)(1.0) == before(1.0) + 1.0
 
 
 def test_an_attribute_of_the_name_of_a_function_is_no_call_of_it(rooms: ModuleType) -> None:
     exec("def whole(x):\n    return x.law\ndef law(x):\n    return unknown_name", vars(rooms))
     wrapped: list[str] = []
-    bind(rooms.whole, {}, lambda function: wrapped.append(function.__name__) or function)  # type: ignore[func-returns-value]
+    specialize(rooms.whole, {}, lambda function: wrapped.append(function.__name__) or function)  # type: ignore[func-returns-value]
     assert wrapped == ["whole"]
 
 
 def test_what_is_no_function_is_refused(rooms: ModuleType) -> None:
     with pytest.raises(AssertionError):
-        bind(np.sin, {})
+        specialize(np.sin, {})
 
 
 def test_laws_of_this_package_are_bound_and_give_what_they_gave() -> None:
-    bound = bind(impedance_torque, {})
+    bound = specialize(impedance_torque, {})
     assert bound is not impedance_torque
     assert bound(0.3, 2.0, 100.0, 10.0, 0.2) == impedance_torque(0.3, 2.0, 100.0, 10.0, 0.2)
-    force = bind(ground_contact_force, {"contact_normal_force": lambda *_: 100.0})
+    force = specialize(ground_contact_force, {"contact_normal_force": lambda *_: 100.0})
     assert force(Ground(1.0, 3e5, 0.5, 0.8, 0.05), -0.01, 5.0, 0.0)[1] == 100.0
 
 
@@ -195,4 +195,4 @@ def test_functions_of_a_generated_kernel_count_as_ours() -> None:
     functions = kernel_functions(text, {"twice": twice})
     assert set(functions) == {"double", "quadruple"}
     assert functions["quadruple"](1.0) == 4.0
-    assert bind(functions["quadruple"], {"twice": lambda x: 3.0 * x})(1.0) == 9.0
+    assert specialize(functions["quadruple"], {"twice": lambda x: 3.0 * x})(1.0) == 9.0

@@ -29,17 +29,17 @@ from twin_gait.measures.strides import normalise_strides, root_mean_square_error
 from twin_gait.parameters.surroundings import BraceParameters, SpringDamper
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles
-from twin_gait.runs.log_files import read_table
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.runs.log_files import read_log_table
+from twin_gait.runs.summary import summarise_run
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.stages.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.bracing import carries
+from twin_gait.worlds.bracing import is_step_stable
 
 FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)
 JOINTS = [(side, joint) for side in Side for joint in JointName]
@@ -56,12 +56,12 @@ def without_motors(
     experiment: Experiment, step: float, method: IntegrationMethod
 ) -> tuple[Episode, Callable[[Episode, int], None]]:
     """Device and wearer by themselves on Pinocchio, and what moves them by one step."""
-    problem = build_problem(experiment)
-    _, e, structure = laid_out(problem)
+    problem = build_setup(experiment)
+    _, e, structure = assemble(problem)
     e.step, e.substeps, e.recording.on = step, 1, False
     structure["RK4"] = method is IntegrationMethod.RK4
     kernel = PinocchioKernel(problem.world, problem.control_model).functions
-    return e, bind(integrate, {**structure, **kernel})
+    return e, specialize(integrate, {**structure, **kernel})
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def test_two_inertias_swing_against_each_other_as_the_closed_form_says():
     leg.q[hip] += amplitude
     apart, times = [], np.arange(3000) * FINE.step
     for tick in range(len(times)):
-        apart.append(leg.q[hip] - leg.q[hip + world.wearer_shift])
+        apart.append(leg.q[hip] - leg.q[hip + world.wearer_offset])
         step(leg, tick)
     expected = amplitude * np.exp(-decay * times)
     expected *= np.cos(frequency * times) + decay / frequency * np.sin(frequency * times)
@@ -177,7 +177,7 @@ def test_energy_that_the_braces_take_is_stored_or_dissipated(bench_run):
     log, brace = bench_run.log, BraceParameters()
     stored, dissipated = np.zeros(len(log)), np.zeros(len(log))
     for joint in (JointName.HIP, JointName.KNEE):
-        name, item = f"right_{joint}", brace.of(joint)
+        name, item = f"right_{joint}", brace.joint_brace(joint)
         apart = (log[f"{name}_angle_rad"] - log[f"{name}_wearer_angle_rad"]).to_numpy()
         speed = (log[f"{name}_velocity_rad_per_s"] - log[f"{name}_wearer_velocity_rad_per_s"]).to_numpy()
         stored += 0.5 * item.stiffness * apart**2
@@ -218,7 +218,7 @@ def test_the_brace_at_the_pelvis_carries_the_weight_of_the_device(walk):
 def test_both_engines_walk_the_same_walk():
     settings = ["interface=brace", "patient=stroke_left", "duration_s=0.8", "sensors.ideal=true"]
     compiled = load_experiment("treadmill", settings).experiment
-    plain = replace(compiled, engine=Engine.PINOCCHIO, integration=compiled.stepping)
+    plain = replace(compiled, engine=Engine.PINOCCHIO, integration=compiled.resolved_integration)
     first, second = simulate(compiled), simulate(plain)
     assert first.switches == second.switches and len(first.switches) > 2
     numbers = first.log.select_dtypes("number").columns
@@ -233,7 +233,7 @@ def test_logs_have_columns_of_braces_only_where_there_are_some(bench_run):
     joints = {f"right_{joint}_" for joint in ("hip", "knee")}
     names = ("wearer_angle_rad", "wearer_velocity_rad_per_s", "brace_torque_Nm")
     assert extra == {joint + name for joint in joints for name in names} | {"brace_work_J"}
-    assert "interaction" not in summarise(rigid)
+    assert "interaction" not in summarise_run(rigid)
 
 
 # ---------------------------------------------------------------------- the step
@@ -264,10 +264,10 @@ def test_a_step_carries_the_braces_up_to_the_stiffness_that_is_said(method):
 
     step, low, high = 1e-3, 1e3, 1e7
     made = braced(low).build_world()
-    knee, shift = made.model.index(Side.RIGHT, JointName.KNEE), made.wearer_shift
+    knee, shift = made.model.index(Side.RIGHT, JointName.KNEE), made.wearer_offset
     for _ in range(20):
         middle = math.sqrt(low * high)
-        if carries(braced(middle).build_world(), step, runge_kutta=method is IntegrationMethod.RK4):
+        if is_step_stable(braced(middle).build_world(), step, runge_kutta=method is IntegrationMethod.RK4):
             low = middle
         else:
             high = middle
@@ -356,7 +356,7 @@ def test_rigid_is_what_the_presets_are():
 
 
 def test_summary_says_what_passes_through_the_braces(walk):
-    found = summarise(walk)["interaction"]
+    found = summarise_run(walk)["interaction"]
     assert set(found) == {f"{side}_{joint}" for side, joint in JOINTS} | {"pelvis"}
     torque = walk.log["left_knee_brace_torque_Nm"]
     assert found["left_knee"]["torque_rms_Nm"] == pytest.approx(math.sqrt((torque**2).mean()))
@@ -375,7 +375,7 @@ def error_of(run, column):
 
 
 def test_the_gait_is_the_wearers_and_the_devices_can_be_had(walk):
-    summary, numbers = summarise(walk), run_measures(walk)
+    summary, numbers = summarise_run(walk), run_measures(walk)
     wearers, devices = (error_of(walk, f"left_knee_{name}angle_rad") for name in ("wearer_", ""))
     assert abs(wearers - devices) > 0.1
     assert summary["sides"]["left"]["rmse_knee_by_contact_deg"] == pytest.approx(wearers, rel=1e-12)
@@ -395,7 +395,7 @@ def test_an_exported_motion_is_the_wearers_unless_the_device_is_asked_for(walk, 
     for device, column in ((False, "left_knee_wearer_angle_rad"), (True, "left_knee_angle_rad")):
         path = tmp_path / f"{device}.sto"
         export_motion(walk.log, path, RAJAGOPAL, unit="rad", device=device)
-        motion = read_table(path)
+        motion = read_log_table(path)
         assert (motion.numbers("knee_angle_l") == walk.log[column]).all()
 
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from errors import raises
-from log_rows import rows_of
+from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import work_sources
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.vocabulary import JointName
 
@@ -50,7 +50,7 @@ def on_feet(log):
 @pytest.mark.parametrize("changes", [(), SHORT, TALL], ids=["nominal", "short", "tall"])
 def test_start_is_in_balance(changes):
     """Height, moment about the hips and ankles: what no motor holds has no acceleration if the others do."""
-    problem = build_problem(seated("duration_s=0.001", "engine=pinocchio", *changes))
+    problem = build_setup(seated("duration_s=0.001", "engine=pinocchio", *changes))
     world, model = problem.world, problem.world.model
     log = simulate(problem.experiment).log.iloc[0]
     assert log["seat_force_N"] + on_feet(log) == pytest.approx(world.body_weight, abs=1e-4)
@@ -134,7 +134,7 @@ def test_seat_in_mujoco_gives_the_log_of_the_compiled_engine():
     pytest.importorskip("mujoco")
     from seated_mujoco import SeatedMujocoKernel
 
-    problem = build_problem(seated("duration_s=2", "integration.step_ms=0.25", "scenario.lean_deg=12"))
+    problem = build_setup(seated("duration_s=2", "integration.step_ms=0.25", "scenario.lean_deg=12"))
     bare = replace(problem, world=replace(problem.world, seat=None))
     kernel = SeatedMujocoKernel(problem).functions
     ours, without = CompiledEngine(problem), ReferenceEngine(bare, kernel=kernel)
@@ -144,7 +144,7 @@ def test_seat_in_mujoco_gives_the_log_of_the_compiled_engine():
     # What the guide of the pelvis takes is what no other force does: ours has the seat in it.
     kept = replace(mine, log=mine.log[theirs.log.columns])
     found, expected = (
-        rows_of(replace(run, log=run.log.drop(columns=["guide_force_N", "guide_moment_Nm"])))
+        log_matrix(replace(run, log=run.log.drop(columns=["guide_force_N", "guide_moment_Nm"])))
         for run in (kept, theirs)
     )
     np.testing.assert_allclose(found, expected, atol=1e-9, rtol=0.0)
@@ -211,7 +211,7 @@ def test_a_day_goes_from_the_chair_over_ten_metres_to_the_chair():
     log, modes = run.log, list(run.experiment.modes.phase_names)
     weight = run.experiment.build_world().body_weight
     assert run.reason == "" and run.trip is None
-    assert not any(answer.refused for answer in run.answers)
+    assert not any(answer.rejection for answer in run.request_results)
     told = [modes[int(mode)] for mode in log["mode"][log["mode"].diff() != 0.0]]
     steps = [mode for mode in told if mode in ("walk_automatic", "automatic_step")]
     assert told == ["sitting", "sit_up", "standing", *steps, "stopping", "standing", "sit_down", "sitting"]

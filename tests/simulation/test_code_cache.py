@@ -63,7 +63,7 @@ def test_what_belongs_to_another_user_is_refused(places: Path, monkeypatch: pyte
 def test_a_file_that_others_may_write_and_a_link_are_refused(places: Path) -> None:
     path = kept(places)
     (places / "link.loop").symlink_to(path)
-    assert keeping.read_own(places / "link.loop") is None
+    assert keeping.read_private_file(places / "link.loop") is None
     path.chmod(0o664)
     assert read_code(path) is None
     assert read_code(places / "missing.loop") is None
@@ -124,7 +124,7 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch, pla
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(Path, "home", nowhere)
     assert cache_folder() is None
-    assert keeping.seal("name", b"") is None
+    assert keeping.sign("name", b"") is None
 
 
 RUN = """

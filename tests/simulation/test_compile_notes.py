@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from twin_gait.simulation import keeping
-from twin_gait.simulation.compile_notes import Compilation, compile_text, pattern_of, read_records
-from twin_gait.simulation.keeping import CACHE_VARIABLE, CompiledLoop, kept_loop, source_key
+from twin_gait.simulation.compile_notes import Compilation, compile_text, parse_variant, read_records
+from twin_gait.simulation.keeping import CACHE_VARIABLE, CompiledLoop, cached_loop, source_key
 
 WALK = (
     "run_at ('dtype', {'LEGS': 2, 'SHIFT': 0, 'SUPERVISED': False, 'WITH_FRICTION': (0, 1), 'FAULTY': False})"
@@ -41,20 +41,20 @@ def test_each_compilation_is_logged_once_with_its_reason_and_the_measured_time(
 ) -> None:
     caplog.set_level(logging.WARNING, "twin_gait")
     for _ in range(2):
-        kept_loop(source_key(WALK), make, None)
+        cached_loop(source_key(WALK), make, None)
     assert logged(caplog) == ["compiling the engine (first use on this machine)"]
     (record,) = cache.glob("*.json")
     document = json.loads(record.read_text())
     assert 0.0 < document["seconds"] < 60.0 and document["flags"]["LEGS"] == "2"
     record.write_text(json.dumps({**document, "seconds": 12.4}))
-    kept_loop(source_key(BRACES), make, None)
+    cached_loop(source_key(BRACES), make, None)
     assert logged(caplog) == ["compiling the engine (new combination: braces, modes; about 12 s)"]
     assert len(list(cache.glob("*.json"))) == len(list(cache.glob("*.loop"))) == 2
 
 
 def test_a_callback_takes_the_place_of_the_log(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
     seen: list[int] = []
-    kept_loop(source_key(WALK), make, lambda: seen.append(1))
+    cached_loop(source_key(WALK), make, lambda: seen.append(1))
     assert seen == [1] and logged(caplog) == []
 
 
@@ -63,14 +63,14 @@ def test_a_compilation_that_fails_leaves_no_record(cache: Path) -> None:
         raise RuntimeError
 
     with pytest.raises(RuntimeError):
-        kept_loop(source_key(WALK), fail, None)
+        cached_loop(source_key(WALK), fail, None)
     assert not list(cache.glob("*"))
 
 
 def test_functions_of_the_user_are_neither_kept_nor_recorded(
     cache: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    kept_loop(source_key(WALK), make, None, own=(make,))
+    cached_loop(source_key(WALK), make, None, user_functions=(make,))
     assert logged(caplog) == ["compiling the engine (a controller of your own is compiled in each process)"]
     assert not list(cache.glob("*"))
 
@@ -87,17 +87,17 @@ def test_functions_of_the_user_are_neither_kept_nor_recorded(
     ],
 )
 def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> None:
-    walk = pattern_of(WALK)
+    walk = parse_variant(WALK)
     stairs = {**walk.flags, "LEGS": "3", "SLOPED": "True", "SHIFT": "9"}
     records = [Compilation("run_at", stairs, "now", 30.0), Compilation("run_at", walk.flags, "now", 8.0)]
     records.append(Compilation("run_at", walk.flags, "old", 10.0))
-    assert f"({expected})" in compile_text(pattern_of(text), "now", records, own=False)
+    assert f"({expected})" in compile_text(parse_variant(text), "now", records, has_user_code=False)
 
 
 def test_an_absent_feature_and_other_sources_are_named() -> None:
-    braces = Compilation("run_at", pattern_of(BRACES).flags, "now", 8.0)
-    assert "no braces, no modes; about 8 s" in compile_text(pattern_of(WALK), "now", [braces], own=False)
-    changed = compile_text(pattern_of(WALK), "later", [braces], own=False)
+    braces = Compilation("run_at", parse_variant(BRACES).flags, "now", 8.0)
+    assert "no braces, no modes; about 8 s" in compile_text(parse_variant(WALK), "now", [braces], has_user_code=False)
+    changed = compile_text(parse_variant(WALK), "later", [braces], has_user_code=False)
     assert changed == "compiling the engine (the program, a library or the processor has changed; about 8 s)"
 
 

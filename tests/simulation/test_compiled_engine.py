@@ -16,19 +16,19 @@ import pytest
 from errors import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_rows import ending_of, rows_of
+from log_rows import run_result, log_matrix
 
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
-from twin_gait.kernels.generated import KernelBodies, body_values, kernel_structure, write_kernel
-from twin_gait.kernels.tracing import Block, Trace, readable, sine_and_cosine
+from twin_gait.kernels.generated import KernelBodies, body_values, kernel_key, write_kernel
+from twin_gait.kernels.tracing import TraceStep, Trace, rename_results, symbolic_sine_cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import keeping
-from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
+from twin_gait.simulation.compiled_engine import CompiledEngine, kernel_names, assemble
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 GRAVITY = 9.81
@@ -67,7 +67,7 @@ def random_model(seed: int, joints: int, *, armature: bool = True) -> pin.Model:
 def plain_kernel(model: pin.Model):
     """The generated functions as plain Python, and what they are called with."""
     bodies = export_bodies(model)
-    return bound_kernel(KernelBodies(bodies, [], bodies, "z")), body_values(bodies)
+    return kernel_names(KernelBodies(bodies, [], bodies, "z")), body_values(bodies)
 
 
 @settings(max_examples=25)
@@ -122,18 +122,18 @@ def test_results_of_a_kernel_are_named_by_joint_and_quantity_in_commented_blocks
 def test_names_of_joints_belong_to_the_structure_of_a_kernel():
     bodies = export_bodies(load_experiment("treadmill").experiment.build_world().model.model)
     renamed = [bodies[0]._replace(name="other"), *bodies[1:]]
-    first, second = (kernel_structure(KernelBodies(each, [], each, "z")) for each in (bodies, renamed))
+    first, second = (kernel_key(KernelBodies(each, [], each, "z")) for each in (bodies, renamed))
     assert first != second
 
 
 def test_names_that_end_in_a_number_are_not_confused():
     trace = Trace()
     x = trace.input("q[0]")
-    trace.block = Block("Leg.", "force", "leg")
+    trace.block = TraceStep("Leg.", "force", "leg")
     results = [x * 2.0, x * 3.0]
-    trace.block = Block("Leg 1.", "force", "leg_1")
+    trace.block = TraceStep("Leg 1.", "force", "leg_1")
     results.append(x * 4.0)
-    lines = readable(trace.live_lines(results), trace)
+    lines = rename_results(trace.live_lines(results), trace)
     assert lines == [
         "'Leg.'",
         "force_leg_2 = q[0] * 2.0",
@@ -157,8 +157,8 @@ def test_trace_folds_constants_and_shares_expressions():
     assert (x + 0.0) is x
     assert (x * 1.0) is x
     assert (x - x) == 0.0
-    assert sine_and_cosine(x)[1] is sine_and_cosine(x)[1]
-    assert sine_and_cosine(0.0) == (0.0, 1.0)
+    assert symbolic_sine_cosine(x)[1] is symbolic_sine_cosine(x)[1]
+    assert symbolic_sine_cosine(0.0) == (0.0, 1.0)
     assert len(trace.lines) == 1
 
 
@@ -434,20 +434,20 @@ TRIED = [
 def test_uncompiled_steps_over_the_generated_kernel_give_the_same_log_bit_for_bit(case):
     """Short, for plain Python is slow and a bit that differs shows at once."""
     name, *changes = case
-    problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
+    problem = build_setup(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     compiled = CompiledEngine(problem).run()
-    plain = ReferenceEngine(problem, kernel=bound_kernel(laid_out(problem)[0])).run()
-    rows, theirs = rows_of(compiled), rows_of(plain)
+    plain = ReferenceEngine(problem, kernel=kernel_names(assemble(problem)[0])).run()
+    rows, theirs = log_matrix(compiled), log_matrix(plain)
     assert rows.shape == theirs.shape and rows.shape[0] > 50
     assert rows.tobytes() == theirs.tobytes()
-    assert ending_of(compiled) == ending_of(plain)
+    assert run_result(compiled) == run_result(plain)
 
 
 @pytest.mark.parametrize("case", TRIED)
 def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypatch):
     """An array that is counted needs more than the C library, and the loop would be compiled every time."""
     name, *changes = case
-    problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
+    problem = build_setup(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     CompiledEngine(problem)
     monkeypatch.setattr(keeping, "_loops", {})
     told = []
@@ -463,7 +463,7 @@ MATHEMATICS = {name.encode() for name, item in vars(math).items() if callable(it
 def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
     """Its last bits differ between versions; the power of the speed in some laws of friction is left."""
     name, *changes = case
-    problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
+    problem = build_setup(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     CompiledEngine(problem)
     monkeypatch.setattr(keeping, "_loops", {})
     codes = []

@@ -23,15 +23,15 @@ from numba.core.errors import TypingError
 
 from twin_gait.control.controller import NoMemory, UncompiledControllerError
 from twin_gait.simulation import compiling
-from twin_gait.simulation.binding import bind
+from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiling import (
-    Pruning,
+    PruningPipeline,
     compile_loop,
-    compiled_in,
-    compiled_tick,
+    compiler_settings,
+    compile_user_tick,
     jit,
-    record_at,
-    rows_at,
+    record_accessor,
+    row_accessor,
 )
 from twin_gait.simulation.record import dtype_of
 
@@ -81,20 +81,20 @@ SIGNATURE = (numba.from_dtype(NARROW),)
 
 @pytest.mark.parametrize("room", BRANCHES)
 def test_a_branch_that_a_constant_rules_out_may_name_a_field_that_is_not_there(room: Any) -> None:
-    bound = bind(room, {"WIDE": False, "COUNT": 0}, jit)
+    bound = specialize(room, {"WIDE": False, "COUNT": 0}, jit)
     bound.compile(SIGNATURE)
     assert bound.overloads[SIGNATURE].signature.return_type == types.float64
 
 
 @pytest.mark.parametrize("room", BRANCHES)
 def test_a_branch_that_is_taken_has_to_have_its_fields(room: Any) -> None:
-    bound = bind(room, {"WIDE": True, "COUNT": 2}, jit)
+    bound = specialize(room, {"WIDE": True, "COUNT": 2}, jit)
     with pytest.raises(MISSING) as caught:
         bound.compile(SIGNATURE)
     assert states(str(caught.value), "wide") or states(str(caught.value), "many")
 
 
-class WithoutPruning(Pruning):
+class WithoutPruning(PruningPipeline):
     """What the pruning pipeline would be without the pass that it adds."""
 
     def define_pipelines(self) -> list[Any]:
@@ -106,7 +106,7 @@ class WithoutPruning(Pruning):
 def test_numba_without_its_rewrites_would_type_the_dead_branch(room: Any) -> None:
     """Where this no longer fails, the pipeline of compiling.py is not needed any more."""
     options = {**compiling._OPTIONS, "pipeline_class": WithoutPruning}
-    bound = bind(room, {"WIDE": False, "COUNT": 0}, lambda function: numba.njit(**options)(function))
+    bound = specialize(room, {"WIDE": False, "COUNT": 0}, lambda function: numba.njit(**options)(function))
     with pytest.raises(MISSING) as caught:
         bound.compile(SIGNATURE)
     assert states(str(caught.value), "wide") or states(str(caught.value), "many")
@@ -118,7 +118,7 @@ def test_what_a_dead_branch_calls_is_not_compiled() -> None:
     def keep(function: Any) -> Any:
         return made.setdefault(function.__name__, jit(function))
 
-    bound = bind(calls_when_wide, {"WIDE": False}, keep)
+    bound = specialize(calls_when_wide, {"WIDE": False}, keep)
     bound.compile(SIGNATURE)
     assert not made["flagged"].overloads and made["negated"].overloads
 
@@ -170,7 +170,7 @@ def packed_operations(*, quick: bool) -> int:
     signature = (types.float64[::1], types.float64[::1], types.intp)
     made = jit(axpy, inline=False)
     if quick:
-        with compiled_in():
+        with compiler_settings():
             made.compile(signature)
     else:
         made.compile(signature)
@@ -200,7 +200,7 @@ def test_a_loop_is_compiled_with_its_own_settings_and_the_users_are_kept(
     monkeypatch.setattr(Dispatcher, "compile", note)
     before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
     loop = compile_loop(entry, {})
-    assert seen[0] == (Pruning.level, 0, False) and not Pruning.vectorise
+    assert seen[0] == (PruningPipeline.level, 0, False) and not PruningPipeline.vectorise
     assert (numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()) == before
     assert loop.function(0, 3, 10) == 7
 
@@ -271,7 +271,7 @@ def test_records_and_rows_are_found_behind_an_address_and_can_be_kept() -> None:
     state, table, numbers = np.zeros(1, dtype), np.zeros(5, row), np.arange(10.0).reshape(5, 2)
     table["value"] = [1.0, 2.0, 3.0, 4.0, 5.0]
     state["rows"], state["numbers"] = table.ctypes.data, numbers.ctypes.data
-    rows, pairs = rows_at(row), rows_at(np.dtype(float), 2)
+    rows, pairs = row_accessor(row), row_accessor(np.dtype(float), 2)
 
     def row_of(state: Any, number: int) -> Any:
         return rows(state.rows, number)
@@ -279,7 +279,7 @@ def test_records_and_rows_are_found_behind_an_address_and_can_be_kept() -> None:
     def pair_of(state: Any, number: int) -> Any:
         return pairs(state.numbers, number)
 
-    names = {"state_at": record_at(dtype), "row_of": jit(row_of), "pair_of": jit(pair_of)}
+    names = {"state_at": record_accessor(dtype), "row_of": jit(row_of), "pair_of": jit(pair_of)}
     loop = compile_loop(walk_at, names)
     assert loop.code is not None
     assert loop.function(state.ctypes.data, 1, 4) == 3
@@ -326,4 +326,4 @@ def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
 
     device = dtype_of(Device(NoMemory()))
     with raises(UncompiledControllerError, "numba", "Mine"):
-        compiled_tick("Mine", tick, False, device)
+        compile_user_tick("Mine", tick, False, device)

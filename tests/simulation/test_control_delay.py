@@ -17,7 +17,7 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import target_current
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.quantities import from_attributes
 
 JOINTS = ("hip", "knee")
 
@@ -30,7 +30,7 @@ def assert_late(late: Experiment, log, ticks: int) -> None:
     """The drives are asked in a tick for what the controller wanted some ticks before, bit for bit."""
     limits = late.control.limits
     for joint in JOINTS:
-        motor = taken_from(Motor, late.plant.actuators[joint])
+        motor = from_attributes(Motor, late.plant.actuators[joint])
         wanted = log[f"right_{joint}_motor_command_torque_Nm"].tolist()
         asked = [target_current(motor, torque, limits.torque, limits.current) for torque in wanted]
         given = log[f"right_{joint}_target_current_A"].tolist()

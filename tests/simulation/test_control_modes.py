@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import experiment_from_mapping
-from twin_gait.control.controller import Path as Walk
-from twin_gait.control.controller import cycle_place
+from twin_gait.control.controller import ReferencePath as Walk
+from twin_gait.control.controller import find_cycle_interval
 from twin_gait.control.controllers.assistance import AssistanceParameters, adapted_assistance
 from twin_gait.control.controllers.position import KNEE_HIGHEST, KNEE_LOWEST
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
@@ -24,7 +24,7 @@ from twin_gait.experiment.experiment import Engine, Experiment, Integration, Int
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
 from twin_gait.parameters.drives import KNEE_ACTUATOR
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 SIDES = (Side.LEFT, Side.RIGHT)
@@ -48,8 +48,8 @@ def experiment(*settings: str) -> Experiment:
 
 def reference_path(asked: Experiment) -> Walk:
     """The walk that is followed, or against which the tracking error is measured."""
-    problem = build_problem(asked)
-    path = problem.controller.walk(problem.plan)
+    problem = build_setup(asked)
+    path = problem.controller.reference_path(problem.plan)
     return replace(path, angles=np.array(path.angles))
 
 
@@ -71,8 +71,8 @@ def test_keys_become_parameters_in_si():
     assert control.path.damping_ratio == 0.9
     assistance = control.assistance
     assert dict(assistance.share) == {JointName.HIP: 0.5, JointName.KNEE: 0.6} and assistance.adaptive
-    assert (assistance.forgetting, assistance.gain, assistance.least) == (0.8, 2.0, 0.1)
-    assert assistance.allowance == pytest.approx(math.radians(3.0))
+    assert (assistance.forgetting_factor, assistance.gain, assistance.min_assistance) == (0.8, 2.0, 0.1)
+    assert assistance.error_deadband == pytest.approx(math.radians(3.0))
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -111,7 +111,7 @@ def test_stiffness_in_two_units_is_refused():
 
 
 def test_rows_of_the_modes_against_those_of_the_table():
-    rows = {mode: build_problem(experiment(*settings)).phase_rows for mode, settings in MODES.items()}
+    rows = {mode: build_setup(experiment(*settings)).phase_rows for mode, settings in MODES.items()}
     table, last = rows["table"], rows["table"].shape[2] - 1
     columns = [COLUMNS_PER_JOINT * joint for joint in range(2)]
     for mode in ("transparent", "gravity"):
@@ -127,7 +127,7 @@ def test_rows_of_the_modes_against_those_of_the_table():
 
 
 def test_path_spring_is_damped_by_its_ratio():
-    problem = build_problem(experiment("control.mode=position", "control.path.damping_ratio=0.6"))
+    problem = build_setup(experiment("control.mode=position", "control.path.damping_ratio=0.6"))
     path = problem.experiment.control.path
     for number, joint in enumerate((JointName.HIP, JointName.KNEE)):
         first = COLUMNS_PER_JOINT * number
@@ -180,8 +180,8 @@ def test_tracking_is_judged_by_the_healthy_walk():
 
 @pytest.mark.parametrize("leading", SIDES)
 def test_legs_begin_on_the_path(leading):
-    problem = build_problem(experiment("control.mode=position", f"scenario.leading={leading}"))
-    angles = np.array(problem.controller.walk(problem.plan).angles)
+    problem = build_setup(experiment("control.mode=position", f"scenario.leading={leading}"))
+    angles = np.array(problem.controller.reference_path(problem.plan).angles)
     for joint in problem.joints:
         number = 0 if joint.joint is JointName.HIP else 1
         percent = 0 if joint.side is leading else 50
@@ -190,7 +190,7 @@ def test_legs_begin_on_the_path(leading):
 
 def test_other_modes_begin_where_the_scenario_says():
     asked = experiment()
-    problem = build_problem(asked)
+    problem = build_setup(asked)
     begin = {joint.coordinate: problem.world.start_q[joint.coordinate] for joint in problem.joints}
     assert set(begin.values()) == {
         *asked.scenario.leading_angles.values(),
@@ -232,7 +232,7 @@ def test_equilibrium_in_the_log_is_the_path_at_the_instant():
 
 
 def test_help_is_forgotten_and_comes_back_by_hand():
-    law = AssistanceParameters(forgetting=0.9, gain=0.5, allowance=0.1, least=0.2)
+    law = AssistanceParameters(forgetting_factor=0.9, gain=0.5, error_deadband=0.1, min_assistance=0.2)
     assert adapted_assistance(law, 1.0, 0.05) == pytest.approx(0.9)
     assert adapted_assistance(law, 0.5, 0.3) == pytest.approx(0.45 + 0.5 * 0.2)
     assert adapted_assistance(law, 0.21, 0.0) == 0.2
@@ -240,7 +240,7 @@ def test_help_is_forgotten_and_comes_back_by_hand():
 
 
 def test_constant_error_leads_to_the_fixed_point_of_the_law():
-    share, law = 1.0, AssistanceParameters(forgetting=0.9, gain=0.6, allowance=0.1, least=0.0)
+    share, law = 1.0, AssistanceParameters(forgetting_factor=0.9, gain=0.6, error_deadband=0.1, min_assistance=0.0)
     for _ in range(400):
         share = adapted_assistance(law, share, 0.15)
     assert share == pytest.approx(0.6 * 0.05 / (1.0 - 0.9))
@@ -250,14 +250,14 @@ def test_constant_error_leads_to_the_fixed_point_of_the_law():
     ("progress", "sample", "share"), [(0.0, 0, 0.0), (0.255, 25, 0.5), (1.255, 25, 0.5), (0.999, 99, 0.9)]
 )
 def test_place_in_a_cycle_that_repeats(progress, sample, share):
-    before, after = cycle_place(progress, 101)
+    before, after = find_cycle_interval(progress, 101)
     assert before == sample and after == pytest.approx(share, abs=1e-9)
 
 
 def test_a_share_of_the_springs_is_what_is_left_of_those_of_the_table():
     asked = experiment(*MODES["twincare"], "duration_s=0.01", "engine=pinocchio")
     log = simulate(asked).log
-    row = build_problem(experiment()).phase_rows[0, log["left_phase"].cat.codes.iloc[0]]
+    row = build_setup(experiment()).phase_rows[0, log["left_phase"].cat.codes.iloc[0]]
     for number, (joint, share) in enumerate((("hip", 0.7), ("knee", 0.9))):
         full = row[COLUMNS_PER_JOINT * number + STIFFNESS]
         assert log[f"left_{joint}_stiffness_Nm_per_rad"].iloc[0] == pytest.approx(share * full, rel=1e-12)
@@ -282,8 +282,8 @@ def test_help_of_a_walk_is_the_law_of_the_errors_in_its_log():
         wanted = np.interp(progress, np.arange(101) / 100.0, path.angles[:, 0])
         error = float(np.abs(angle[begin:entry] - wanted).mean())
         share = max(
-            settings.least,
-            min(1.0, settings.forgetting * share + settings.gain * max(0.0, error - settings.allowance)),
+            settings.min_assistance,
+            min(1.0, settings.forgetting_factor * share + settings.gain * max(0.0, error - settings.error_deadband)),
         )
         if begin > 0:
             length = float(entry - begin)

@@ -11,7 +11,7 @@ import pytest
 from errors import raises, warns
 
 from twin_gait import load_experiment, simulate
-from twin_gait.control.controller import Controller, cycle_place
+from twin_gait.control.controller import Controller, find_cycle_interval
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.position import Position
 from twin_gait.control.safety import TripCause
@@ -19,8 +19,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlMode
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.simulation import keeping
-from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.compiled_engine import assemble
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.simulator import SlowControllerWarning
 from twin_gait.vocabulary import JointName, Side
 
@@ -60,7 +60,7 @@ class FadingHelp(Controller):
 def test_a_controller_of_twenty_lines_remembers_by_leg_and_sees_phases():
     settings = ["duration_s=4", "engine=pinocchio"]
     run = simulate(load_experiment("treadmill", settings).experiment, controller=FadingHelp())
-    problem = build_problem(run.experiment)
+    problem = build_setup(run.experiment)
     for number, side in enumerate(problem.sides):
         codes = np.asarray(run.log[f"{side}_phase"].cat.codes)
         strides = np.flatnonzero((codes[1:] == 0) & (codes[:-1] != 0)) + 1
@@ -80,7 +80,7 @@ class Weaker(Controller):
 
     @staticmethod
     def tick(memory, device, tick, period):
-        before, share = cycle_place(tick * period, 101)
+        before, share = find_cycle_interval(tick * period, 101)
         for joint in device.joints:
             joint.demand.stiffness *= 0.5
             joint.demand.gain = 0.0
@@ -89,7 +89,7 @@ class Weaker(Controller):
 
 def test_a_controller_of_ones_own_acts_in_both_engines():
     compiled, standard = simulate(bench(), controller=Weaker()), simulate(bench())
-    stepping = f"integration={{method: {compiled.experiment.stepping.method}, step_ms: 1}}"
+    stepping = f"integration={{method: {compiled.experiment.resolved_integration.method}, step_ms: 1}}"
     stepped = simulate(bench("engine=pinocchio", stepping), controller=Weaker())
     assert not compiled.log["right_hip_friction_compensation_torque_Nm"].any()
     assert standard.log["right_hip_friction_compensation_torque_Nm"].any()
@@ -101,7 +101,7 @@ def test_a_controller_of_ones_own_acts_in_both_engines():
 @pytest.mark.slow
 def test_assistance_takes_its_share_of_what_the_controller_asks_for():
     run = simulate(bench("control.assistance.knee=0.5"), controller=Weaker())
-    full = build_problem(bench()).phase_rows[0, :, [0, 4]]
+    full = build_setup(bench()).phase_rows[0, :, [0, 4]]
     first = run.log.iloc[0]
     assert first["right_hip_stiffness_Nm_per_rad"] == 0.5 * full[0][0]
     assert first["right_knee_stiffness_Nm_per_rad"] == 0.25 * full[1][0]
@@ -162,8 +162,8 @@ def test_setpoints_alone_cost_no_tick_and_take_the_place_of_the_modes():
 
     run = simulate(bench("control.mode=position"), controller=Soft())
     assert set(run.log["right_hip_stiffness_Nm_per_rad"]) == {10.0}
-    problem = build_problem(bench(), Soft())
-    assert not laid_out(problem)[2]["CONTROLLED"] and not problem.controller.functions()
+    problem = build_setup(bench(), Soft())
+    assert not assemble(problem)[2]["CONTROLLED"] and not problem.controller.tick_functions()
 
 
 # ------------------------------------------------------------------ what is refused
@@ -349,11 +349,11 @@ def test_a_module_of_the_folder_is_a_mode():
     assert {str(mode) for mode in ControlMode} == set(CONTROLLERS)
     assert CONTROLLERS["position"] is Position
     stiff = load_experiment("bench_leg", ["control.mode=position", "control.path.damping_ratio=0.3"])
-    controller = build_problem(stiff.experiment).controller
+    controller = build_setup(stiff.experiment).controller
     assert isinstance(controller, Position) and controller.path.damping_ratio == 0.3
 
 
 def test_a_mode_whose_tick_is_no_static_method_is_refused_like_a_controller_of_ones_own(monkeypatch):
     monkeypatch.setattr(Position, "tick", lambda memory, device, tick, period: None)
     with raises(ParameterError, "Position", TAKES):
-        build_problem(load_experiment("treadmill", ["control.mode=position"]).experiment)
+        build_setup(load_experiment("treadmill", ["control.mode=position"]).experiment)

@@ -9,7 +9,7 @@ from twin_gait import load_experiment
 from twin_gait.cli.simulate import report
 from twin_gait.parameters.drives import KNEE_ACTUATOR
 from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
 
@@ -77,7 +77,7 @@ def test_joint_gets_the_efficiency_of_the_motor_and_the_motor_that_of_the_joint(
 def test_losses_of_the_gear_change_the_walk_and_cost_energy_that_is_accounted_for(
     free: Run, lossy: Run
 ) -> None:
-    gentle, dear = summarise(free), summarise(lossy)
+    gentle, dear = summarise_run(free), summarise_run(lossy)
     for name in JOINTS:
         angle = f"{name}_angle_rad"
         assert np.abs(np.degrees(lossy.log[angle] - free.log[angle])).max() > 1.0
@@ -118,7 +118,7 @@ def test_electronics_draw_what_they_are_said_to_and_a_chopper_burns_what_is_left
 
 
 def test_summary_says_how_long_the_battery_lasts(free: Run) -> None:
-    summary = summarise(free)
+    summary = summarise_run(free)
     assert summary["battery_capacity_Wh"] == pytest.approx(92.2)
     assert summary["battery_life_h"] == pytest.approx(92.2 / summary["battery_power_mean_W"])
     assert summary["battery_life_stated_h"] == 4.0

@@ -14,14 +14,14 @@ from errors import raises
 import twin_gait
 from twin_gait import load_experiment
 from twin_gait.control import device_schedule
-from twin_gait.core.schedule import Block, joints, legs, one_by_one, rare, replaced, some, when
+from twin_gait.core.schedule import BlockStep, joints, legs, scalar_steps, scalar_branch, replace_steps, vector_branch, when
 from twin_gait.simulation import schedule, structure
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.executors import Names, lane_driver, scalar_driver
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.structure import structure_of
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.executors import ScheduleNames, lane_driver, scalar_driver
+from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.structure import compute_build_flags
 
-NAMES = Names(
+NAMES = ScheduleNames(
     arguments={"e": "{e}", "tick": "tick", "number": "number", "leg": "{e}.legs[number]"},
     counts={"joints": "len({e}.joints)", "legs": "len({e}.legs)"},
     fields={"tick": "tick", "decimation": "{e}.decimation"},
@@ -62,8 +62,8 @@ ALL = (
     joints(turn),
     when("FAST", second, otherwise=(legs(swing),)),
     when("COUNT > 0 and tick % decimation == 0", second),
-    (note, some(is_odd, second), rare(is_odd, note)),
-    one_by_one(second, joints(turn)),
+    (note, vector_branch(is_odd, second), scalar_branch(is_odd, note)),
+    scalar_steps(second, joints(turn)),
 )
 
 
@@ -101,7 +101,7 @@ def test_steps_run_in_their_order_over_their_parts():
 )
 def test_build_flags_are_bound_and_shared_fields_read(flags, tick, more):
     e, driver = episode(0), scalar_driver("run", ALL, NAMES, module="twin_gait.driver_of_a_test")
-    bind(driver, flags)(e, tick)
+    specialize(driver, flags)(e, tick)
     assert e.trace == [f"first {tick}", "turn 0", "turn 1", *more, *EXPECTED[3:]]
 
 
@@ -152,20 +152,20 @@ def test_neighbouring_steps_share_a_loop_over_the_lanes_also_under_build_flags()
 
 def test_a_function_of_the_block_gets_the_block():
     together = Several(episode(0), episode(1))
-    in_plain_python(lane_driver("run", (legs(Block(block)),), NAMES))(together, 0)
+    in_plain_python(lane_driver("run", (legs(BlockStep(block)),), NAMES))(together, 0)
     assert together.trace == ["block 0", "block 1"]
     assert [e.trace for e in together.episodes] == [[], []]
 
 
 def test_steps_are_replaced_inside_of_groups_and_not_again_in_their_replacement():
-    changed = replaced(ALL, {second: (note, second), turn: first})
+    changed = replace_steps(ALL, {second: (note, second), turn: first})
     e = episode(1)
     scalar_driver("run", changed, NAMES)(e, 0)
     pair = ["note", "second"]
     assert e.trace == [*["first 0"] * 3, "note", *pair, "note", *pair, *["first 0"] * 2]
     assert ALL[1] == joints(turn)
     with raises(KeyError, "swing"):
-        replaced((first, second), {swing: first})
+        replace_steps((first, second), {swing: first})
 
 
 def needs(e: Any, wheel: int) -> None: ...
@@ -201,8 +201,8 @@ def test_two_drivers_of_one_name_have_each_its_own_text():
 
 
 def test_every_declared_flag_of_a_tick_is_set_for_an_experiment():
-    problem = build_problem(load_experiment("treadmill", []).experiment)
-    found = structure_of(problem, 4)
+    problem = build_setup(load_experiment("treadmill", []).experiment)
+    found = compute_build_flags(problem, 4)
     assert structure.FLAGS.keys() | device_schedule.FLAGS.keys() <= found.keys()
     assert schedule.NAMES.flags == {**device_schedule.FLAGS, **structure.FLAGS}
 

@@ -15,19 +15,19 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from twin_gait import Run, load_experiment, simulate
-from twin_gait.core.contact import Ground, Point
-from twin_gait.core.plant import Plant, Spring, Stop
+from twin_gait.core.contact import Ground, ContactState
+from twin_gait.core.plant import Plant, Spring, MechanicalStop
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.effort import energy_balance
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import bound_kernel, laid_out
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import kernel_names, assemble
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import state_columns, work_sources
-from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.record import copied
+from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.record import deep_copy
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.stages.motion import integrate
 from twin_gait.vocabulary import JointName, Side
@@ -42,8 +42,8 @@ def walk(preset: str, *changes: str) -> Run:
     return simulate(load_experiment(preset, ["sensors.ideal=true", *changes]).experiment)
 
 
-def problem_of(*changes: str) -> Problem:
-    return build_problem(load_experiment("overground", ["sensors.ideal=true", *changes]).experiment)
+def problem_of(*changes: str) -> SimulationSetup:
+    return build_setup(load_experiment("overground", ["sensors.ideal=true", *changes]).experiment)
 
 
 # ------------------------------------------------------------------ under the guide's own force
@@ -67,14 +67,14 @@ def recorded(guide: str, ticks: int) -> tuple[list[Recorded], np.ndarray, list[i
         ``(n, 2)``; and where its coordinates stand among those of a free trunk.
     """
     settings = ["sensors.ideal=true", f"scenario.support.guide={guide}", f"duration_s={ticks / 1000}"]
-    guided = build_problem(load_experiment("treadmill", ["engine=pinocchio", *settings]).experiment)
+    guided = build_setup(load_experiment("treadmill", ["engine=pinocchio", *settings]).experiment)
     functions = PinocchioKernel(guided.world, guided.control_model).functions
     last: list[Recorded] = []
     seen: list[Recorded] = []
 
     def dynamics(q, v, torque, bodies, gravity, ground, a, points):  # type: ignore[no-untyped-def]
         power = functions["dynamics"](q, v, torque, bodies, gravity, ground, a, points)
-        last[:] = [Recorded(list(q), list(v), list(torque), copied(ground), list(a))]
+        last[:] = [Recorded(list(q), list(v), list(torque), deep_copy(ground), list(a))]
         return power
 
     def observe(*state: Any) -> Any:
@@ -93,8 +93,8 @@ def test_under_the_recorded_force_of_the_guide_a_free_trunk_is_the_guided_one(gu
     """Acceleration by acceleration, the free one by the generated kernel; and over the steps of a tick."""
     seen, taken, places = recorded(guide, 400)
     problem = problem_of(NO_CRUTCHES)
-    model, (kernel, episode, _) = problem.world.model, laid_out(problem)
-    dynamics, points = bound_kernel(kernel)["dynamics"], [Point() for _ in kernel.points]
+    model, (kernel, episode, _) = problem.world.model, assemble(problem)
+    dynamics, points = kernel_names(kernel)["dynamics"], [ContactState() for _ in kernel.points]
 
     def spread(values: list[float]) -> np.ndarray:
         whole = np.zeros(model.nv)
@@ -188,7 +188,7 @@ def test_the_arms_work_is_the_patients_and_the_ropes_is_a_springs():
 
 # ------------------------------------------------------------------ a stiff body
 
-STIFF = Stop(0.0, 0.0, 0.0, 0.0)
+STIFF = MechanicalStop(0.0, 0.0, 0.0, 0.0)
 
 
 def locked_at(angle: float) -> Plant:
@@ -197,7 +197,7 @@ def locked_at(angle: float) -> Plant:
     return Plant(stop=STIFF, spring=Spring(stiffness, 200.0, stiffness * angle))
 
 
-def stiff_body(lean: float) -> tuple[Problem, Episode, Callable[[Episode, int], None]]:
+def stiff_body(lean: float) -> tuple[SimulationSetup, Episode, Callable[[Episode, int], None]]:
     """Straight and stiff above the ankles, which turn freely, leaning over soles that lie on hard ground."""
     problem = problem_of(
         NO_CRUTCHES,
@@ -205,7 +205,7 @@ def stiff_body(lean: float) -> tuple[Problem, Episode, Callable[[Episode, int], 
         "scenario.contact={stiffness_N_per_m1p5: 1e7, transition_velocity_m_per_s: 0.02}",
         "scenario.contact.friction_coefficient=2",
     )
-    kernel, e, structure = laid_out(problem)
+    kernel, e, structure = assemble(problem)
     e.recording.on = False
     model = problem.world.model
     e.q = [0.0] * model.nv
@@ -219,7 +219,7 @@ def stiff_body(lean: float) -> tuple[Problem, Episode, Callable[[Episode, int], 
     free |= {model.index(side, JointName.ANKLE) for side in model.sides}
     e.plant = [Plant() if place in free else locked_at(e.q[place]) for place in range(model.nv)]
     e.a = [0.0] * model.nv
-    return problem, e, bind(integrate, {**structure, **bound_kernel(kernel), "WITH_FRICTION": ()})
+    return problem, e, specialize(integrate, {**structure, **kernel_names(kernel), "WITH_FRICTION": ()})
 
 
 def _tilt(model: LegModel, side: Side, q: list[float], ankle: int, angle: float) -> float:
@@ -230,7 +230,7 @@ def _tilt(model: LegModel, side: Side, q: list[float], ankle: int, angle: float)
     return abs(float(heel - toe))
 
 
-def above_the_ankles(problem: Problem, q: list[float]) -> tuple[float, np.ndarray, float]:
+def above_the_ankles(problem: SimulationSetup, q: list[float]) -> tuple[float, np.ndarray, float]:
     """Mass, centre of mass from the ankles, forwards and up, and inertia about them, of all but the feet."""
     model = problem.world.model
     pin.forwardKinematics(model.model, model.data, np.array(q))
@@ -290,7 +290,7 @@ def test_at_a_trip_the_rope_locks_where_the_trunk_is():
     speed = log["trunk_pitch_velocity_rad_per_s"] * -above * np.sin(log["trunk_pitch_rad"])
     speed += log["pelvis_velocity_m_per_s"]
     below = np.maximum(place[tick] - place, 0.0) * (np.arange(len(place)) >= tick)
-    pull = 0.1 * engine.problem.world.body_weight + 2e4 * below * np.maximum(1.0 - speed, 0.0)
+    pull = 0.1 * engine.setup.world.body_weight + 2e4 * below * np.maximum(1.0 - speed, 0.0)
     assert_allclose(log["support_force_N"], pull, rtol=1e-9)
     assert below.max() > 0.005
 
@@ -313,4 +313,4 @@ def test_who_stands_on_crutches_feels_where_they_are_from_the_start():
     world = problem_of("scenario.arms={delay_s: 0.3, planted_s: 0}").world
     shoulder = world.trunk.shoulder * math.sin(world.start_q[world.model.pitch_index])
     for arm in world.arms:
-        assert_allclose(arm.felt_ahead.samples, world.start_q[arm.place] - shoulder, rtol=1e-12)
+        assert_allclose(arm.distance_delay.samples, world.start_q[arm.index] - shoulder, rtol=1e-12)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.core.plant import Plant, Spring, Stop
+from twin_gait.core.plant import Plant, Spring, MechanicalStop
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.leg_model.joints import PELVIS_JOINT
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.stages.motion import integrate
 
 pytest.importorskip("mujoco")
@@ -31,11 +31,11 @@ SHOULDER = 0.288 * 1.75  # [m] above the hips: Winter (2009), figure 4.1
 TICKS = 2000
 
 
-def started(high: float, *changes: str) -> tuple[Problem, Episode, Callable[[Episode, int], None]]:
+def started(high: float, *changes: str) -> tuple[SimulationSetup, Episode, Callable[[Episode, int], None]]:
     """The motion over Pinocchio's dynamics, without drives; a body high above the floor."""
     settings = ["sensors.ideal=true", "integration={method: semi_implicit_euler, step_ms: 0.25}", *changes]
-    problem = build_problem(load_experiment("overground", settings).experiment)
-    _, e, structure = laid_out(problem)
+    problem = build_setup(load_experiment("overground", settings).experiment)
+    _, e, structure = assemble(problem)
     e.recording.on = False
     model = problem.world.model
     guides = {model.forward_index, model.pelvis_index, model.pitch_index}
@@ -45,13 +45,13 @@ def started(high: float, *changes: str) -> tuple[Problem, Episode, Callable[[Epi
     e.q[model.pelvis_index] += high
     e.v[model.forward_index], e.v[model.pitch_index] = 0.3, 0.5
     kernel = PinocchioKernel(problem.world, problem.control_model).functions
-    return problem, e, bind(integrate, {**structure, **kernel, "WITH_FRICTION": ()})
+    return problem, e, specialize(integrate, {**structure, **kernel, "WITH_FRICTION": ()})
 
 
 class Body:
     """The same in MuJoCo, stepped by its own Euler method; crutches are bodies on two slides."""
 
-    def __init__(self, problem: Problem, e: Episode) -> None:
+    def __init__(self, problem: SimulationSetup, e: Episode) -> None:
         experiment, model = problem.experiment, problem.world.model
         spec = legs_spec(model, experiment.patient)
         for side in SIDES[: len(e.arms)]:
@@ -99,7 +99,7 @@ GUIDES = ("pelvis_forward", "pelvis_vertical", "pelvis_pitch")
 
 
 def assert_together(
-    problem: Problem,
+    problem: SimulationSetup,
     e: Episode,
     advance: Callable[[Episode, int], None],
     forces: Callable[[Body], np.ndarray],
@@ -132,7 +132,7 @@ def test_a_harness_pulls_upwards_where_it_is_attached():
     share, damping, height = 0.9, 200.0, 0.25 * 1.75
     settings = f"scenario.harness={{share: {share}, damping_Ns_per_m: {damping}, height: 0.25}}"
     problem, e, advance = started(10.0, "scenario.crutches=none", settings)
-    e.trunk.harness.stop = Stop(e.q[problem.world.model.pelvis_index], math.inf, 3000.0, 0.5)
+    e.trunk.harness.stop = MechanicalStop(e.q[problem.world.model.pelvis_index], math.inf, 3000.0, 0.5)
     lowest = e.trunk.harness.stop.lower
 
     def rope(body: Body) -> np.ndarray:
@@ -158,7 +158,7 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
     problem, e, advance = started(0.25, f"scenario.crutches={{{words}}}", harness)
     for arm in e.arms:
         arm.grip.length += 0.25
-        arm.grip.turn = 3.0
+        arm.grip.shoulder_moment = 3.0
     grips = [arm.grip for arm in e.arms]
     contact, rubber = problem.experiment.scenario.contact, problem.experiment.scenario.crutches
     stuck: dict[str, float] = {}
@@ -182,10 +182,10 @@ def test_arms_push_crutches_by_virtual_work_in_polar_coordinates(limits):
             length, angle = abs(apart), np.angle(apart * 1j) + body.data.qpos[pitch]
             of_length, of_angle = length * logarithmic.real, logarithmic.imag.copy()
             of_angle[pitch] += 1.0
-            push = grip.push + grip.stiffness * (grip.length - length) - grip.damping * of_length @ v
-            moment = grip.turn + length * (
-                grip.turning_stiffness * grip.length * math.sin(grip.angle - angle)
-                - grip.turning_damping * length * of_angle @ v
+            push = grip.axial_force + grip.stiffness * (grip.length - length) - grip.damping * of_length @ v
+            moment = grip.shoulder_moment + length * (
+                grip.transverse_stiffness * grip.length * math.sin(grip.angle - angle)
+                - grip.transverse_damping * length * of_angle @ v
             )
             heard.add((push > push_limit, push < -pull_limit, abs(moment) > moment_limit))
             stretched = 2000.0 * max(length - 0.9 * 1.75, 0.0)

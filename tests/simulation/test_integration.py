@@ -14,12 +14,12 @@ from scipy.linalg import expm
 from twin_gait import load_experiment
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.plant import ImposedMotion, Plant
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.record import copied
-from twin_gait.simulation.stages.motion import acceleration, integrate
+from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.record import deep_copy
+from twin_gait.simulation.stages.motion import compute_accelerations, integrate
 
 # A lightly damped pair of coupled oscillators: q̈ = −K q − B q̇.
 STIFFNESS = np.array([[30.0, -8.0], [-8.0, 20.0]])
@@ -45,13 +45,13 @@ def exact(time: float) -> np.ndarray:
 @pytest.fixture(scope="module")
 def free() -> Episode:
     """Two coordinates on which nothing acts, but that their work is summed up."""
-    _, e, _ = laid_out(build_problem(load_experiment("bench_leg").experiment))
+    _, e, _ = assemble(build_setup(load_experiment("bench_leg").experiment))
     e.plant = [Plant(), Plant()]
     return e
 
 
 def started(free: Episode, q: list[float], v: list[float], step: float, *, recording: bool = True) -> Episode:
-    e = copied(free)
+    e = deep_copy(free)
     e.q, e.v, e.step, e.substeps, e.recording.on = list(q), list(v), step, 1, recording
     return e
 
@@ -59,7 +59,7 @@ def started(free: Episode, q: list[float], v: list[float], step: float, *, recor
 def evaluated_and_integrated(e: Episode, tick: int) -> None:
     """A tick as with a log, whose row is evaluated where it begins."""
     if e.recording.on:
-        acceleration(e, tick * e.rates.period, False)
+        compute_accelerations(e, tick * e.rates.period, False)
     integrate(e, tick)
 
 
@@ -79,7 +79,7 @@ def stepping(law: Law, *, rk4: bool, **names: Any) -> Callable[[Episode, int], N
         a[:] = law(np.array(q), np.array(v), np.array(torque)).tolist()
         return 0.0
 
-    function: Callable[[Episode, int], None] = bind(
+    function: Callable[[Episode, int], None] = specialize(
         evaluated_and_integrated, {"RK4": rk4, "dynamics": dynamics, **names}
     )
     return function
@@ -128,10 +128,10 @@ def bounce(free: Episode, rk4: bool, step: float, dissipation: float, phase: flo
         return force * v[0]
 
     e = started(free, [phase * 0.5 * step, 0.0], [-0.5, 0.0], step)
-    advance = bind(evaluated_and_integrated, {"RK4": rk4, "dynamics": dynamics})
+    advance = specialize(evaluated_and_integrated, {"RK4": rk4, "dynamics": dynamics})
     while e.q[0] <= 0.0 or e.v[0] <= 0.0:
         advance(e, 0)
-    return e.v[0] / 0.5, e.works.contact
+    return e.v[0] / 0.5, e.work.contact
 
 
 @pytest.mark.parametrize("dissipation", [0.5, 2.5])
@@ -246,6 +246,6 @@ def test_a_force_in_time_and_its_work_are_integrated_with_fourth_order(free: Epi
         e.substeps = count
         stepping(unsprung, rk4=True)(e, 0)
         motion.append(abs(e.q[0] - q))
-        work.append(abs(e.works.patient - 0.5 * (v * v - q * q)))
+        work.append(abs(e.work.external - 0.5 * (v * v - q * q)))
     assert 3.9 < order_of(steps, motion) < 4.1
     assert 3.9 < order_of(steps, work) < 4.1

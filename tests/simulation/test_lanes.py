@@ -14,22 +14,22 @@ import numba
 import numpy as np
 import pytest
 from llvmlite import ir
-from log_rows import ending_of, rows_of
+from log_rows import run_result, log_matrix
 from numba.core.errors import NumbaError
 
 from twin_gait import load_experiment
 from twin_gait.control.controller import Controller
 from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.block import SHARED, WIDTH, shared_words, side_by_side, word_of
-from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
-from twin_gait.simulation.compiling import ON_BITS, compile_loop, compiled_in, jit
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, kind_of
-from twin_gait.simulation.lanes import InLanes, bound_in_lanes
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.block import SHARED, WIDTH, shared_words, interleave, number_index
+from twin_gait.simulation.compiled_engine import CompiledEngine, loop_names, run_ticks_at
+from twin_gait.simulation.compiling import BIT_FUNCTIONS, compile_loop, compiler_settings, jit
+from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine, block_key
+from twin_gait.simulation.lanes import LanePipeline, lane_names
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.simulation.schedule import IN_LANES
+from twin_gait.simulation.schedule import LANE_DRIVERS
 from twin_gait.simulation.views import LanesView
 
 EULER = "integration={method: semi_implicit_euler, step_ms: %s}"
@@ -40,7 +40,7 @@ BENCH = ("bench_leg", EULER % 1)
 
 
 @lru_cache(maxsize=2 * WIDTH)
-def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
+def unlike_problem(number: int, preset: str, *settings: str) -> SimulationSetup:
     """A problem like no other of its structure: wearer, battery, noise, duration, fall, fault, bound."""
     rng = np.random.default_rng(number)
     walking, faulty = preset != "bench_leg", any(item.startswith("faults") for item in settings)
@@ -68,7 +68,7 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
         own.append(f"sensors.offset.right.hip_deg={rng.uniform(-3.0, 3.0)}")
         if walking:
             own.append(f"scenario.slope_deg={rng.uniform(-5.0, 5.0)}")
-    return build_problem(load_experiment(preset, [*settings, *own]).experiment)
+    return build_setup(load_experiment(preset, [*settings, *own]).experiment)
 
 
 def unlike(number: int, preset: str, *settings: str, record: bool = True) -> CompiledEngine:
@@ -90,9 +90,9 @@ def unlike(number: int, preset: str, *settings: str, record: bool = True) -> Com
 
 
 def assert_same(ours: Run, theirs: Run, columns: Sequence[int] | None = None) -> None:
-    mine, rows = rows_of(ours), rows_of(theirs)
+    mine, rows = log_matrix(ours), log_matrix(theirs)
     rows = rows if columns is None else rows[:, list(columns)]
-    assert ending_of(ours) == ending_of(theirs)
+    assert run_result(ours) == run_result(theirs)
     assert mine.shape == rows.shape
     np.testing.assert_array_equal(*(np.ascontiguousarray(item).view(np.int64) for item in (mine, rows)))
 
@@ -130,7 +130,7 @@ def test_these_episodes_are_unlike(alone):
     assert len({result.trip.cause for result in results if result.trip is not None}) > 1
 
 
-@pytest.mark.parametrize("fewest", [1, FEWEST + 1, WIDTH, WIDTH + 1])
+@pytest.mark.parametrize("fewest", [1, MIN_BLOCK_SIZE + 1, WIDTH, WIDTH + 1])
 def test_when_the_rest_of_a_block_goes_on_alone_changes_nothing(alone, fewest, monkeypatch):
     monkeypatch.setattr(lane_engine, "FEWEST", fewest)
     results = LaneEngine([unlike(number, *BENCH) for number in range(WIDTH)]).run()
@@ -148,7 +148,7 @@ def test_a_log_of_chosen_columns_has_them_in_the_order_asked_for(alone, columns)
 def test_without_a_log_the_rest_is_the_same(alone):
     engines = [unlike(number, *BENCH, record=False) for number in range(12)]
     for number, result in enumerate(LaneEngine(engines).run()):
-        assert ending_of(result) == ending_of(alone[number])
+        assert run_result(result) == run_result(alone[number])
         assert result.log.shape == (0, alone[number].log.shape[1])
 
 
@@ -221,7 +221,7 @@ def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
 def uncompiled(monkeypatch):
     """Engines without a loop."""
     monkeypatch.setattr(compiled_engine, "loop_of", lambda *arguments: None)
-    return lambda *arguments: CompiledEngine(build_problem(load_experiment(*arguments).experiment))
+    return lambda *arguments: CompiledEngine(build_setup(load_experiment(*arguments).experiment))
 
 
 class Own(Controller):
@@ -233,11 +233,11 @@ class Own(Controller):
 
 
 def test_powers_and_a_controller_of_the_users_run_alone(uncompiled):
-    assert kind_of(uncompiled("bench_leg", [])) is not None
+    assert block_key(uncompiled("bench_leg", [])) is not None
     lugre = "plant.friction.knee={law: lugre, coulomb_friction_Nm: 3, bristle_stiffness_Nm_per_rad: 900}"
-    assert kind_of(uncompiled("bench_leg", [lugre])) is None
-    problem = build_problem(load_experiment("bench_leg", []).experiment, Own())
-    assert kind_of(CompiledEngine(problem)) is None
+    assert block_key(uncompiled("bench_leg", [lugre])) is None
+    problem = build_setup(load_experiment("bench_leg", []).experiment, Own())
+    assert block_key(CompiledEngine(problem)) is None
 
 
 def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:
@@ -253,15 +253,15 @@ def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> 
 
 def test_every_shared_field_is_there_and_alike_in_all_who_share_a_block(uncompiled):
     engine = uncompiled("treadmill", [])
-    shared, kind, found = shared_words(engine.store.dtype), kind_of(engine), set()
+    shared, kind, found = shared_words(engine.store.dtype), block_key(engine), set()
     words = engine.store.view(np.int64)
     for name, place in numbers_of(engine.store.dtype):
         words[place] ^= 1
         assert shared[place] == (name in SHARED), name
-        assert (kind_of(engine) != kind) == (name in SHARED), name
+        assert (block_key(engine) != kind) == (name in SHARED), name
         words[place] ^= 1
         found.add(name)
-    assert found >= SHARED and kind_of(engine) == kind
+    assert found >= SHARED and block_key(engine) == kind
 
 
 RUNS: dict[str, tuple[str, ...]] = {
@@ -278,7 +278,7 @@ RUNS: dict[str, tuple[str, ...]] = {
 )
 def test_no_tick_changes_a_field_that_lanes_share(name):
     preset, *settings = RUNS[name]
-    problem = build_problem(load_experiment(preset, [*settings, "duration_s=1.5"]).experiment)
+    problem = build_setup(load_experiment(preset, [*settings, "duration_s=1.5"]).experiment)
     engine = CompiledEngine(problem)
     rows = np.zeros((1500, len(engine.layout.names)))
     engine.run_ticks(0, 1, rows)
@@ -292,15 +292,15 @@ def test_no_tick_changes_a_field_that_lanes_share(name):
 
 def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_none(uncompiled):
     engines = [uncompiled("treadmill", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
-    block = side_by_side([engine.store for engine in engines])
+    block = interleave([engine.store for engine in engines])
     dtype = engines[0].store.dtype
     assert block.shape == (dtype.itemsize // 8, WIDTH) and block.flags.c_contiguous
-    weights = block[word_of(dtype, "episode.body_weight")].view(float)
+    weights = block[number_index(dtype, "episode.body_weight")].view(float)
     assert weights[:3].tolist() == [engine.episode["body_weight"] for engine in engines]
     assert weights[3:].tolist() == [weights[0]] * (WIDTH - 3)
-    phases = block[word_of(dtype, "limits.phase_ticks")]
+    phases = block[number_index(dtype, "limits.phase_ticks")]
     assert set(phases.tolist()) == {int(engines[0].episode["limits"]["phase_ticks"])}
-    first = block[word_of(dtype, "trip.tick")]
+    first = block[number_index(dtype, "trip.tick")]
     assert set(first.tolist()) == {-1}
 
 
@@ -453,12 +453,12 @@ for _function in (enter_at, *REFUSED, *VECTORS, reads_what_is_shared, stays_scal
 
 def compiled(function: Callable[[Any], Any]) -> Any:
     """A room in lanes, as numba gives it."""
-    names = {**ON_BITS, **bound_in_lanes(TOY, 1, 1), "room": function}
-    loop = bind(
-        enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, pipeline=InLanes)
+    names = {**BIT_FUNCTIONS, **lane_names(TOY, 1, 1), "room": function}
+    loop = specialize(
+        enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, pipeline=LanePipeline)
     )
     signature = (numba.intp,) * 3
-    with compiled_in(InLanes):
+    with compiler_settings(LanePipeline):
         loop.compile(signature)
     return loop.overloads[signature]
 
@@ -500,7 +500,7 @@ def test_tests_hear_of_a_loop_that_stays_scalar(insisting, capfd):
 
 def in_plain_python(function: Callable[[Any], Any], block: np.ndarray) -> np.ndarray:
     """What a room makes of a block, episode by episode."""
-    bound = bind(function, {"lanes": lambda e: (e,), "each": lambda e: (e,)})
+    bound = specialize(function, {"lanes": lambda e: (e,), "each": lambda e: (e,)})
     episodes = np.ascontiguousarray(block.T).view(TOY).reshape(WIDTH).view(np.recarray)
     for episode in episodes:
         bound(episode)
@@ -519,23 +519,23 @@ def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd)
     assert set(SCALAR.findall(code)) == ({"= fdiv double"} if function is chooses else set())
     rng = np.random.default_rng(1)
     block = rng.uniform(-2.0, 2.0, (TOY.itemsize // 8, WIDTH)).view(np.int64)
-    first = word_of(TOY, "joints.place")
+    first = number_index(TOY, "joints.place")
     for joint in range(3):
         block[first + 3 * joint] = (2, 0, 1)[joint]
-    block[word_of(TOY, "episode.step")] = np.array(0.25).view(np.int64)
-    names = {**bound_in_lanes(TOY, 1, 1), "room": function}
+    block[number_index(TOY, "episode.step")] = np.array(0.25).view(np.int64)
+    names = {**lane_names(TOY, 1, 1), "room": function}
     expected = in_plain_python(function, block)
-    compile_loop(enter_at, names, pipeline=InLanes).function(block.ctypes.data, 0, 1)
+    compile_loop(enter_at, names, pipeline=LanePipeline).function(block.ctypes.data, 0, 1)
     assert np.array_equal(block, expected)
 
 
 # ------------------------------------------------------------------ whole loops
 
 
-def bench_and_treadmill() -> dict[str, Problem]:
+def bench_and_treadmill() -> dict[str, SimulationSetup]:
     return {
-        "bench": build_problem(load_experiment("bench_leg", [EULER % 1]).experiment),
-        "treadmill": build_problem(load_experiment("treadmill", [RK4 % 0.25, *NOISE]).experiment),
+        "bench": build_setup(load_experiment("bench_leg", [EULER % 1]).experiment),
+        "treadmill": build_setup(load_experiment("treadmill", [RK4 % 0.25, *NOISE]).experiment),
     }
 
 
@@ -545,6 +545,6 @@ def bench_and_treadmill() -> dict[str, Problem]:
 def test_no_loop_over_lanes_stays_scalar(name, uncompiled, insisting, capfd):
     engine = CompiledEngine(bench_and_treadmill()[name])
     rows = len(engine.layout.names), engine.noise.shape[1]
-    names = {**bound_to(engine), **IN_LANES, **bound_in_lanes(engine.store.dtype, *rows)}
-    compile_loop(run_at, names, pipeline=InLanes)
+    names = {**loop_names(engine), **LANE_DRIVERS, **lane_names(engine.store.dtype, *rows)}
+    compile_loop(run_ticks_at, names, pipeline=LanePipeline)
     assert capfd.readouterr().err == ""

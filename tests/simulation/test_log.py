@@ -12,7 +12,7 @@ from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation import log as log_columns
 from twin_gait.simulation.log import (
     WORK_SOURCES,
-    Columns,
+    ColumnGroup,
     LogArrays,
     log_layout,
     meaning_of,
@@ -20,13 +20,13 @@ from twin_gait.simulation.log import (
     unit_of,
     work_sources,
 )
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.vocabulary import JointName, Side
 
 HARNESS = "scenario.support.guide=harness"
 BRACED = ["patient=stroke_left", "interface=brace", HARNESS]
 LAYOUTS = [
-    log_layout(build_problem(load_experiment(preset, given).experiment))
+    log_layout(build_setup(load_experiment(preset, given).experiment))
     for preset, given in (*((name, []) for name in presets()), ("treadmill", BRACED))
 ]
 # How the house writes a unit at the end of a name, said a second time.
@@ -46,14 +46,14 @@ SUFFIXES = {
 }
 
 
-KINDS = [kind for kind in vars(log_columns).values() if isinstance(kind, Columns)]
+KINDS = [kind for kind in vars(log_columns).values() if isinstance(kind, ColumnGroup)]
 
 
 def test_every_column_of_every_layout_has_a_unit_and_a_meaning_and_says_them_by_its_name() -> None:
     for layout in LAYOUTS:
         declared = [
             (thing, own, meaning)
-            for thing, _, kind in layout.things
+            for thing, _, kind in layout.groups
             for own, (_, meaning) in kind.columns.items()
         ]
         assert len(layout.names) == len(set(layout.names)) == len(declared)
@@ -93,14 +93,14 @@ def test_braces_are_a_source_of_work_where_there_are_some() -> None:
 @pytest.mark.parametrize("given", [("bench_leg",), ("treadmill",), ("treadmill", HARNESS)])
 def test_a_run_has_the_columns_of_its_layout_and_the_time(given: tuple[str, ...]) -> None:
     experiment = load_experiment(given[0], ["duration_s=0.02", *given[1:]]).experiment
-    layout = log_layout(build_problem(experiment))
+    layout = log_layout(build_setup(experiment))
     log = simulate(experiment).log
     assert set(log.columns) == {*layout.names, "time_s"}
     assert log["time_s"].tolist() == [tick * TICK for tick in range(20)]
 
 
 def test_state_columns_are_the_coordinates_of_the_model_in_its_order() -> None:
-    problem = build_problem(load_experiment("treadmill", BRACED).experiment)
+    problem = build_setup(load_experiment("treadmill", BRACED).experiment)
     model: LegModel = problem.world.model
     for wearer in (False, True):
         positions, velocities = state_columns(model, wearer=wearer)

@@ -15,14 +15,14 @@ from twin_gait.control import device_schedule as device
 from twin_gait.control.joint_board import BoardState
 from twin_gait.core import safety
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import CompiledEngine, assemble
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.executors import scalar_driver
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.record import copied, dtype_of, stored
+from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.record import deep_copy, dtype_of, to_array
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.schedule import HEAR, NAMES
+from twin_gait.simulation.schedule import RECEIVE, NAMES
 
 JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
@@ -59,7 +59,7 @@ def jump(e: Episode, amount: float) -> None:
 
 
 def residual(e: Episode, amount: float) -> None:
-    watched_joint(e).bounds.model_gain, watched_joint(e).watched.residual = 0.0, amount
+    watched_joint(e).bounds.model_gain, watched_joint(e).monitor.residual = 0.0, amount
 
 
 def speed(e: Episode, amount: float) -> None:
@@ -72,28 +72,28 @@ def angle(e: Episode, amount: float) -> None:
 
 def heat(e: Episode, amount: float) -> None:
     bounds = watched_joint(e).bounds
-    bounds.heating, bounds.cooling, watched_joint(e).watched.heat = 0.0, 0.0, amount
+    bounds.heating, bounds.cooling, watched_joint(e).monitor.heat = 0.0, 0.0, amount
 
 
 def deviation(e: Episode, amount: float) -> None:
-    watched_joint(e).bounds.command_gain, watched_joint(e).watched.command_deviation = 0.0, amount
+    watched_joint(e).bounds.command_gain, watched_joint(e).monitor.command_deviation = 0.0, amount
 
 
 def command(e: Episode, amount: float) -> None:
     """The set point demands what is commanded."""
     board = watched_joint(e)
-    board.watched.commanded = board.demand.target = amount
+    board.monitor.last_command = board.setpoint.target = amount
 
 
 def still_load(e: Episode, amount: float) -> None:
     """The encoder of the turning hip is in order."""
     jump(e, 1e-3)
-    e.soles[LEG].load = e.controller.legs[LEG].load = 0.4
-    watched_joint(e).watched.motor_speed = amount
+    e.feet[LEG].load = e.controller.legs[LEG].load = 0.4
+    watched_joint(e).monitor.motor_speed = amount
 
 
 def remembered(name: str) -> Callable[[Episode, float], None]:
-    return lambda e, amount: setattr(watched_joint(e).watched, name, amount)
+    return lambda e, amount: setattr(watched_joint(e).monitor, name, amount)
 
 
 def of_bounds(name: str) -> Callable[[Episode], Any]:
@@ -141,31 +141,31 @@ def code(name: str) -> int:
 
 @pytest.fixture(scope="module")
 def treadmill():
-    return build_problem(load_experiment("treadmill", ["duration_s=0.2", EULER]).experiment)
+    return build_setup(load_experiment("treadmill", ["duration_s=0.2", EULER]).experiment)
 
 
 @pytest.fixture(scope="module")
 def laid(treadmill):
     """Episode and structure of the treadmill, standing still with all that is measured in order."""
-    _, e, structure = laid_out(treadmill)
+    _, e, structure = assemble(treadmill)
     for joint in e.joints:
         joint.board.encoder.angle = joint.board.encoder.last_angle = 0.1
     return e, structure
 
 
-watched = scalar_driver("watched", (device.WATCH_DRIVES, *HEAR, device.WATCH), NAMES)
+watched = scalar_driver("watched", (device.MONITOR_DRIVES, *RECEIVE, device.MONITOR), NAMES)
 control = scalar_driver("control", device.COMMAND, NAMES)
 
 
 @pytest.fixture(scope="module")
 def look(laid):
     """The monitor as plain Python."""
-    return bind(watched, laid[1])
+    return specialize(watched, laid[1])
 
 
 @pytest.fixture
 def e(laid):
-    return copied(laid[0])
+    return deep_copy(laid[0])
 
 
 def broken_for(e: Episode, look: Callable[..., None], case: Case, ticks: int, amount: float) -> None:
@@ -173,7 +173,7 @@ def broken_for(e: Episode, look: Callable[..., None], case: Case, ticks: int, am
     first = 100
     for tick in range(first, first + ticks):
         joint = watched_joint(e)
-        joint.watched.residual = joint.watched.heat = 0.0
+        joint.monitor.residual = joint.monitor.heat = 0.0
         case.put(e, amount)
         look(e, tick)
 
@@ -227,7 +227,7 @@ def test_a_foot_in_the_air_or_a_load_that_changes_is_no_frozen_load(e, look):
 
         def put(e: Episode, amount: float, loads: tuple[float, float] = loads) -> None:
             still_load(e, amount)
-            e.soles[LEG].load, e.controller.legs[LEG].load = loads
+            e.feet[LEG].load, e.controller.legs[LEG].load = loads
 
         broken_for(e, look, case._replace(put=put), 3 * case.ticks(e), case.beyond(e))
     assert e.controller.trip.tick < 0
@@ -254,22 +254,22 @@ def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
 def test_a_command_that_follows_its_set_point_does_not_deviate(e, look):
     """Whatever the set point is made of, and whatever is measured."""
     board = watched_joint(e)
-    demand, encoder = board.demand, board.encoder
+    demand, encoder = board.setpoint, board.encoder
     demand.stiffness, demand.damping, demand.equilibrium, demand.gain = 200.0, 40.0, -0.2, 0.5
     demand.gravity, demand.inertia, demand.target = 7.0, -2.0, 5.0
     encoder.velocity_fast, board.model_friction = 0.3, 4.0
-    board.watched.commanded = -(200.0 * (0.1 + 0.2) + 40.0 * 0.3) + 0.5 * 4.0 + 7.0 - 2.0 + 5.0
+    board.monitor.last_command = -(200.0 * (0.1 + 0.2) + 40.0 * 0.3) + 0.5 * 4.0 + 7.0 - 2.0 + 5.0
     look(e, 100)
-    assert board.watched.command_deviation == pytest.approx(0.0, abs=1e-12)
+    assert board.monitor.command_deviation == pytest.approx(0.0, abs=1e-12)
     encoder.last_angle = encoder.angle = 0.1 + 0.05  # a change of the spring's torque by 10 N m
     look(e, 101)
-    assert board.watched.command_deviation == pytest.approx(10.0 * board.bounds.command_gain)
+    assert board.monitor.command_deviation == pytest.approx(10.0 * board.bounds.command_gain)
 
 
 def test_a_command_beside_its_set_point_trips_when_the_filter_has_followed(e, look):
     board = watched_joint(e)
     bound, gain = board.bounds.command_deviation, board.bounds.command_gain
-    board.watched.commanded = -2.0 * bound
+    board.monitor.last_command = -2.0 * bound
     needed = math.ceil(math.log(0.5) / math.log(1.0 - gain))  # of a first-order filter, to half of a step
     for tick in range(100, 100 + needed - 1):
         look(e, tick)
@@ -280,10 +280,10 @@ def test_a_command_beside_its_set_point_trips_when_the_filter_has_followed(e, lo
 
 def test_a_held_joint_has_no_set_point_to_deviate_from(e, look):
     board = watched_joint(e)
-    board.demand.held, board.watched.commanded = True, 50.0
+    board.setpoint.held, board.monitor.last_command = True, 50.0
     for tick in range(100, 200):
         look(e, tick)
-    assert board.watched.command_deviation == 0.0 and e.controller.trip.tick < 0
+    assert board.monitor.command_deviation == 0.0 and e.controller.trip.tick < 0
 
 
 # ------------------------------------------------------------------ several in one tick
@@ -292,9 +292,9 @@ def test_a_held_joint_has_no_set_point_to_deviate_from(e, look):
 def nearly(e: Episode) -> None:
     """Everything that may last a while has lasted so long, on every joint and leg, but for one tick."""
     for joint in e.joints:
-        joint.board.watched.frozen_streak = joint.board.bounds.frozen_ticks - 1
-        joint.board.watched.torque_streak = joint.board.bounds.torque_ticks - 1
-        joint.board.watched.drive_streak = joint.board.bounds.drive_ticks - 1
+        joint.board.monitor.frozen_streak = joint.board.bounds.frozen_ticks - 1
+        joint.board.monitor.torque_streak = joint.board.bounds.torque_ticks - 1
+        joint.board.monitor.drive_streak = joint.board.bounds.drive_ticks - 1
     for leg in e.controller.legs:
         leg.load_streak = e.limits.frozen_load_ticks - 1
     e.controller.supply.low_streak = e.controller.supply.low_ticks - 1
@@ -314,7 +314,7 @@ def test_of_several_causes_on_a_joint_the_first_of_the_list_is_kept(e, look, fir
 
 
 def disobey(e: Episode, number: int) -> None:
-    e.joints[number].board.watched.current_deviation = -2.0 * e.joints[number].board.bounds.drive_deviation
+    e.joints[number].board.monitor.current_deviation = -2.0 * e.joints[number].board.bounds.drive_deviation
 
 
 def test_of_several_joints_the_first_is_kept_and_every_broken_drive_cut_off(e, look):
@@ -336,8 +336,8 @@ def stay(e: Episode, leg: int) -> None:
 def stand_still(e: Episode, leg: int) -> None:
     hip = e.joints[2 * leg]
     hip.board.encoder.angle = hip.board.encoder.last_angle + 1e-3
-    hip.board.watched.motor_speed = 2.0 * hip.board.bounds.frozen_speed
-    e.soles[leg].load = e.controller.legs[leg].load = 0.4
+    hip.board.monitor.motor_speed = 2.0 * hip.board.bounds.frozen_speed
+    e.feet[leg].load = e.controller.legs[leg].load = 0.4
 
 
 def sag(e: Episode) -> None:
@@ -384,7 +384,7 @@ def test_a_later_cause_changes_nothing_but_that_a_broken_drive_is_still_cut_off(
 @pytest.fixture(scope="module")
 def ask(laid):
     """Commands, trips and drives of a tick, joint after joint."""
-    return bind(control, laid[1])
+    return specialize(control, laid[1])
 
 
 def slacken(e: Episode) -> None:
@@ -408,7 +408,7 @@ def test_a_command_trips_at_the_first_number_beyond_its_bound(e, ask, sign):
 def test_a_command_that_is_no_number_trips_only_where_somebody_watches(e, ask):
     slacken(e)
     e.controller.joints[JOINT].target = math.nan
-    alone = copied(e)
+    alone = deep_copy(e)
     alone.watching = False
     ask(alone, 100)
     assert alone.controller.trip.tick < 0 and math.isnan(alone.joints[JOINT].board.command.torque)
@@ -448,7 +448,7 @@ def test_after_a_trip_the_controller_is_not_asked(e, laid):
     def never(*measured: float) -> float:
         raise AssertionError("asked in the hold")
 
-    asked = bind(control, {**laid[1], "impedance_torque": never})
+    asked = specialize(control, {**laid[1], "impedance_torque": never})
     with raises(AssertionError, "hold"):
         asked(e, 100)
     e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part = 100, safety.SUPPLY_TRIP, -1
@@ -463,10 +463,10 @@ def test_after_a_trip_the_controller_is_not_asked(e, laid):
 @pytest.mark.compile
 def test_compiled_the_monitor_leaves_the_same_record_in_every_case(laid, look):
     """In the tick of the trip and in the next one, number for number."""
-    from twin_gait.simulation.compiling import compile_loop, record_at
+    from twin_gait.simulation.compiling import compile_loop, record_accessor
 
     sample, structure = laid
-    episode_at = record_at(dtype_of(sample))
+    episode_at = record_accessor(dtype_of(sample))
 
     def look_at(address: int, tick: int, end: int) -> int:
         watched(episode_at(address), tick)
@@ -475,18 +475,18 @@ def test_compiled_the_monitor_leaves_the_same_record_in_every_case(laid, look):
     loop = compile_loop(look_at, structure).function
 
     def both(e: Episode, tick: int) -> None:
-        store = stored(e)
+        store = to_array(e)
         look(e, tick)
         loop(store.ctypes.data, tick, tick + 1)
-        assert repr(store.tolist()) == repr(stored(e).tolist())
+        assert repr(store.tolist()) == repr(to_array(e).tolist())
 
     for case in CASES.values():
-        e = copied(sample)
+        e = deep_copy(sample)
         nearly(e)
         broken_for(e, both, case, 2, case.beyond(e))
         assert e.controller.trip.tick >= 0
     for first in range(len(IN_ORDER)):
-        e = copied(sample)
+        e = deep_copy(sample)
         nearly(e)
         for put, _, _ in IN_ORDER[first:]:
             put(e)

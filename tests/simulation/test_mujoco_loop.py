@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from log_rows import rows_of
+from log_rows import log_matrix
 
 from twin_gait import load_experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 pytest.importorskip("mujoco")
@@ -72,8 +72,8 @@ CASES = {
 }
 
 
-def problem_of(preset: str, *changes: str) -> Problem:
-    return build_problem(load_experiment(preset, ["sensors.ideal=true", *changes]).experiment)
+def problem_of(preset: str, *changes: str) -> SimulationSetup:
+    return build_setup(load_experiment(preset, ["sensors.ideal=true", *changes]).experiment)
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
@@ -82,7 +82,7 @@ def test_the_steps_over_mujoco_give_the_log_of_the_compiled_engine(case):
     compiled = CompiledEngine(problem)
     ours, theirs = compiled.run(), ReferenceEngine(problem, kernel=MujocoKernel(problem).functions).run()
     assert ours.switches == theirs.switches != ()
-    np.testing.assert_allclose(rows_of(ours), rows_of(theirs), atol=1e-9, rtol=0.0)
+    np.testing.assert_allclose(log_matrix(ours), log_matrix(theirs), atol=1e-9, rtol=0.0)
 
 
 @pytest.mark.parametrize("change", ["patient.mass_kg=71", "patient.height_m=1.76"])

@@ -7,20 +7,20 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from log_rows import ending_of, rows_of
+from log_rows import run_result, log_matrix
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking.check import build_case, check
 from twin_gait.cli.simulate import report
 from twin_gait.control.safety import TripCause
 from twin_gait.core.can_bus import NEVER
-from twin_gait.core.safety import support_share
+from twin_gait.core.safety import hold_weight_share
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import load_messages
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
-from twin_gait.simulation.lane_engine import LaneEngine, kind_of
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.runs.summary import summarise_run
+from twin_gait.simulation.compiled_engine import CompiledEngine, kernel_names, assemble
+from twin_gait.simulation.lane_engine import LaneEngine, block_key
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 
@@ -35,8 +35,8 @@ WORST = (
 AT_ONCE = "table.blending.duration_ms=0"
 
 
-def problem_of(network: str, *settings: str) -> Problem:
-    return build_problem(load_experiment("treadmill", [f"network={network}", *settings]).experiment)
+def problem_of(network: str, *settings: str) -> SimulationSetup:
+    return build_setup(load_experiment("treadmill", [f"network={network}", *settings]).experiment)
 
 
 def walk(network: str, *settings: str) -> Run:
@@ -68,18 +68,18 @@ def frames_of(run: Run) -> list[dict[str, float]]:
 def test_plain_python_machine_code_and_pinocchio_agree_on_a_bus_on_which_everything_happens(place):
     problem = problem_of(f"{{impedance: {place}, {WORST}}}", "duration_s=0.6")
     compiled = CompiledEngine(problem).run()
-    plain = ReferenceEngine(problem, kernel=bound_kernel(laid_out(problem)[0])).run()
+    plain = ReferenceEngine(problem, kernel=kernel_names(assemble(problem)[0])).run()
     reference = ReferenceEngine(problem).run()
-    assert rows_of(compiled).tobytes() == rows_of(plain).tobytes()
-    assert ending_of(compiled) == ending_of(plain) == ending_of(reference)
+    assert log_matrix(compiled).tobytes() == log_matrix(plain).tobytes()
+    assert run_result(compiled) == run_result(plain) == run_result(reference)
     assert compiled.trip is not None
     assert all(frame["lost"] > 0 and frame["destroyed"] > 0 for frame in frames_of(compiled))
-    np.testing.assert_allclose(rows_of(compiled), rows_of(reference), rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(log_matrix(compiled), log_matrix(reference), rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.slow
 def test_lanes_are_their_episodes_alone():
-    def problem(number: int) -> Problem:
+    def problem(number: int) -> SimulationSetup:
         draw = np.random.default_rng(number)
         outage = ("silence@0.3s", "bus_off:right_hip@0.4s", "reboot:right_knee@0.6s=0.1s")[number % 3]
         network = (
@@ -90,12 +90,12 @@ def test_lanes_are_their_episodes_alone():
 
     problems = [problem(number) for number in range(16)]
     engines = [CompiledEngine(item) for item in problems]
-    assert len({kind_of(engine) for engine in engines}) == 1
+    assert len({block_key(engine) for engine in engines}) == 1
     results = LaneEngine(engines).run()
     for item, result in zip(problems, results, strict=True):
         alone = CompiledEngine(item).run()
-        assert rows_of(alone).tobytes() == rows_of(result).tobytes()
-        assert ending_of(alone) == ending_of(result)
+        assert log_matrix(alone).tobytes() == log_matrix(result).tobytes()
+        assert run_result(alone) == run_result(result)
     assert len({result.trip for result in results}) > 5
 
 
@@ -187,7 +187,7 @@ def ideal() -> Run:
 def test_a_healthy_bus_leaves_the_walk_nearly_as_it_is(place):
     run = walk(f"{{impedance: {place}}}", "duration_s=15")
     assert abs(len(run.switches) - len(ideal().switches)) <= 1
-    ours, theirs = (summarise(item)["sides"] for item in (run, ideal()))
+    ours, theirs = (summarise_run(item)["sides"] for item in (run, ideal()))
     for side in ("left", "right"):
         assert ours[side]["stride_time_mean_s"] == pytest.approx(theirs[side]["stride_time_mean_s"], rel=0.02)
         for joint in ("hip", "knee"):
@@ -238,7 +238,7 @@ def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count):
         engine = CompiledEngine(problem)
         outage = engine.episode["network"]["bus"]["outages"][0]
         outage["start"], outage["end"] = round(moment * 1e12), NEVER
-        rows = rows_of(engine.run(columns=places))
+        rows = log_matrix(engine.run(columns=places))
         held = np.flatnonzero((rows == target).all(axis=1))
         assert len(held) == len(rows) - held[0]  # and for good
         worst = max(worst, 1e-3 * held[0] - moment)
@@ -249,15 +249,15 @@ def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count):
 def test_a_board_that_is_cut_off_holds_its_joint_and_lets_it_down_and_the_others_follow():
     run = walk("{outages: ['silence:left_knee@0.34s']}", "duration_s=4")
     assert run.trip is not None
-    assert (run.trip.cause, run.trip.place) == (TripCause.BUS, "left knee")
+    assert (run.trip.cause, run.trip.location) == (TripCause.BUS, "left knee")
     fed = run.log["left_knee_gravity_compensation_torque_Nm"].to_numpy()
     alone = hold_tick(run)
-    limits = build_problem(run.experiment).experiment.control.safety
+    limits = build_setup(run.experiment).experiment.control.safety
     lowering = round(limits.lowering_time / 1e-3)
     board = int(np.flatnonzero(run.log["left_knee_damping_Nms_per_rad"].to_numpy() == limits.hold_damping)[0])
     assert 340 <= board <= 340 + SILENCE + CYCLE and board <= alone
     carried = fed[board - 1]
-    expected = [support_share(tick, lowering) * carried for tick in range(len(fed) - board)]
+    expected = [hold_weight_share(tick, lowering) * carried for tick in range(len(fed) - board)]
     np.testing.assert_array_equal(fed[board:], expected)
     assert run.verdict.outcome == "held"
 
@@ -286,18 +286,18 @@ def test_a_board_that_reboots_gives_no_torque_meanwhile_and_holds_then(length, c
     braked = run.log["left_knee_motor_torque_Nm"].to_numpy()[back : back + 20]
     assert np.abs(braked).max() > 0.0
     assert run.trip is not None
-    assert (run.trip.cause, run.trip.place) == (cause, "left knee") and run.trip.tick <= latest
+    assert (run.trip.cause, run.trip.location) == (cause, "left knee") and run.trip.tick <= latest
 
 
 def test_a_reboot_within_a_tick_is_noticed():
     run = walk("{outages: ['reboot:left_knee@1.0002s=0.1ms']}", "duration_s=1.2")
-    assert run.trip is not None and run.trip.place == "left knee" and run.trip.tick <= 1_008
+    assert run.trip is not None and run.trip.location == "left knee" and run.trip.tick <= 1_008
 
 
 def test_a_gait_controller_that_reboots_does_not_walk_on():
     run = walk("{outages: ['reboot:ccu@1s=5ms']}", "duration_s=1.5")
     assert run.trip is not None
-    assert (run.trip.cause, run.trip.place, run.trip.tick) == (TripCause.BUS, "gait controller", 1_001)
+    assert (run.trip.cause, run.trip.location, run.trip.tick) == (TripCause.BUS, "gait controller", 1_001)
 
 
 @pytest.mark.parametrize("node", ["ccu", "right_hip"])
@@ -334,7 +334,7 @@ def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
     hold = int(np.flatnonzero(damping == run.experiment.control.safety.hold_damping)[0])
     assert np.abs(torque).max() <= highest
     assert run.trip is not None
-    assert (run.trip.cause, run.trip.place) == (TripCause.COMMAND, "right knee")
+    assert (run.trip.cause, run.trip.location) == (TripCause.COMMAND, "right knee")
     assert 400 < hold < run.trip.tick <= hold + CYCLE
 
 
@@ -343,15 +343,15 @@ def test_a_wild_command_is_refused_by_its_board_at_once_and_told():
 
 def test_the_summary_says_what_the_bus_carried():
     run = walk("{loss: 0.1}", "duration_s=2")
-    network = summarise(run)["network"]
+    network = summarise_run(run)["network"]
     frames = frames_of(run)
     assert network["lost"] == sum(frame["lost"] for frame in frames) > 0
     assert network["sent"] == 8 * 1000
     # 8 frames of 111 bits and their stuff bits in a cycle, 24 of them at most.
     assert 8 * 111 / 2000 < network["bus_load"] < 8 * 135 / 2000
-    (said,) = (line for line in report(summarise(run)) if "bus:" in line)
+    (said,) = (line for line in report(summarise_run(run)) if "bus:" in line)
     assert said.endswith(f"{network['lost']} of 8000 frames lost")
-    assert "network" not in summarise(ideal())
+    assert "network" not in summarise_run(ideal())
 
 
 @pytest.mark.parametrize(

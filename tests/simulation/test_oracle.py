@@ -9,7 +9,7 @@ import pytest
 from twin_gait import load_experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 
 EULER, RK4 = "semi_implicit_euler", "rk4"
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
@@ -43,7 +43,7 @@ def test_the_compiled_engine_moves_the_leg_as_the_second_loop_does(case):
     preset, method, step, ticks, *changes = case
     stepping = f"integration={{method: {method}, step_ms: {step}}}"
     settings = ["sensors.ideal=true", f"duration_s={ticks / 1000}", stepping, *changes]
-    problem = build_problem(load_experiment(preset, settings).experiment)
+    problem = build_setup(load_experiment(preset, settings).experiment)
     ours, theirs = CompiledEngine(problem).run(), oracle.motion(problem, ticks)
     assert ours.status == "completed"
     assert ours.trip is None  # the second loop has no safety monitor

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin_gait import load_experiment, simulate, summarise
+from twin_gait import load_experiment, simulate, summarise_run
 from twin_gait.experiment.experiment import Engine
 from twin_gait.measures.crutches import crutch_use
 
@@ -28,7 +28,7 @@ def test_the_walk_goes_on_at_an_even_speed_with_the_trunk_leaning_forwards(walk)
 
 
 def test_without_arms_the_same_walk_falls_at_once_and_the_summary_says_so(walk):
-    free = summarise(walk)["free_trunk"]
+    free = summarise_run(walk)["free_trunk"]
     assert free["without_arms"]["status"] == "fell" and free["without_arms"]["duration_s"] < 4.0
     way = walk.log["pelvis_forward_m"]
     assert free["distance_m"] == way.iloc[-1] - way.iloc[0] > 2.0

@@ -8,18 +8,18 @@ import numpy as np
 import oracle
 import pytest
 from errors import raises
-from log_rows import rows_of
+from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation import lane_engine
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
@@ -37,13 +37,13 @@ def experiment(*settings: str) -> Experiment:
     return load_experiment(WALK, [STEP, *settings]).experiment
 
 
-def problem(*settings: str) -> Problem:
-    return build_problem(experiment(*settings))
+def problem(*settings: str) -> SimulationSetup:
+    return build_setup(experiment(*settings))
 
 
 def assert_near(ours: Run, theirs: Run, tolerance: float) -> None:
     assert ours.switches == theirs.switches != ()
-    np.testing.assert_allclose(rows_of(ours), rows_of(theirs), atol=tolerance, rtol=0.0)
+    np.testing.assert_allclose(log_matrix(ours), log_matrix(theirs), atol=tolerance, rtol=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_three_controlled_joints_walk_and_the_log_has_the_ankle_as_another_joint
 
 
 def test_the_motor_of_the_ankle_is_in_the_balance_of_energy_and_in_the_summary(run):
-    summary = summarise(run)
+    summary = summarise_run(run)
     assert summary["energy_residual_share"] < 1e-8
     found = summary["sides"]["left"]["joints"]["ankle"]
     strides = run.leg_record("left").strides()
@@ -162,7 +162,7 @@ def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
     for together, engine in zip(LaneEngine(ours).run(), theirs, strict=True):
         alone = engine.run()
         assert together.switches == alone.switches != ()
-        assert rows_of(together).tobytes() == rows_of(alone).tobytes()
+        assert log_matrix(together).tobytes() == log_matrix(alone).tobytes()
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_what_breaks_at_an_ankle_is_noticed(settings):
     run = simulate(experiment(PLAIN, "duration_s=0.7", *settings))
     if run.experiment.control.safety.enabled:
         assert run.trip is not None
-        assert run.trip.place == "left ankle"
+        assert run.trip.location == "left ankle"
     else:
         assert not run.log["right_ankle_measured_current_A"].to_numpy()[200:].any()
 
@@ -235,14 +235,14 @@ def test_a_table_may_control_fewer_joints(joints):
     for joint in ("hip", "knee", "ankle"):
         assert (f"left_{joint}_motor_torque_Nm" in log) == (joint in joints)
         assert f"left_{joint}_angle_rad" in log
-    assert summarise(run)["sides"]["left"]["joints"].keys() == set(joints)
+    assert summarise_run(run)["sides"]["left"]["joints"].keys() == set(joints)
 
 
 @pytest.mark.slow
 @pytest.mark.compile
 @pytest.mark.parametrize("joints", [["hip"], ["knee"], ["knee", "ankle"]])
 def test_engines_agree_on_fewer_joints(joints):
-    laid_out = build_problem(controlling(joints))
+    laid_out = build_setup(controlling(joints))
     compiled = CompiledEngine(laid_out)
     assert_near(compiled.run(), ReferenceEngine(laid_out).run(), 1e-7)
 
@@ -290,5 +290,5 @@ def test_engines_agree_on_fewer_joints(joints):
 )
 def test_what_an_ankle_lacks_is_said_in_one_line(preset, settings, message):
     with raises(TwinGaitError, *message) as refused:
-        build_problem(load_experiment(preset, [*settings]).experiment)
+        build_setup(load_experiment(preset, [*settings]).experiment)
     assert "\n" not in str(refused.value)

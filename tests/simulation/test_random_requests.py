@@ -15,11 +15,11 @@ from twin_gait.control import device_schedule
 from twin_gait.control.gait_controller import trip_on_causes
 from twin_gait.control.safety import TripCause
 from twin_gait.control.supervisor import choose_mode
-from twin_gait.core.inertial import follow_pitch, trunk_specific_force
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.core.inertial import update_pitch_estimate, trunk_specific_force
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.executors import scalar_driver
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.schedule import NAMES
@@ -82,12 +82,12 @@ class Device:
     """Supervisor and legs of an experiment, in plain Python, fed with signals."""
 
     def __init__(self, experiment: Experiment) -> None:
-        problem = build_problem(experiment)
+        problem = build_setup(experiment)
         engine = self.engine = ReferenceEngine(problem)
         names = (engine.log_row, engine.switch_row, engine.noise_row, engine.choose_transition)
-        bound = {**laid_out(problem)[2], **{item.__name__: item for item in names}}
-        parts = ("choose", device_schedule.SUPERVISE), ("decide", device_schedule.WALK)
-        self.choose, self.decide = (bind(scalar_driver(name, (part,), NAMES), bound) for name, part in parts)
+        bound = {**assemble(problem)[2], **{item.__name__: item for item in names}}
+        parts = ("choose", device_schedule.SUPERVISE), ("decide", device_schedule.STATE_MACHINES)
+        self.choose, self.decide = (specialize(scalar_driver(name, (part,), NAMES), bound) for name, part in parts)
         self.modes, self.table = experiment.modes, problem.table
         self.fresh = copy.deepcopy((engine.episode, engine.machines))
 
@@ -212,7 +212,7 @@ def steps_by(pitch: np.ndarray, start: int, draw: np.random.Generator) -> tuple[
         felt = trunk_specific_force(unit, pitch[tick], rate[tick], turning[tick], ahead[tick], up[tick], 9.81)
         noise = draw.normal(0.0, sensor.accelerometer_noise, 2)
         gyroscope = rate[tick] + draw.normal(0.0, sensor.gyroscope_noise)
-        follow_pitch(unit, gyroscope, felt[0] + noise[0], felt[1] + noise[1], 1e-3)
+        update_pitch_estimate(unit, gyroscope, felt[0] + noise[0], felt[1] + noise[1], 1e-3)
         beyond = beyond + 1 if unit.pitch > GUARD * DEGREE and swinging[tick] == 0 else 0
         supervisor.signals[pitch_place], supervisor.signals[swing_place] = unit.pitch, float(swinging[tick])
         choose_mode(supervisor, tick, False)

@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait import load_experiment
-from twin_gait.parameters.quantities import taken_from
-from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.parameters.quantities import from_attributes
+from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.record import ABSENT, copied, dtype_of, stored
+from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.record import ABSENT, deep_copy, dtype_of, to_array
 
 
 @dataclass(slots=True)
@@ -46,7 +46,7 @@ def outer() -> Outer:
 
 
 def numpy_record(sample: Any) -> Any:
-    store = stored(sample)
+    store = to_array(sample)
     assert store.shape == (1,) and store.dtype == dtype_of(sample)
     return store[0]
 
@@ -140,8 +140,8 @@ CASES = [
 def test_a_whole_episode_is_written_and_takes_no_more_room_than_it_has_numbers(
     preset: str, settings: tuple[str, ...]
 ) -> None:
-    problem = build_problem(load_experiment(preset, [*settings]).experiment)
-    _, episode, _ = laid_out(problem)
+    problem = build_setup(load_experiment(preset, [*settings]).experiment)
+    _, episode, _ = assemble(problem)
     record = numpy_record(episode)
     count = check_written(episode, record)
     assert 300 < count and record.dtype.itemsize == 8 * count  # a bool is filled up to 8 bytes
@@ -149,9 +149,9 @@ def test_a_whole_episode_is_written_and_takes_no_more_room_than_it_has_numbers(
 
 @pytest.mark.parametrize(("preset", "settings"), CASES)
 def test_every_column_of_the_log_is_read_in_the_record(preset: str, settings: tuple[str, ...]) -> None:
-    problem = build_problem(load_experiment(preset, [*settings]).experiment)
-    layout, (_, episode, structure) = log_layout(problem), laid_out(problem)
-    write_row = bind(kernel_functions(layout.writer, {})["write_row"], structure)
+    problem = build_setup(load_experiment(preset, [*settings]).experiment)
+    layout, (_, episode, structure) = log_layout(problem), assemble(problem)
+    write_row = specialize(kernel_functions(layout.writer, {})["write_row"], structure)
     row = [math.nan] * len(layout.names)
     write_row(episode, row)
     found = dict(zip(layout.names, row, strict=True))
@@ -165,7 +165,7 @@ def test_every_column_of_the_log_is_read_in_the_record(preset: str, settings: tu
 
 def test_a_copy_is_equal_and_shares_nothing() -> None:
     first = outer()
-    second = copied(first)
+    second = deep_copy(first)
     assert second == first
     second.row[0] = second.table[0][0] = second.inner.gain = second.many[1].gain = 99.0
     second.spare.append(Inner(1.0))
@@ -179,12 +179,12 @@ class Parameters:
 
 
 def test_a_record_is_taken_from_attributes_of_the_same_names() -> None:
-    assert taken_from(Inner, Parameters(), count=4) == Inner(0.75, 4)
-    assert taken_from(Inner, Parameters(), gain=1.0, count=4) == Inner(1.0, 4)
+    assert from_attributes(Inner, Parameters(), count=4) == Inner(0.75, 4)
+    assert from_attributes(Inner, Parameters(), gain=1.0, count=4) == Inner(1.0, 4)
 
 
 def test_a_field_with_a_default_keeps_it_where_nothing_says_more() -> None:
-    assert taken_from(Inner, Parameters()) == Inner(0.75, 0)
+    assert from_attributes(Inner, Parameters()) == Inner(0.75, 0)
 
 
 # ------------------------------------------------------------------ what must fail
@@ -192,12 +192,12 @@ def test_a_field_with_a_default_keeps_it_where_nothing_says_more() -> None:
 
 def test_a_record_that_lacks_an_attribute_is_not_made_up() -> None:
     with raises(TypeError, "Inner", "gain"):
-        taken_from(Inner, object(), count=1)
+        from_attributes(Inner, object(), count=1)
 
 
 def test_a_field_that_the_record_does_not_have_is_refused() -> None:
     with raises(TypeError, "Inner", "surplus"):
-        taken_from(Inner, Parameters(), count=1, surplus=2)
+        from_attributes(Inner, Parameters(), count=1, surplus=2)
 
 
 @dataclass(slots=True)
@@ -215,7 +215,7 @@ class Many:
 )
 def test_lists_of_unlike_length_are_refused(sample: Any) -> None:
     with pytest.raises((ValueError, TypeError)):
-        stored(sample)
+        to_array(sample)
 
 
 def test_slots_refuse_a_name_that_is_misspelt() -> None:

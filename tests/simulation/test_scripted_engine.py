@@ -13,8 +13,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware.linked import engine_without_bus
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.simulator import engine_of, simulate_together
+from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulator import create_engine, simulate_blocks
 
 KEYS = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")
 STIFFER = ", ".join(f"table.phases.{name}.knee.stiffness_Nm_per_rad: 110" for name in KEYS)
@@ -42,7 +42,7 @@ def test_a_push_and_a_stop_act_in_their_ticks():
     run = simulate(bench(f"[{push}, {{time_s: 0.9, stop: true}}]"))
     pushed = np.flatnonzero(run.log["right_knee_patient_torque_Nm"])
     assert pushed.tolist() == list(range(305, 428))
-    assert run.trip is not None and (run.trip.tick, run.trip.place) == (900, "operator")
+    assert run.trip is not None and (run.trip.tick, run.trip.location) == (900, "operator")
     assert np.flatnonzero(run.log["safety_state"])[0] == 900
 
 
@@ -56,7 +56,7 @@ def test_a_set_at_the_start_without_a_fade_walks_as_an_experiment_with_those_val
 def test_together_and_from_the_folder_it_is_the_same_run(tmp_path):
     experiment = bench(f"[{{time_s: 0.4, set: {{{STIFFER}}}}}, {{time_s: 0.8, stop: true, by: Ann}}]")
     run = simulate(experiment)
-    for _, other in simulate_together([experiment, bench("[]"), experiment]):
+    for _, other in simulate_blocks([experiment, bench("[]"), experiment]):
         assert other.log.equals(run.log) == bool(other.experiment.events)
     run.save(tmp_path / "run")
     stored = load_run(tmp_path / "run")
@@ -65,7 +65,7 @@ def test_together_and_from_the_folder_it_is_the_same_run(tmp_path):
 
 
 def test_without_events_the_engine_is_the_compiled_one():
-    assert type(engine_of(build_problem(bench("[]")))) is CompiledEngine
+    assert type(create_engine(build_setup(bench("[]")))) is CompiledEngine
 
 
 def test_the_reference_engine_and_the_firmware_refuse_events_in_one_line():

@@ -14,7 +14,7 @@ from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.parameters.drives import SensorParameters
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_joint import bench_joint
@@ -64,7 +64,7 @@ def test_an_offset_is_an_equilibrium_that_is_off_by_as_much():
 
 def test_a_trip_in_the_first_tick_holds_the_angle_that_the_encoder_reads():
     """Without the offset in the filters' start the hold would begin with a jump."""
-    engine = CompiledEngine(build_problem(experiment("bench_leg", "sensors.offset.right.hip_deg=2")))
+    engine = CompiledEngine(build_setup(experiment("bench_leg", "sensors.offset.right.hip_deg=2")))
     joint = engine.episode["joints"][0]
     assert joint["board"]["encoder"]["angle"] == engine.episode["q"][0] + math.radians(2.0)
 

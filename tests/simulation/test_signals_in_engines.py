@@ -16,31 +16,31 @@ from twin_gait.gait.signals import all_signal_names
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 TICKS = 20
 
 
-def problem() -> Problem:
+def problem() -> SimulationSetup:
     experiment = load_experiment("treadmill", ["table=treadmill_start_stop", "duration_s=0.02"]).experiment
-    return build_problem(experiment)
+    return build_setup(experiment)
 
 
-def compiled(given: Problem) -> Any:
+def compiled(given: SimulationSetup) -> Any:
     engine = CompiledEngine(given)
     engine.run()
     return engine.store.view(np.recarray)[0].controller
 
 
-def in_lanes(given: Problem) -> Any:
-    engines = [CompiledEngine(given) for _ in range(FEWEST)]
+def in_lanes(given: SimulationSetup) -> Any:
+    engines = [CompiledEngine(given) for _ in range(MIN_BLOCK_SIZE)]
     LaneEngine(engines).run()
     return engines[0].store.view(np.recarray)[0].controller
 
 
-def reference(given: Problem) -> Any:
+def reference(given: SimulationSetup) -> Any:
     pitching: Mapping[str, Callable[..., Any]] = {
         **PinocchioKernel(given.world, given.control_model).functions,
         "trunk_pitch": lambda one: 0.25,
@@ -76,7 +76,7 @@ def guarded(table: GaitTable, text: str) -> GaitTable:
     """A table whose guards all hold a further condition."""
     further = parse_guard(text)
     transitions = (
-        item if item.is_time_out else replace(item, guard=AllOf(guards=(item.guard, further)))
+        item if item.is_timeout else replace(item, guard=AllOf(guards=(item.guard, further)))
         for item in table.transitions
     )
     return replace(table, transitions=tuple(transitions))

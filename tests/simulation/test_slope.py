@@ -10,11 +10,11 @@ from errors import raises
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.kernels.generated import kernel_structure, write_kernel
+from twin_gait.kernels.generated import kernel_key, write_kernel
 from twin_gait.measures.effort import energy_balance
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.log import state_columns, work_sources
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.vocabulary import JointName
 
 HARNESS = "scenario.support.guide=harness"
@@ -109,12 +109,12 @@ def test_who_stands_on_a_slope_and_is_held_by_nothing_forwards_splits_their_weig
 
 def test_level_ground_has_a_kernel_that_knows_no_slope():
     level, sloped = (
-        laid_out(build_problem(load_experiment("treadmill", [f"scenario.slope_deg={slope}"]).experiment))
+        assemble(build_setup(load_experiment("treadmill", [f"scenario.slope_deg={slope}"]).experiment))
         for slope in (0, 2)
     )
     assert "slope" not in write_kernel(level[0])
     assert "slope_sine" in write_kernel(sloped[0])
-    assert kernel_structure(level[0]) != kernel_structure(sloped[0])
+    assert kernel_key(level[0]) != kernel_key(sloped[0])
     assert (level[2]["SLOPED"], sloped[2]["SLOPED"]) == (False, True)
 
 

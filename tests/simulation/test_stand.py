@@ -16,8 +16,8 @@ from twin_gait.exceptions import MeasurementError, ParameterFileError
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.table import TICK, Scaling
 from twin_gait.measures.leg_record import leg_record
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation.problem import build_problem
+from twin_gait.runs.summary import summarise_run
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import log_table
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
@@ -202,13 +202,13 @@ def test_no_phase_ends_by_its_time_out():
 
 def test_strides_are_counted_while_the_belt_runs_evenly():
     run = walk(*commands(1.0, 8.5, 12.0))
-    ((first, last),) = run.steady
+    ((first, last),) = run.steady_spans
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady_spans)
         strides = record.strides(skip=0)
         assert len(strides) < len(record.contacts.heel_strikes) - 1  # there were more
         assert strides[0, 0] * TICK >= first and strides[-1, 1] * TICK <= last
-        values = summarise(run)["sides"][side]
+        values = summarise_run(run)["sides"][side]
         assert values["strides"] == len(strides)
         assert values["phases_in_order"] is True
 
@@ -233,7 +233,7 @@ def test_both_engines_agree_from_stand_to_stand():
 
 @pytest.mark.slow
 def test_a_walk_in_pieces_follows_the_belt_too():
-    problem = build_problem(load_experiment("treadmill_start_stop", commands(0.5, 3.0, 4)).experiment)
+    problem = build_setup(load_experiment("treadmill_start_stop", commands(0.5, 3.0, 4)).experiment)
     run = SteppedRun(problem)
     while run.tick < 4000:
         run.advance(min(370, 4000 - run.tick))
@@ -247,7 +247,7 @@ def test_another_speed_in_a_walk_in_pieces_keeps_the_ramps():
     # Without scaling the table is the same at both speeds.
     experiment = replace(experiment, table=replace(experiment.table, scaling=Scaling()))
     slower = 0.8 * experiment.scenario.belt_speed
-    run = SteppedRun(build_problem(experiment))
+    run = SteppedRun(build_setup(experiment))
     run.set({**run.numbers, "belt_speed": slower}, fade_ticks=0)
     run.advance(3000)
     whole = simulate(replace(experiment, scenario=replace(experiment.scenario, belt_speed=slower)))

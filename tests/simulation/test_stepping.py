@@ -12,7 +12,7 @@ from twin_gait.configuration.experiments import load_experiment
 from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.simulation import stepping
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import RunStatus, log_table
 from twin_gait.simulation.simulator import simulate
 from twin_gait.simulation.stepping import SteppedRun
@@ -23,12 +23,12 @@ LATE_STANCE, SWING_FLEXION = "late_stance", "swing_flexion"
 
 @pytest.fixture(scope="module")
 def bench():
-    return build_problem(load_experiment("bench_leg", ["duration_s=6"]).experiment)
+    return build_setup(load_experiment("bench_leg", ["duration_s=6"]).experiment)
 
 
 @pytest.fixture(scope="module")
 def treadmill():
-    return build_problem(load_experiment("treadmill", ["duration_s=4"]).experiment)
+    return build_setup(load_experiment("treadmill", ["duration_s=4"]).experiment)
 
 
 def column(run, name, first=0):
@@ -68,7 +68,7 @@ def test_noise_is_that_of_the_whole_run_too():
     experiment = load_experiment(
         "bench_leg", ["duration_s=2", "sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "seed=5"]
     ).experiment
-    problem = build_problem(experiment)
+    problem = build_setup(experiment)
     run = SteppedRun(problem)
     for _ in range(200):
         run.advance(10)
@@ -93,7 +93,7 @@ def test_rows_are_there_until_they_are_forgotten(bench):
     np.testing.assert_array_equal(run.rows(), np.concatenate(pieces))
     np.testing.assert_array_equal(run.rows(299), np.concatenate(pieces)[299:])
     assert run.rows(551).shape == (0, len(run.layout.names))
-    run.forget_rows(300)
+    run.discard_rows(300)
     np.testing.assert_array_equal(run.rows(), np.concatenate(pieces)[300:])
 
 
@@ -144,8 +144,8 @@ def test_a_table_set_at_the_start_walks_as_an_experiment_with_that_table():
     small = load_experiment(
         "bench_leg", ["duration_s=3", "table.phases.swing_flexion.knee.equilibrium_deg=55"]
     )
-    theirs = build_problem(small.experiment)
-    run = SteppedRun(build_problem(load_experiment("bench_leg", ["duration_s=3"]).experiment))
+    theirs = build_setup(small.experiment)
+    run = SteppedRun(build_setup(load_experiment("bench_leg", ["duration_s=3"]).experiment))
     change(run, 0, phase_rows=theirs.phase_rows.tolist())
     run.restart()
     run.advance(3000)
@@ -235,12 +235,12 @@ def test_belt_and_support_change_what_the_feet_feel(treadmill):
 @pytest.mark.parametrize("kind", ["motor_dead:right_knee", "encoder_offset:right_hip", "supply_dip"])
 def test_a_fault_that_is_injected_is_the_fault_of_an_experiment(kind):
     experiment = load_experiment("bench_leg", ["duration_s=1.5"]).experiment
-    run = SteppedRun(build_problem(experiment))
+    run = SteppedRun(build_setup(experiment))
     run.advance(730)
     run.inject(parse_fault(f"{kind}@0s"))
     run.advance(770)
     faulty = simulate(replace(experiment, faults=(parse_fault(f"{kind}@0.73s"),)))
-    assert log_table(run.rows(), run.layout, run.problem.table).equals(faulty.log)
+    assert log_table(run.rows(), run.layout, run.setup.table).equals(faulty.log)
     assert run.trip == faulty.trip
 
 
@@ -260,9 +260,9 @@ def test_a_held_leg_waits_until_it_is_let_go_and_waits_again_after_that_step(ben
     held = bench.table.phase_index(LATE_STANCE)
     run = SteppedRun(bench)
     change(run, held_phase=held)
-    while not run.waiting() and run.tick < 4000:
+    while not run.waiting_legs() and run.tick < 4000:
         run.advance(10)
-    assert run.waiting() == (0,)
+    assert run.waiting_legs() == (0,)
     run.advance(6000)  # longer than the monitor lets a leg stay in a phase
     assert (phase_codes(run, "right")[-1], run.trip) == (held, None)
     let_go = run.tick
@@ -270,7 +270,7 @@ def test_a_held_leg_waits_until_it_is_let_go_and_waits_again_after_that_step(ben
     run.advance(20)
     assert bench.table.phase_names[phase_codes(run, "right")[-1]] == SWING_FLEXION
     run.advance(5000)
-    assert run.waiting() == (0,)
+    assert run.waiting_legs() == (0,)
     left = [item.tick for item in run.switches() if item.source == LATE_STANCE]
     assert len(left) == 1 and let_go <= left[0] < let_go + 20
     change(run, held_phase=None)
@@ -284,7 +284,7 @@ def test_a_stop_holds_the_joints_from_the_next_tick_on_and_is_not_taken_back(ben
     run.stop()
     run.advance(1000)
     run.stop()
-    assert (run.trip.tick, run.trip.cause, run.trip.place) == (905, TripCause.OPERATOR, "operator")
+    assert (run.trip.tick, run.trip.cause, run.trip.location) == (905, TripCause.OPERATOR, "operator")
     assert np.flatnonzero(column(run, "safety_state")).tolist() == list(range(905, 1905))
     for joint in ("hip", "knee"):
         hold = column(run, f"right_{joint}_impedance_torque_Nm")[906:]
@@ -298,8 +298,8 @@ def test_a_stop_holds_the_joints_from_the_next_tick_on_and_is_not_taken_back(ben
 def test_a_walk_that_has_fallen_runs_no_further():
     # The monitor would trip, and the harness catch the wearer.
     unwatched = ["duration_s=4", "control.safety.enabled=false"]
-    run = SteppedRun(build_problem(load_experiment("treadmill", unwatched).experiment))
-    rows = run.problem.phase_rows.copy()
+    run = SteppedRun(build_setup(load_experiment("treadmill", unwatched).experiment))
+    rows = run.setup.phase_rows.copy()
     rows[:, :, [0, 1, 4, 5]] = 0.0  # legs without springs and dampers
     change(run, 0, phase_rows=rows.tolist())
     run.advance(5000)
@@ -322,7 +322,7 @@ def test_another_run_goes_on_from_a_moment_bit_for_bit_and_the_first_does_not_no
         one.advance(100)  # in the middle of the fades and of the push
     other.advance(333)
     other.stop()
-    other.go_on_from(json.loads(json.dumps(run.moment())))
+    other.restore(json.loads(json.dumps(run.snapshot())))
     rows = run.advance(1500)
     np.testing.assert_array_equal(other.advance(1500), rows)
     np.testing.assert_array_equal(undisturbed.advance(1500), rows)
@@ -334,9 +334,9 @@ def test_a_step_by_hand_that_was_let_go_is_let_go_in_the_copy_too(bench):
     run, other = SteppedRun(bench), SteppedRun(bench)
     late = bench.table.phase_index(LATE_STANCE)
     change(run, held_phase=late)
-    while not run.waiting():
+    while not run.waiting_legs():
         run.advance(10)
     run.release()
-    other.go_on_from(run.moment())
+    other.restore(run.snapshot())
     np.testing.assert_array_equal(run.advance(4000), other.advance(4000))
-    assert run.waiting() == other.waiting() == (0,)
+    assert run.waiting_legs() == other.waiting_legs() == (0,)

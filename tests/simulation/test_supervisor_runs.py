@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from errors import raises
-from log_rows import rows_of
+from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli.simulate import report
@@ -18,11 +18,11 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.gait.machine import POSTURE
 from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.runs.record import read_run
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.record import read_stored_run
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 
@@ -78,7 +78,7 @@ def test_the_device_stands_walks_and_stands_when_it_is_asked_to():
 
 def test_what_is_refused_says_why():
     done, no = run(requests=WALK, seconds=20.0), "does not answer"
-    assert [(item.request, item.before, item.after, item.refused) for item in done.answers] == [
+    assert [(item.request, item.mode_before, item.mode_after, item.rejection) for item in done.request_results] == [
         ("walk", "standing", "walk_manual", ""),
         ("sit", "walk_manual", "walk_manual", f"walk_manual {no} sit; it answers stand, step, stop"),
         ("stop", "walk_manual", "stopping", ""),
@@ -92,12 +92,12 @@ def test_what_is_refused_says_why():
 
 def test_an_early_request_for_the_chair_says_how_long_the_wearer_has_stood():
     done = run(*STAYING, requests="sit@2.999s, sit@3s", seconds=3.5)
-    early, late = done.answers
-    assert early.refused == "standing for 2.999 s, less than 3 s"
-    told = f"sit at 2.999 s: {early.refused}"
-    assert summarise(done)["requests_refused"] == told
-    assert f"  refused: {told}" in report(summarise(done))
-    assert late.after == "sit_down" and late.time == 3.0
+    early, late = done.request_results
+    assert early.rejection == "standing for 2.999 s, less than 3 s"
+    told = f"sit at 2.999 s: {early.rejection}"
+    assert summarise_run(done)["requests_refused"] == told
+    assert f"  refused: {told}" in report(summarise_run(done))
+    assert late.mode_after == "sit_down" and late.time == 3.0
 
 
 def test_both_legs_enter_a_posture_in_the_tick_in_which_the_mode_begins():
@@ -117,7 +117,7 @@ def test_a_step_is_asked_for_and_taken_once():
     assert lifted[0] == 1000
     modes = visited(done)
     assert modes[2:4] == [(1000, "manual_step"), (1001, "walk_manual")]
-    assert done.answers[2].refused.endswith("legs_in_swing < 0.5 is not true, legs_in_swing is 1")
+    assert done.request_results[2].rejection.endswith("legs_in_swing < 0.5 is not true, legs_in_swing is 1")
     walking = [item for item in done.switches if 1001 < item.tick < 3300]
     assert not [item for item in walking if item.source == "stand" and "swing" in item.target]
 
@@ -133,7 +133,7 @@ def test_a_trip_leads_to_the_hold_from_which_nothing_leads(request_):
     done = run(*STAYING, fault, requests=f"{request_}, stop@1s, stand@1.2s", seconds=1.5)
     assert done.trip is not None
     assert visited(done)[-1] == (done.trip.tick, "hold")
-    assert [item.refused for item in done.answers[1:]] == [
+    assert [item.rejection for item in done.request_results[1:]] == [
         f"hold does not answer {name}; it answers nothing" for name in ("stop", "stand")
     ]
 
@@ -147,16 +147,16 @@ def test_the_reference_engine_does_the_same(requests, sent):
     plain = simulate(dataclasses.replace(given, engine=Engine.PINOCCHIO))
     compiled = simulate(given)
     assert len([item for item in plain.switches if item.cause == POSTURE]) == sent
-    assert plain.switches == compiled.switches and len(plain.answers) == requests.count("@")
-    assert plain.answers == compiled.answers
+    assert plain.switches == compiled.switches and len(plain.request_results) == requests.count("@")
+    assert plain.request_results == compiled.request_results
     names = [name for name in plain.log if plain.log[name].dtype == float]
     np.testing.assert_allclose(plain.log[names], compiled.log[names], rtol=1e-9, atol=1e-9)
 
 
 def test_a_run_with_modes_is_kept_and_read_back(tmp_path):
     done = run(*STAYING, requests="gravity@1s", seconds=1.5)
-    kept = read_run(done.save(tmp_path / "run")).run
-    assert kept.switches == done.switches and kept.answers == done.answers
+    kept = read_stored_run(done.save(tmp_path / "run")).run
+    assert kept.switches == done.switches and kept.request_results == done.request_results
     names = ["mode", "request", "refused"]
     np.testing.assert_array_equal(kept.log[names], done.log[names])
 
@@ -164,17 +164,17 @@ def test_a_run_with_modes_is_kept_and_read_back(tmp_path):
 @pytest.mark.slow  # compiles the loop of the lanes
 def test_in_lockstep_each_lane_has_its_own_mode():
     schedules = ["walk@0.1s, step@0.15s, stop@0.4s", "gravity@0.2s", "twin_care@0.1s", "sit@0.3s"]
-    given = [experiment(*STAYING, requests=schedules[number % 4], seconds=0.6) for number in range(FEWEST)]
-    alone = [CompiledEngine(build_problem(item)).run() for item in given]
-    lanes = LaneEngine([CompiledEngine(build_problem(item)) for item in given]).run()
+    given = [experiment(*STAYING, requests=schedules[number % 4], seconds=0.6) for number in range(MIN_BLOCK_SIZE)]
+    alone = [CompiledEngine(build_setup(item)).run() for item in given]
+    lanes = LaneEngine([CompiledEngine(build_setup(item)) for item in given]).run()
     for one, other in zip(alone, lanes, strict=True):
         assert one.switches == other.switches
-        np.testing.assert_array_equal(rows_of(one), rows_of(other))
+        np.testing.assert_array_equal(log_matrix(one), log_matrix(other))
 
 
 def test_a_lean_that_is_held_makes_a_step_and_no_shorter_one():
     """With the pitch of the trunk in the place of what the guided pelvis has."""
-    problem = build_problem(experiment(*STAYING, requests="walk_automatic@0.01s", seconds=0.75))
+    problem = build_setup(experiment(*STAYING, requests="walk_automatic@0.01s", seconds=0.75))
 
     def pitch(one):
         tick = len(ticks)

@@ -16,20 +16,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait import Run, load_experiment, simulate, simulate_batch
-from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
+from twin_gait.exceptions import JobError, ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation import keeping, simulator
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
+from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
 from twin_gait.simulation.simulator import (
     FEWEST_IN_ALL,
     MOST_TICKS,
-    blocks_of,
-    compile_ahead,
-    simulate_together,
+    group_into_blocks,
+    precompile,
+    simulate_blocks,
 )
-from twin_gait.studies.batch import READ_IN_BRIEF, SUMMARY_COLUMNS, changed, flat_summary, with_document
+from twin_gait.studies.batch import SUMMARY_LOG_COLUMNS, SUMMARY_COLUMNS, apply_override, flat_summary, attach_document
 
 PLACES = ("left_hip", "left_knee", "right_hip", "right_knee")
 FALLING = {
@@ -102,11 +102,11 @@ KINDS = st.lists(st.tuples(st.sampled_from(["a", "b", None]), st.integers(1, 2 *
 @given(episodes=KINDS)
 def test_blocks_hold_every_episode_once_and_only_what_is_alike_and_fits(episodes):
     kinds, ticks = [kind for kind, _ in episodes], [length for _, length in episodes]
-    blocks = blocks_of(kinds, ticks)
+    blocks = group_into_blocks(kinds, ticks)
     assert sorted(place for block in blocks for place in block) == list(range(len(episodes)))
     for block in blocks:
         if len(block) > 1:
-            assert FEWEST <= len(block) <= WIDTH
+            assert MIN_BLOCK_SIZE <= len(block) <= WIDTH
             assert {kinds[place] for place in block} in ({"a"}, {"b"})
             assert len(block) * max(ticks[place] for place in block) <= MOST_TICKS
 
@@ -114,7 +114,7 @@ def test_blocks_hold_every_episode_once_and_only_what_is_alike_and_fits(episodes
 @pytest.mark.parametrize(("count", "sizes"), [(1, []), (7, []), (33, [32]), (1000, [*[32] * 31])])
 def test_what_is_alike_is_cut_into_full_blocks_of_similar_duration(count, sizes):
     ticks = np.random.default_rng(count).integers(1, 5000, count).tolist()
-    alike = [block for block in blocks_of(["x"] * count, ticks) if len(block) > 1]
+    alike = [block for block in group_into_blocks(["x"] * count, ticks) if len(block) > 1]
     assert sorted(map(len, alike), reverse=True) == sizes
     spans = sorted(
         (min(ticks[place] for place in part), max(ticks[place] for place in part)) for part in alike
@@ -125,16 +125,16 @@ def test_what_is_alike_is_cut_into_full_blocks_of_similar_duration(count, sizes)
 def test_the_order_of_the_episodes_does_not_decide_who_is_together():
     ticks = list(range(1, 101))
     order = np.random.default_rng(1).permutation(100)
-    first = {frozenset(block) for block in blocks_of(["x"] * 100, ticks)}
-    shuffled = blocks_of(["x"] * 100, [ticks[place] for place in order])
+    first = {frozenset(block) for block in group_into_blocks(["x"] * 100, ticks)}
+    shuffled = group_into_blocks(["x"] * 100, [ticks[place] for place in order])
     assert {frozenset(int(order[place]) for place in block) for block in shuffled} == first
 
 
 def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
-    assert compile_ahead(bench, FEWEST_IN_ALL) == WIDTH
-    assert compile_ahead(bench, FEWEST_IN_ALL - 1) == 1
-    assert compile_ahead(replace(bench, engine=Engine.PINOCCHIO), 1000) == 1
-    assert compile_ahead(replace(bench, duration=100.0), 1000) == 20  # logs of 100 000 ticks
+    assert precompile(bench, FEWEST_IN_ALL) == WIDTH
+    assert precompile(bench, FEWEST_IN_ALL - 1) == 1
+    assert precompile(replace(bench, engine=Engine.PINOCCHIO), 1000) == 1
+    assert precompile(replace(bench, duration=100.0), 1000) == 20  # logs of 100 000 ticks
 
 
 # ------------------------------------------------------------------- running
@@ -145,9 +145,9 @@ def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
     [(1, 2.0), (7, 0.5), pytest.param(33, 2.0, marks=pytest.mark.slow)],
 )
 def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
-    base = with_document(walk)
-    asked = [changed(base, row, "episode") for row in unlike(count, count, longest)]
-    found = dict(simulate_together(asked))
+    base = attach_document(walk)
+    asked = [apply_override(base, row, "episode") for row in unlike(count, count, longest)]
+    found = dict(simulate_blocks(asked))
     assert sorted(found) == list(range(count))
     for place, run in found.items():
         assert_same_run(run, simulate(asked[place]))
@@ -159,10 +159,10 @@ def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
 @pytest.mark.parametrize(("workers", "count"), [(1, 70), (2, 400)])
 def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
     rows = unlike(count, 5, 0.15)
-    base = with_document(walk)
+    base = attach_document(walk)
     order = np.random.default_rng(workers).permutation(len(rows))
     table = simulate_batch(walk, [rows[place] for place in order], workers=workers)
-    alone = pd.DataFrame([flat_summary(simulate(changed(base, rows[place], "episode"))) for place in order])
+    alone = pd.DataFrame([flat_summary(simulate(apply_override(base, rows[place], "episode"))) for place in order])
     for name in alone.columns:
         same = (table[name] == alone[name]) | (table[name].isna() & alone[name].isna())
         assert same.all(), name
@@ -170,7 +170,7 @@ def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
 
 def test_a_log_may_hold_only_what_is_read(walk):
     short = replace(walk, duration=0.3)
-    ((_, brief),) = simulate_together([short], columns=READ_IN_BRIEF)
+    ((_, brief),) = simulate_blocks([short], columns=SUMMARY_LOG_COLUMNS)
     whole = simulate(short)
     # Ground forces and powers of a walk are read, too; gains, friction and targets are not.
     assert len(brief.log.columns) < 0.55 * len(whole.log.columns)
@@ -181,7 +181,7 @@ def test_a_log_may_hold_only_what_is_read(walk):
 @pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
 def test_a_row_holds_the_numbers_of_the_summary(preset):
     run = simulate(load_experiment(preset, ["duration_s=9"]).experiment)
-    row, summary = flat_summary(run), summarise(run)
+    row, summary = flat_summary(run), summarise_run(run)
     expected = {name: summary.get(name) for name in SUMMARY_COLUMNS} | {"seed": run.experiment.seed}
     expected |= {f"power_{name}": value for name, value in summary.get("power", {}).items()}
     expected |= {f"trip_{name}": summary["safety"][name] for name in ("cause", "place", "time_s")}
@@ -199,7 +199,7 @@ def test_a_row_holds_the_numbers_of_the_summary(preset):
 
 def test_the_reference_engine_runs_beside_the_compiled_one(bench):
     asked = [bench, replace(bench, duration=0.02, engine=Engine.PINOCCHIO)]
-    found = dict(simulate_together(asked, columns=READ_IN_BRIEF))
+    found = dict(simulate_blocks(asked, columns=SUMMARY_LOG_COLUMNS))
     names = found[1].log.columns
     pd.testing.assert_frame_equal(found[1].log, simulate(asked[1]).log[names], check_exact=True)
     assert len(found[0].log) == 100
@@ -217,22 +217,22 @@ def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, mo
         lambda engines, **options: blocks.append(len(engines)) or LaneEngine(engines, **options),
     )
     for number in (20, FEWEST_IN_ALL, 20):
-        assert len(dict(simulate_together([bench] * number))) == number
+        assert len(dict(simulate_blocks([bench] * number))) == number
     assert blocks == [WIDTH, WIDTH, 20]
 
 
 def test_no_log_outlives_its_turn(bench):
     before: list[weakref.ref[pd.DataFrame]] = []
-    for _, run in simulate_together([bench] * FEWEST):
+    for _, run in simulate_blocks([bench] * MIN_BLOCK_SIZE):
         assert not [log for log in before if log() is not None]
         before.append(weakref.ref(run.log))
-    assert len(before) == FEWEST
+    assert len(before) == MIN_BLOCK_SIZE
 
 
 def test_a_failure_has_its_number(bench):
     broken = replace(bench, leg=replace(bench.leg, urdf="nowhere.urdf"))
-    with raises(JobFailed, "job 2", "nowhere.urdf") as error:
-        list(simulate_together([bench, bench, broken, bench]))
+    with raises(JobError, "job 2", "nowhere.urdf") as error:
+        list(simulate_blocks([bench, bench, broken, bench]))
     assert error.value.index == 2 and isinstance(error.value.__cause__, TwinGaitError)
 
 
@@ -241,16 +241,16 @@ def test_an_error_in_making_an_experiment_has_its_number(bench):
         yield bench
         raise ParameterError("no such person")
 
-    with raises(JobFailed, "job 1", "no such person"):
-        list(simulate_together(asked()))
+    with raises(JobError, "job 1", "no such person"):
+        list(simulate_blocks(asked()))
 
 
 def test_work_can_be_stopped_and_more_than_are_laid_out_at_a_time_are_run(bench, monkeypatch):
     monkeypatch.setattr(simulator, "FEWEST_IN_ALL", 1000)  # without compiling for them
     short = replace(bench, duration=0.01)
-    assert sorted(place for place, _ in simulate_together([short] * 150)) == list(range(150))
+    assert sorted(place for place, _ in simulate_blocks([short] * 150)) == list(range(150))
     done: list[int] = []
-    for place, _ in simulate_together([short] * 40):
+    for place, _ in simulate_blocks([short] * 40):
         done.append(place)
         if len(done) == 3:
             break

@@ -11,7 +11,7 @@ import pytest
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.measures.strides import SKIPPED_STRIDES
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.vocabulary import Outcome
 
@@ -26,7 +26,7 @@ def walk(request):
 
 @pytest.fixture(scope="module")
 def summary(walk):
-    return summarise(walk)
+    return summarise_run(walk)
 
 
 def test_twenty_seconds_without_a_fall(walk):
@@ -194,6 +194,6 @@ def test_still_walks_thirty_seconds_with_noise_and_one_thing_changed(change):
     run = simulate(load_experiment("treadmill", settings).experiment)
     assert run.status is RunStatus.COMPLETED, run.reason
     assert run.verdict.outcome is Outcome.WALKED, run.verdict
-    for values in summarise(run)["sides"].values():
+    for values in summarise_run(run)["sides"].values():
         assert values["strides"] > most_strides(30.0, values) - 2.0  # to the end
         assert values["phases_in_order"] is True

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
 from twin_gait.gait.signals import all_signal_names
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.1}"
@@ -19,8 +19,8 @@ QUIET = "gyroscope_noise_rad_per_s: 0, accelerometer_noise_m_per_s2: 0"
 UNIT = f"sensors.trunk={{{QUIET}, gyroscope_bias_deg_per_s: 3, time_constant_s: 0.4}}"
 
 
-def problem(*settings: str) -> Problem:
-    return build_problem(load_experiment("overground", [EULER, "duration_s=0.25", *settings]).experiment)
+def problem(*settings: str) -> SimulationSetup:
+    return build_setup(load_experiment("overground", [EULER, "duration_s=0.25", *settings]).experiment)
 
 
 @pytest.fixture(scope="module")
@@ -83,11 +83,11 @@ def test_noise_is_drawn_by_the_seed_and_leaves_that_of_the_encoders():
 
 def test_noise_is_drawn_when_an_engine_asks() -> None:
     """A live page lays an hour out for every change; drawn each time, the noise took 0.7 s and 0.3 GB."""
-    hour = build_problem(load_experiment("day", ["duration_s=3600"]).experiment)
+    hour = build_setup(load_experiment("day", ["duration_s=3600"]).experiment)
     assert "noise" not in vars(hour)
 
 
 def test_where_the_pelvis_is_guided_there_is_no_unit():
     settings = ["sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "duration_s=0.1"]
-    noise = build_problem(load_experiment("treadmill", settings).experiment).noise
+    noise = build_setup(load_experiment("treadmill", settings).experiment).noise
     assert noise.shape == (100, 8) and not noise[:, 4:].any()  # encoders, and efforts that are none

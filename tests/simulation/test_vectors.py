@@ -12,15 +12,15 @@ from numba.core import types
 
 from twin_gait.core.contact import Ground
 from twin_gait.core.friction import rotational_friction_torque
-from twin_gait.kernels.generated import SIDE_BY_SIDE, write_side_by_side
-from twin_gait.kernels.tracing import together
-from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.compiling import compile_loop, compiled_in, jit, record_at
-from twin_gait.simulation.interface import side_by_side
-from twin_gait.simulation.record import stored
-from twin_gait.simulation.vectors import in_vectors
+from twin_gait.kernels.generated import MERGED_FUNCTIONS, write_merged_functions
+from twin_gait.kernels.tracing import merge_calls
+from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.compiling import compile_loop, compiler_settings, jit, record_accessor
+from twin_gait.simulation.interface import vector_map
+from twin_gait.simulation.record import to_array
+from twin_gait.simulation.vectors import vector_functions
 
-SINES, FORCES = SIDE_BY_SIDE
+SINES, FORCES = MERGED_FUNCTIONS
 GROUND = Ground(0.9, 4e6, 1.5, 0.8, 0.05)
 # The whole of a vector, one and a bit, two and a bit.
 COUNTS = (4, 6, 8, 12)
@@ -28,9 +28,9 @@ COUNTS = (4, 6, 8, 12)
 
 def functions(count: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Those for so many things in plain Python, and what takes their place."""
-    text = "\n".join(write_side_by_side(f"{SINES.name}_{count}( {FORCES.name}_{count}("))
-    plain = kernel_functions(text, {item.name: item.function for item in SIDE_BY_SIDE})
-    return plain, in_vectors(plain)
+    text = "\n".join(write_merged_functions(f"{SINES.name}_{count}( {FORCES.name}_{count}("))
+    plain = kernel_functions(text, {item.name: item.function for item in MERGED_FUNCTIONS})
+    return plain, vector_functions(plain)
 
 
 def states(count: int, rng: np.random.Generator) -> list[float]:
@@ -49,7 +49,7 @@ def test_calls_come_together_where_the_last_one_is_and_what_needs_them_after_it(
         "t9, t10 = force(ground, q[3], v[3])",
         "t11 = t8 + t10",
     ]
-    assert together(lines, "force", 1) == [
+    assert merge_calls(lines, "force", 1) == [
         "t3 = q[1] + 1.0",
         "t0, t1, t4, t5, t6, t7, t9, t10 = force_4(ground, q[0], v[0], t3, v[1], q[2], v[2], q[3], v[3])",
         "t2 = t1 * v[1]",
@@ -57,16 +57,16 @@ def test_calls_come_together_where_the_last_one_is_and_what_needs_them_after_it(
         "t11 = t8 + t10",
     ]
     fewer = lines[:6]
-    assert together(fewer, "force", 1) == fewer
+    assert merge_calls(fewer, "force", 1) == fewer
 
 
 @pytest.mark.compile
 @pytest.mark.parametrize("count", COUNTS)
 def test_vectors_give_the_bits_of_one_by_one(count: int, rng: np.random.Generator) -> None:
     plain, vectors = functions(count)
-    sines, forces = (vectors[f"{item.name}_{count}"] for item in SIDE_BY_SIDE)
-    ground = stored(GROUND)
-    found_ground = record_at(ground.dtype)
+    sines, forces = (vectors[f"{item.name}_{count}"] for item in MERGED_FUNCTIONS)
+    ground = to_array(GROUND)
+    found_ground = record_accessor(ground.dtype)
     angles = [f"given[{place}]" for place in range(count)]
     points = [f"given[{place}]" for place in range(count, 4 * count)]
     text = f"def entry(address, given):\n    return sines({', '.join(angles)}), "
@@ -84,15 +84,15 @@ def test_vectors_give_the_bits_of_one_by_one(count: int, rng: np.random.Generato
 
 
 @pytest.mark.compile
-@pytest.mark.parametrize("item", SIDE_BY_SIDE, ids=lambda item: item.name)
+@pytest.mark.parametrize("item", MERGED_FUNCTIONS, ids=lambda item: item.name)
 def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> None:
     """Where this fails, the loop has something that LLVM does not take: it is slow, not wrong."""
     each = functions(8)[1][f"{item.name}_8"]
     given = ["ground(address)"] * item.shared + [f"given[{place}]" for place in range(8 * item.arguments)]
-    scope = {"each": each, "ground": record_at(stored(GROUND).dtype)}
+    scope = {"each": each, "ground": record_accessor(to_array(GROUND).dtype)}
     exec(compile(f"def entry(address, given):\n    return each({', '.join(given)})", "entry", "exec"), scope)
     made, signature = jit(scope["entry"], inline=False), (types.intp, types.float64[::1])
-    with compiled_in():
+    with compiler_settings():
         made.compile(signature)
     code = str(made.overloads[signature].library._final_module)
     multiplied = re.findall(r"fmul (<8 x double>|double) ", code)
@@ -113,7 +113,7 @@ def keep(state: Any, place: int, torque: float) -> None:
 
 
 def rub(address: int, first: int, end: int) -> int:
-    side_by_side(state_at(address), PLACES, False, sliding, rotational_friction_torque, keep)
+    vector_map(state_at(address), PLACES, False, sliding, rotational_friction_torque, keep)
     return 0
 
 
@@ -123,10 +123,10 @@ def state_at(address: int) -> Any:
 
 @pytest.mark.compile
 def test_a_law_in_several_places_gives_the_bits_of_one_by_one(rng: np.random.Generator) -> None:
-    own = {"sliding": jit(sliding), "keep": jit(keep), "state_at": record_at(STATE)}
-    compiled = compile_loop(rub, {**in_vectors({}), **own})
+    own = {"sliding": jit(sliding), "keep": jit(keep), "state_at": record_accessor(STATE)}
+    compiled = compile_loop(rub, {**vector_functions({}), **own})
     states = np.zeros(2, STATE).view(np.recarray)
-    plain = bind(rub, {"state_at": lambda address: states[1]})
+    plain = specialize(rub, {"state_at": lambda address: states[1]})
     for _ in range(20):
         states.velocity[:] = rng.normal(size=6)
         states.friction[:] = 0.0

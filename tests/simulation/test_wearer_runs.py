@@ -13,19 +13,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 from table_builder import guard, phase, transition, two_phase_table
 
 from twin_gait import RunStatus, load_experiment, simulate
-from twin_gait.configuration.experiments import people
+from twin_gait.configuration.experiments import list_patients
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.gait.guards import PhaseMembership, mapped
+from twin_gait.gait.guards import PhaseMembership, map_atoms
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import normative_moment
-from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP
+from twin_gait.simulation.episode import MIN_HIP_ANGLE, HIP_ANGLE_STEP
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run
-from twin_gait.simulation.wearer import POSTURES, phase_spans
+from twin_gait.simulation.wearer import N_HIP_ANGLES, phase_spans
 from twin_gait.vocabulary import JointName, Side
 
 # A leg in the air, from its swing on, stepped in Python so that nothing is compiled.
@@ -106,7 +106,7 @@ def test_spastic_muscles_act_beyond_the_speed_of_the_catch_only():
 
 def moments_of(asked: Experiment) -> np.ndarray:
     """Normative moments by limb, phase and posture."""
-    return np.array([limb.moments for limb in build_problem(asked).limbs])
+    return np.array([limb.moments for limb in build_setup(asked).limbs])
 
 
 @pytest.mark.parametrize("delay", [0, 1, 60])
@@ -117,7 +117,7 @@ def test_effort_is_looked_up_in_phase_and_posture_of_the_delay_before(delay):
     log = simulate(asked).log
     names = list(asked.table.phase_names)
     phases = [names.index(name) for name in log["right_phase"]]
-    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
+    postures = MIN_HIP_ANGLE + HIP_ANGLE_STEP * np.arange(N_HIP_ANGLES)
     for number, (joint, share) in enumerate((("hip", 0.8), ("knee", 0.5 * 0.6))):
         wanted = [
             share * np.interp(hip, postures, moments[number, phase])
@@ -158,7 +158,7 @@ def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
 
 
 def test_weakness_scales_what_is_given():
-    limbs = build_problem(experiment(EAGER)).limbs
+    limbs = build_setup(experiment(EAGER)).limbs
     assert_allclose(
         [limb.condition.effort * limb.condition.strength for limb in limbs], [0.8, 0.3], rtol=1e-15
     )
@@ -202,8 +202,8 @@ def test_noise_of_the_effort_is_drawn_from_the_seed():
 
 def test_noise_of_the_effort_leaves_that_of_the_sensors_alone_and_has_the_size_asked_for():
     noisy = ("sensors={ideal: false, angle_noise_deg: 0.02}", "duration_s=20", EAGER)
-    quiet = build_problem(experiment(*noisy))
-    loud = build_problem(experiment(*noisy, "patient.effort_noise=0.2"))
+    quiet = build_setup(experiment(*noisy))
+    loud = build_setup(experiment(*noisy, "patient.effort_noise=0.2"))
     sensors, drawn = np.hsplit(loud.noise, [len(loud.joints)])
     assert_array_equal(sensors, quiet.noise[:, : len(quiet.joints)])
     assert drawn.shape == (20_000, 2) and not quiet.noise[:, len(quiet.joints) :].any()
@@ -386,7 +386,7 @@ def with_one_stance_less(table: GaitTable) -> GaitTable:
         phases=phases,
         transitions=tuple(
             dataclasses.replace(
-                item, source=merged.get(item.source, item.source), guard=mapped(item.guard, told)
+                item, source=merged.get(item.source, item.source), guard=map_atoms(item.guard, told)
             )
             for item in table.transitions
             if item.target not in merged
@@ -397,7 +397,7 @@ def with_one_stance_less(table: GaitTable) -> GaitTable:
     )
 
 
-@pytest.mark.parametrize("person", people())
+@pytest.mark.parametrize("person", list_patients())
 @pytest.mark.parametrize("change", [with_pre_swing, with_one_stance_less])
 def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
     """For a moment on the treadmill, by the moments that Winter has for what each phase stands for."""

@@ -12,7 +12,7 @@ from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.control.controllers.assistance import AssistanceParameters
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.report import tune as pictures
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.run import Run
 from twin_gait.studies.accuracy import step_error
 from twin_gait.studies.batch import flat_summary, summary_table
@@ -20,9 +20,9 @@ from twin_gait.studies.compare.comparing import CONTROLLERS
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import shown_measures
 from twin_gait.studies.fault_campaign import draw_faults
-from twin_gait.studies.tune.parts import WORST, parts_of, rate_walk, residuals, walk_cost
-from twin_gait.studies.tune.space import editable_document, parameters_of
-from twin_gait.studies.tune.walks import cases_of
+from twin_gait.studies.tune.parts import WORST, objective_terms, rate_walk, residuals, walk_cost
+from twin_gait.studies.tune.space import editable_document, tunable_parameters
+from twin_gait.studies.tune.walks import build_cases
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"
@@ -39,42 +39,42 @@ def walk() -> Run:
 
 
 def test_the_error_of_a_driven_ankle_counts_like_those_of_hip_and_knee() -> None:
-    two, three = ({part.name: part for part in parts_of(joints)} for joints in (TWO, JOINTS))
+    two, three = ({part.name: part for part in objective_terms(joints)} for joints in (TWO, JOINTS))
     assert set(two) == set(three)
     assert three["ankle_error_deg"].weight == three["knee_error_deg"].weight > two["ankle_error_deg"].weight
     assert three["ankle_error_deg"].excess == three["hip_error_deg"].excess > two["ankle_error_deg"].excess
-    at_goal = {part.name: part.goal for part in parts_of(JOINTS)}
+    at_goal = {part.name: part.goal for part in objective_terms(JOINTS)}
     assert walk_cost({**at_goal, "ankle_error_deg": None}, 1.0, False, JOINTS) == WORST
     assert walk_cost({**at_goal, "ankle_error_deg": None}, 1.0, False, TWO) < WORST
-    only = [part.name for part in parts_of((JointName.KNEE, JointName.ANKLE))]
+    only = [part.name for part in objective_terms((JointName.KNEE, JointName.ANKLE))]
     assert only[:3] == ["knee_error_deg", "ankle_error_deg", "offset_deg"] and "hip_error_deg" not in only
 
 
 def test_a_walk_is_rated_by_its_three_joints(walk: Run) -> None:
-    rating, sides = rate_walk(walk), summarise(walk)["sides"].values()
+    rating, sides = rate_walk(walk), summarise_run(walk)["sides"].values()
     assert rating.joints == JOINTS
     for joint in JOINTS:
         largest = max(side[f"rmse_{joint}_by_contact_deg"] for side in sides)
         assert rating.values[f"{joint}_error_deg"] == pytest.approx(largest, rel=1e-9)
     assert len(rating.deviations) == 2 * 3 * 20
     found = residuals(rating)
-    assert found is not None and len(found) == len(rating.deviations) + 2 * len(rating.parts) - 3
+    assert found is not None and len(found) == len(rating.deviations) + 2 * len(rating.terms) - 3
     torques = [walk.log[f"{side}_{joint}_motor_torque_Nm"] ** 2 for side in Side for joint in JOINTS]
     assert rating.torque == pytest.approx(np.mean(torques) ** 0.5, rel=1e-12)
 
 
 def test_numbers_of_the_ankle_are_searched_within_its_published_range() -> None:
     table = load_experiment(WALK).experiment.table
-    found = [item for item in parameters_of(table) if ".ankle." in item.name]
+    found = [item for item in tunable_parameters(table) if ".ankle." in item.name]
     assert len(found) == 4 * len(table.phases)
     stiff = [item for item in found if item.unit == "Nm/deg"]
-    assert all(item.upper == STIFFNESS_RANGES[JointName.ANKLE].most for item in stiff)
+    assert all(item.upper == STIFFNESS_RANGES[JointName.ANKLE].high for item in stiff)
     assert editable_document(table)["phases"]["late_stance"]["ankle"]["equilibrium_deg"] == -18.0
 
 
 def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
     experiment = load_experiment(WALK).experiment
-    cases = cases_of(experiment, "robust")
+    cases = build_cases(experiment, "robust")
     rough, worn = cases["friction ratio 0.35"], cases["gear efficiency 0.75"]
     law = experiment.plant.friction[JointName.ANKLE]
     assert rough.plant.true_friction()[JointName.ANKLE] == law.scaled(0.35)
@@ -84,7 +84,7 @@ def test_cases_of_a_tuning_reach_the_ankle_s_drive() -> None:
 def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
     nothing = {"candidates": [], "before": [9.0, 24.0, 9.5], "after": [8.0, 24.0, 9.5]}
     outcome = {"trade_offs": nothing, "joints": JOINTS, "convergence": [9.5, 9.0]}
-    drawings = pictures.drawings_of(outcome, walk.experiment, {"before": walk, "after": walk})
+    drawings = pictures.tuning_drawings(outcome, walk.experiment, {"before": walk, "after": walk})
     figures = {name: draw() for name, draw in drawings.items()}
     panels = figures["gait"].axes
     assert [axes.get_title() for axes in panels[::2]] == [f"left {joint} [°]" for joint in JOINTS]
@@ -115,9 +115,9 @@ def test_a_comparison_shows_the_joints_that_are_driven() -> None:
 
 def test_controllers_suit_the_ankle_and_help_it_as_well() -> None:
     experiment = load_experiment(WALK).experiment
-    assert {name for name, item in CONTROLLERS.items() if not item.suits(experiment)} == {"position"}
-    assert all(item.suits(load_experiment("treadmill").experiment) for item in CONTROLLERS.values())
-    shared = CONTROLLERS["twincare"].change(experiment).control.assistance
+    assert {name for name, item in CONTROLLERS.items() if not item.can_drive(experiment)} == {"position"}
+    assert all(item.can_drive(load_experiment("treadmill").experiment) for item in CONTROLLERS.values())
+    shared = CONTROLLERS["twincare"].apply_to(experiment).control.assistance
     assert set(shared.share) == set(JOINTS) and len(set(shared.share.values())) == 1
     assert shared.share[JointName.ANKLE] < AssistanceParameters().share[JointName.HIP]
 

@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from errors import raises
 
-from twin_gait import load_experiment, simulate, summarise
+from twin_gait import load_experiment, simulate, summarise_run
 from twin_gait.cli import studies as command
 from twin_gait.cli.terminal import DONE
 from twin_gait.control.controllers.assistance import AssistanceParameters
@@ -31,16 +31,16 @@ from twin_gait.studies.compare.comparing import (
     compare,
     find_controllers,
     interval_of,
-    varied,
+    draw_sample,
 )
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import (
     PAGE_FILE,
     RUNS_FILE,
     SUMMARY_FILE,
-    Shown,
+    MeasureFormat,
     shown_measures,
-    text_of,
+    format_interval,
     write_comparison,
 )
 from twin_gait.vocabulary import JointName, Side
@@ -82,11 +82,11 @@ def stroke() -> Comparison:
 def test_every_controller_changes_the_control_alone():
     base = walk("stroke_left", 1.0)
     for controller in CONTROLLERS.values():
-        changed = controller.change(base)
+        changed = controller.apply_to(base)
         assert replace(changed, control=base.control) == base
-    assert CONTROLLERS["table"].change(base).control.mode == "impedance"
-    assert CONTROLLERS["assist_as_needed"].change(base).control.assistance.adaptive
-    shares = CONTROLLERS["twincare"].change(base).control.assistance.share
+    assert CONTROLLERS["table"].apply_to(base).control.mode == "impedance"
+    assert CONTROLLERS["assist_as_needed"].apply_to(base).control.assistance.adaptive
+    shares = CONTROLLERS["twincare"].apply_to(base).control.assistance.share
     assert set(shares.values()) == {TWINCARE_SHARE}
 
 
@@ -94,8 +94,8 @@ def test_shares_of_the_experiment_are_kept_where_assistance_is_partial():
     base = walk("stroke_left", 1.0)
     own = AssistanceParameters(share={JointName.HIP: 0.6, JointName.KNEE: 0.9})
     base = replace(base, control=replace(base.control, assistance=own))
-    assert CONTROLLERS["twincare"].change(base).control.assistance.share == own.share
-    assert CONTROLLERS["table"].change(base).control.assistance.is_full
+    assert CONTROLLERS["twincare"].apply_to(base).control.assistance.share == own.share
+    assert CONTROLLERS["table"].apply_to(base).control.assistance.is_full
 
 
 @pytest.mark.parametrize(
@@ -109,14 +109,14 @@ def test_controllers_that_do_not_exist_are_refused(names, message):
 
 def test_first_day_is_the_nominal_one_and_others_stay_within_their_spread():
     base = walk("stroke_left", 1.0)
-    assert varied(base, 0) is base
-    days = [varied(base, seed) for seed in range(1, 30)]
+    assert draw_sample(base, 0) is base
+    days = [draw_sample(base, seed) for seed in range(1, 30)]
     assert len({day.patient.mass for day in days}) == len(days)
     assert all(abs(day.patient.mass / 70.0 - 1.0) <= 0.03 for day in days)
     assert all(abs(day.scenario.belt_speed / base.scenario.belt_speed - 1.0) <= 0.03 for day in days)
     sound = (Side.RIGHT, JointName.HIP)
     assert max(day.patient.conditions[sound].effort for day in days) == 1.0
-    assert varied(base, 7) == varied(base, 7)
+    assert draw_sample(base, 7) == draw_sample(base, 7)
 
 
 def test_interval_of_three_by_hand():
@@ -164,7 +164,7 @@ def test_effort_is_what_is_left_of_the_wearers_torque(stroke):
 
 def test_wearer_without_effort_gives_no_voluntary_power_though_the_tissue_takes_some():
     run = simulate(walk("complete_sci", 12.0))
-    numbers, summary = run_measures(run), summarise(run)
+    numbers, summary = run_measures(run), summarise_run(run)
     assert numbers["voluntary_power_W"] == 0.0 == summary["power"]["voluntary_W"]
     assert numbers["effort_rms_Nm"] == 0.0 == numbers["push_power_W"]
     assert numbers["passive_power_W"] == pytest.approx(summary["power"]["passive_W"], rel=1e-12)
@@ -202,7 +202,7 @@ def test_full_assistance_is_what_was_set(stroke):
 @pytest.mark.slow
 @pytest.mark.compile
 def test_assistance_in_part_is_what_was_set():
-    partly = run_measures(simulate(CONTROLLERS["twincare"].change(walk("stroke_left", 20.0))))
+    partly = run_measures(simulate(CONTROLLERS["twincare"].apply_to(walk("stroke_left", 20.0))))
     assert partly["assistance_level"] == pytest.approx(TWINCARE_SHARE, rel=1e-9)
 
 
@@ -311,7 +311,7 @@ def test_effort_changes_little_in_what_position_tracking_does():
     ],
 )
 def test_numbers_in_words(interval, factor, digits, text):
-    assert text_of(interval, Shown("", digits, "", factor)) == text
+    assert format_interval(interval, MeasureFormat("", digits, "", factor)) == text
 
 
 class _Cells(HTMLParser):

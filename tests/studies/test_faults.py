@@ -38,7 +38,7 @@ def any_fault(draw):
     return Fault(
         kind=kind,
         time=draw(st.floats(0.0, 1e3)),
-        place=kind.place(side, joint),
+        location=kind.place(side, joint),
         magnitude=draw(st.none() | st.floats(-3.0, 3.0)) if kind.units else None,
     )
 
@@ -51,8 +51,8 @@ def test_a_fault_in_its_notation_is_read_back(fault):
 def test_the_notation_takes_degrees():
     fault = parse_fault("encoder_drift:right_hip@3s=20deg/s")
     assert (fault.side, fault.joint, fault.time) == ("right", "hip", 3.0)
-    assert fault.strength == pytest.approx(np.radians(20.0))
-    assert parse_fault("encoder_freeze:left_knee@4.2s").place == "left_knee"
+    assert fault.magnitude_or_default == pytest.approx(np.radians(20.0))
+    assert parse_fault("encoder_freeze:left_knee@4.2s").location == "left_knee"
 
 
 WRONG = {

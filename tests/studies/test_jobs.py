@@ -12,7 +12,7 @@ import pytest
 from errors import raises
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.studies.jobs import JobFailed, run_blocks, run_jobs
+from twin_gait.studies.jobs import JobError, run_blocks, run_jobs
 from twin_gait.studies.workers import Workers, WorkersLost
 
 
@@ -52,7 +52,7 @@ def backwards(items: Sequence[int]) -> Iterator[tuple[int, tuple[int, int]]]:
     """Of each item its square and how many it came with, the last one first."""
     for place, number in reversed(list(enumerate(items))):
         if number < 0:
-            raise JobFailed(place, f"{number} is negative")
+            raise JobError(place, f"{number} is negative")
         yield place, (number * number, len(items))
 
 
@@ -68,7 +68,7 @@ def test_blocks_come_in_the_order_of_their_items_and_progress_counts_these(worke
     )
     assert found == [(number * number, 25) for number in range(100)]
     assert told == [(done, 100) for done in (25, 50, 75, 100)]
-    with raises(JobFailed, "job 70", "-7"):
+    with raises(JobError, "job 70", "-7"):
         run_blocks(backwards, [*range(70), -7, *range(29)], block=32, workers=workers)
 
 
@@ -88,15 +88,15 @@ def test_stopped_work_gives_the_results_of_the_first_items(workers):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_job_that_fails_is_named_with_its_index(workers):
-    with raises(JobFailed, "job 2", "3", "4") as error:
+    with raises(JobError, "job 2", "3", "4") as error:
         run_jobs(partial(refuse, 4), [6, 5, 3], workers=workers)
     assert (error.value.index, error.value.problem) == (2, "3 is below 4")
 
 
 def test_what_came_before_a_failure_can_be_kept():
     kept: dict[int, tuple[int, int]] = {}
-    with raises(JobFailed, "job 1", "-3"):
-        run_blocks(backwards, [6, -3, 5, 9], block=4, keep=kept.update)
+    with raises(JobError, "job 1", "-3"):
+        run_blocks(backwards, [6, -3, 5, 9], block=4, on_results=kept.update)
     assert kept == {2: (25, 4), 3: (81, 4)}
 
 

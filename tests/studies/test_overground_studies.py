@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from errors import raises
-from log_rows import rows_of
+from log_rows import log_matrix
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
+from twin_gait.simulation.problem import build_setup
 from twin_gait.studies.batch import simulate_batch
-from twin_gait.studies.compare.comparing import compare, find_controllers, varied
+from twin_gait.studies.compare.comparing import compare, find_controllers, draw_sample
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.studies.sweep.sweep import run_sweep
-from twin_gait.studies.tune.parts import part_costs, rate_walk
-from twin_gait.studies.tune.tune import Settings, tune
-from twin_gait.studies.tune.walks import cases_of
+from twin_gait.studies.tune.parts import term_costs, rate_walk
+from twin_gait.studies.tune.tune import TuningSettings, tune
+from twin_gait.studies.tune.walks import build_cases
 
 
 def floor(*settings: str):
@@ -36,13 +36,13 @@ def way_of(run) -> float:
 
 def test_no_case_of_a_tuning_moves_a_belt_that_is_not_there():
     experiment = floor()
-    assert not [name for name in cases_of(experiment, "robust") if "belt" in name]
-    assert varied(experiment, 1).scenario == experiment.scenario
+    assert not [name for name in build_cases(experiment, "robust") if "belt" in name]
+    assert draw_sample(experiment, 1).scenario == experiment.scenario
 
 
 def test_what_needs_a_belt_is_refused():
     with raises(ParameterError, "overground", "--everyone"):
-        tune(floor(), Settings(everyone=True))
+        tune(floor(), TuningSettings(robust=True))
 
 
 def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
@@ -54,14 +54,14 @@ def test_a_walk_with_crutches_is_also_rated_by_its_way_and_by_their_load():
     share = max(impulses) / run.duration / run.body_weight
     assert rated.values["crutch_load_pct"] == pytest.approx(100.0 * share)
     assert 0.5 * (10.0 * share) ** 2 == pytest.approx(
-        part_costs(rated.values, rated.joints)["crutch_load_pct"]
+        term_costs(rated.values, rated.joints)["crutch_load_pct"]
     )
 
 
 def test_a_sweep_under_operating_modes_tells_what_the_summary_of_each_run_does(tmp_path):
     rising = load_experiment("sit_to_stand", ["duration_s=1"]).experiment
     row = simulate_batch(rising, [{}]).iloc[0]
-    whole = summarise(simulate(rising))
+    whole = summarise_run(simulate(rising))
     assert (row["status"], row["outcome"]) == (whole["status"], whole["outcome"]) == ("completed", None)
     assert row["left_strides"] == whole["sides"]["left"]["strides"] == 0
     document = {
@@ -86,12 +86,12 @@ def test_controllers_are_compared_on_the_floor():
 
 @pytest.mark.slow  # compiles the loop of the lanes
 def test_in_lockstep_each_wearer_on_the_floor_walks_as_alone():
-    given = [floor(f"patient.mass_kg={60 + 2 * number}", "duration_s=1.5") for number in range(FEWEST)]
+    given = [floor(f"patient.mass_kg={60 + 2 * number}", "duration_s=1.5") for number in range(MIN_BLOCK_SIZE)]
     # One that falls leaves its lane early.
     given[1] = replace(given[1], scenario=replace(given[1].scenario, fall_lean=0.25))
-    lanes = LaneEngine([CompiledEngine(build_problem(item)) for item in given]).run()
+    lanes = LaneEngine([CompiledEngine(build_setup(item)) for item in given]).run()
     for item, other in zip(given, lanes, strict=True):
-        alone = CompiledEngine(build_problem(item)).run()
+        alone = CompiledEngine(build_setup(item)).run()
         assert alone.switches == other.switches and alone.status is other.status
-        np.testing.assert_array_equal(rows_of(alone), rows_of(other))
+        np.testing.assert_array_equal(log_matrix(alone), log_matrix(other))
     assert len({item.status for item in lanes}) == 2

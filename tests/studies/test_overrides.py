@@ -4,7 +4,7 @@ import pytest
 from errors import raises
 
 from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
-from twin_gait.studies.batch import changed, with_document
+from twin_gait.studies.batch import apply_override, attach_document
 
 OVERRIDES = [
     {"patient.mass_kg": 80},
@@ -25,7 +25,7 @@ OVERRIDES = [
 
 @pytest.fixture(scope="module")
 def base():
-    return with_document(load_experiment("treadmill").experiment)
+    return attach_document(load_experiment("treadmill").experiment)
 
 
 @pytest.mark.parametrize("override", OVERRIDES, ids=lambda override: next(iter(override)))
@@ -33,15 +33,15 @@ def test_an_override_gives_what_a_setting_of_the_whole_file_gives(base, override
     texts = [
         f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in override.items()
     ]
-    assert changed(base, override) == load_experiment("treadmill", texts).experiment
+    assert apply_override(base, override) == load_experiment("treadmill", texts).experiment
 
 
 def test_what_an_override_does_not_touch_is_not_converted_again(base):
-    found, experiment = changed(base, {"plant.actuators.knee.gear_ratio": 120}), base.experiment
+    found, experiment = apply_override(base, {"plant.actuators.knee.gear_ratio": 120}), base.experiment
     untouched = ("scenario", "leg", "table", "patient", "control", "sensors")
     assert all(getattr(found, name) is getattr(experiment, name) for name in untouched)
     assert found.plant.battery is experiment.plant.battery
-    found = changed(base, {"table.phases.late_stance.hip.stiffness_Nm_per_deg": 1.1})
+    found = apply_override(base, {"table.phases.late_stance.hip.stiffness_Nm_per_deg": 1.1})
     assert all(
         one is other for one, other in zip(found.table.transitions, experiment.table.transitions, strict=True)
     )

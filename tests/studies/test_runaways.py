@@ -21,7 +21,7 @@ from injected_faults.runaways import (
 
 from twin_gait import JointName, Side, load_experiment, simulate
 from twin_gait.control.safety import TripCause
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import run_episodes
 from twin_gait.worlds.faults import FaultKind
@@ -116,7 +116,7 @@ def test_a_walk_over_a_bus_stays_far_from_the_bound(network):
 def test_changes_of_a_running_walk_stay_far_from_the_bound():
     """Stiffness, damping, equilibrium and gain of every phase change at once, ten times a second."""
     settings = ["duration_s=60", f"control.safety.command_deviation_Nm={0.2 * BOUND}"]
-    run = SteppedRun(build_problem(load_experiment("treadmill", settings).experiment))
+    run = SteppedRun(build_setup(load_experiment("treadmill", settings).experiment))
     generator, rows = np.random.default_rng(0), np.array(run.numbers["phase_rows"])
     for _ in range(50):
         run.advance(100)

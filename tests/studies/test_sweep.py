@@ -22,14 +22,14 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import shipped_file
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.report.sweep import (
-    axis_of,
+    parameter_axis,
     cell_means,
     draw_heat_maps,
     draw_main_effects,
-    laid_out,
+    varying_axes,
     main_effect_rows,
-    names_of,
-    values_of,
+    level_names,
+    measure_values,
 )
 from twin_gait.studies import jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
@@ -428,27 +428,27 @@ def test_cells_are_the_means_of_their_episodes():
     table = pd.DataFrame({"a": rng.integers(0, 3, 60) * 1.5, "b": rng.choice(["x", "y"], 60)})
     table["outcome"] = rng.choice(["walked", "hung"], 60, p=[0.7, 0.3])
     table["m_W"] = rng.standard_normal(60)
-    first, second = axis_of(table, "a"), axis_of(table, "b")
-    found = cell_means(values_of(table, "m_W"), first, second)
+    first, second = parameter_axis(table, "a"), parameter_axis(table, "b")
+    found = cell_means(measure_values(table, "m_W"), first, second)
     wanted = table[table["outcome"] == "walked"].pivot_table("m_W", "a", "b", aggfunc="mean")
     np.testing.assert_allclose(found, wanted.to_numpy(), rtol=1e-12)
-    shares = cell_means(values_of(table, "walked"), first, second)
+    shares = cell_means(measure_values(table, "walked"), first, second)
     wanted = table.assign(c=table["outcome"] == "walked").pivot_table("c", "a", "b", aggfunc="mean")
     np.testing.assert_allclose(shares, wanted.to_numpy(dtype=float), rtol=1e-12)
 
 
 def test_bins_hold_every_episode_and_the_last_value():
     table = pd.DataFrame({"a": np.geomspace(0.1, 10.0, 50)})
-    axis = axis_of(table, "a")
+    axis = parameter_axis(table, "a")
     codes = axis.cat.codes.to_numpy()
-    assert codes[0] == 0 and codes[-1] == len(names_of(axis)) - 1
+    assert codes[0] == 0 and codes[-1] == len(level_names(axis)) - 1
     counts = np.bincount(codes)
     assert counts.sum() == 50 and counts.max() - counts.min() <= 1
-    assert axis_of(pd.DataFrame({"a": [1.0, 1.0]}), "a") is None
+    assert parameter_axis(pd.DataFrame({"a": [1.0, 1.0]}), "a") is None
 
 
 def test_numbers_beside_an_axis_are_written_out():
-    assert names_of(axis_of(pd.DataFrame({"a": [20000.0, 300000.0]}), "a")) == ["20000", "300000"]
+    assert level_names(parameter_axis(pd.DataFrame({"a": [20000.0, 300000.0]}), "a")) == ["20000", "300000"]
 
 
 def test_a_main_effect_counts_the_runs_that_it_is_the_mean_of():
@@ -464,7 +464,7 @@ def test_a_main_effect_counts_the_runs_that_it_is_the_mean_of():
         ("m_W", "a", "1", "4", "1", "5", "–"),
         ("m_W", "a", "2", "4", "3", "2", "1"),
     ]
-    figure = draw_main_effects(laid_out(table, ["a"]), values_of(table, "m_W"), "m_W", "title")
+    figure = draw_main_effects(varying_axes(table, ["a"]), measure_values(table, "m_W"), "m_W", "title")
     labels = [label.get_text() for label in figure.axes[0].get_xticklabels()]
     assert labels == ["1\nn = 1", "2\nn = 3"]
 
@@ -472,7 +472,7 @@ def test_a_main_effect_counts_the_runs_that_it_is_the_mean_of():
 def test_a_hatched_cell_has_episodes_of_which_none_walked():
     table = pd.DataFrame({"a": [1.0, 1.0, 2.0], "b": [1.0, 2.0, 1.0], "m_W": 1.0})
     table["outcome"] = ["walked", "fell", "walked"]  # no episode at (2, 2)
-    figure = draw_heat_maps(laid_out(table, ["a", "b"]), values_of(table, "m_W"), "m_W", "title")
+    figure = draw_heat_maps(varying_axes(table, ["a", "b"]), measure_values(table, "m_W"), "m_W", "title")
     (cell,) = figure.axes[0].patches
     assert cell.get_xy() == (-0.5, 0.5) and cell.get_hatch() == "//"
     assert figure.get_suptitle() == "title: m_W\nhatched: none walked, or none has a value, blank: no episode"

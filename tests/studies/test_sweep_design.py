@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from twin_gait.configuration.validation import validate
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.studies.sweep.spec import MOST_EPISODES, Range, SweepFile, overrides_of
+from twin_gait.studies.sweep.spec import MOST_EPISODES, Range, SweepFile, make_overrides
 
 LEVELS = {"a": [1, 2, 3], "b.c": ["x", "y"], "d": [[1, 2], {"k": 3}]}
 
 
 def design(method: str, **entries: object) -> pd.DataFrame:
-    return pd.DataFrame(overrides_of(validate(SweepFile, {"method": method, **entries}, "a"), "a"))
+    return pd.DataFrame(make_overrides(validate(SweepFile, {"method": method, **entries}, "a"), "a"))
 
 
 def grid(parameters: dict[str, object], **entries: object) -> pd.DataFrame:
@@ -67,7 +67,7 @@ def test_a_latin_hypercube_uses_the_values_of_a_list_equally_often_and_its_seed(
 
 def test_rows_of_a_list_need_not_change_the_same_keys():
     rows = [{"a": 1}, {"b": None}, {}]
-    assert overrides_of(validate(SweepFile, {"method": "list", "episodes": rows}, "a"), "a") == rows
+    assert make_overrides(validate(SweepFile, {"method": "list", "episodes": rows}, "a"), "a") == rows
 
 
 WRONG = {

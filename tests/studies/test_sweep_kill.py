@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
-from sweep_process import kept_episodes, kill_group, start_sweep, wait_until, write_spec
+from sweep_process import stored_episodes, kill_group, start_sweep, wait_until, write_spec
 
 from twin_gait.studies.sweep.spec import load_sweep
 from twin_gait.studies.sweep.sweep import read_table, run_sweep
@@ -51,7 +51,7 @@ def test_a_sweep_killed_ten_times_and_resumed_equals_one_that_was_not(spec, undi
         time.sleep(moments.uniform(0.0, 0.05) if kill % 3 else moments.uniform(0.0, 0.3))
         kill_group(process)
         assert process.exitcode == -signal.SIGKILL
-        in_parts, in_table = kept_episodes(out) if out.exists() else ([], [])
+        in_parts, in_table = stored_episodes(out) if out.exists() else ([], [])
         assert len(in_parts) == len(set(in_parts))  # nothing was run twice
         assert kept <= set(in_parts) | set(in_table)  # nothing was lost
         kept = set(in_parts) | set(in_table)

@@ -35,20 +35,20 @@ from twin_gait.studies.tune.parts import (
     WORST,
     Rating,
     nominal_cost,
-    part_costs,
-    parts_of,
+    term_costs,
+    objective_terms,
     residuals,
     walk_cost,
 )
-from twin_gait.studies.tune.search import PATIENCE, REACH, Descent, Generation
+from twin_gait.studies.tune.search import MAX_GENERATIONS_WITHOUT_GAIN, REACH, Descent, Generation
 from twin_gait.studies.tune.space import (
     editable_document,
-    parameters_of,
-    table_with,
-    with_own_sides,
+    tunable_parameters,
+    apply_coordinates,
+    split_sides,
 )
-from twin_gait.studies.tune.tune import Settings, tune
-from twin_gait.studies.tune.walks import Stopped, cases_of, weighted_cost
+from twin_gait.studies.tune.tune import TuningSettings, tune
+from twin_gait.studies.tune.walks import TuningStopped, build_cases, weighted_cost
 from twin_gait.vocabulary import Side
 
 
@@ -65,9 +65,9 @@ def _parse(document: Mapping[str, Any]) -> GaitTable:
 
 
 def test_every_phase_and_joint_has_its_four_numbers_and_more_where_asked(shipped: GaitTable) -> None:
-    bare = parameters_of(shipped, thresholds=False, blending=False)
+    bare = tunable_parameters(shipped, thresholds=False, blending=False)
     assert len(bare) == 4 * 5 * 2
-    more = {item.name for item in parameters_of(shipped)} - {item.name for item in bare}
+    more = {item.name for item in tunable_parameters(shipped)} - {item.name for item in bare}
     text = json.dumps(table_document(shipped)["transitions"])
     angle_guards = text.count("angle_deg <") + text.count("angle_deg >")
     assert len(more) == angle_guards + 1
@@ -75,9 +75,9 @@ def test_every_phase_and_joint_has_its_four_numbers_and_more_where_asked(shipped
 
 
 def test_the_start_gives_the_table_that_it_began_with(shipped: GaitTable) -> None:
-    parameters = parameters_of(shipped)
+    parameters = tunable_parameters(shipped)
     start = [item.start_coordinate for item in parameters]
-    again = _parse(table_with(editable_document(shipped), parameters, start))
+    again = _parse(apply_coordinates(editable_document(shipped), parameters, start))
     for phase, values in shipped.phases.items():
         for joint, impedance in values.joints.items():
             found = again.phases[phase].joints[joint]
@@ -93,9 +93,9 @@ def test_the_start_gives_the_table_that_it_began_with(shipped: GaitTable) -> Non
 def test_another_value_changes_one_number_and_nothing_else(data: st.DataObject) -> None:
     table = load_gait_table("treadmill")
     document = editable_document(table)
-    parameter = data.draw(st.sampled_from(parameters_of(table)))
+    parameter = data.draw(st.sampled_from(tunable_parameters(table)))
     coordinate = data.draw(st.floats(0.0, 1.0))
-    before, after = _leaves(document), _leaves(table_with(document, [parameter], [coordinate]))
+    before, after = _leaves(document), _leaves(apply_coordinates(document, [parameter], [coordinate]))
     differing = {key for key in before if before[key] != after[key]}
     assert before.keys() == after.keys()
     assert differing <= {parameter.path}
@@ -117,22 +117,22 @@ def test_a_side_of_its_own_has_numbers_of_its_own(shipped: GaitTable) -> None:
     document = table_document(shipped)
     document["sides"] = {"left": {"swing_flexion": {"knee": {"equilibrium_rad": 0.9}}}}
     lopsided = _parse(document)
-    parameters = parameters_of(lopsided, thresholds=False, blending=False)
+    parameters = tunable_parameters(lopsided, thresholds=False, blending=False)
     assert len(parameters) == 4 * 5 * 2 + 4 * 2
     (own,) = [item for item in parameters if item.name == "sides.left.swing_flexion.knee.equilibrium_deg"]
-    changed = _parse(table_with(editable_document(lopsided), [own], [1.0]))
+    changed = _parse(apply_coordinates(editable_document(lopsided), [own], [1.0]))
     assert changed.phases == _parse(editable_document(lopsided)).phases
     found = changed.side_phases["left"]["swing_flexion"].joints["knee"].equilibrium_angle  # type: ignore[index]
     assert math.degrees(found) == pytest.approx(own.upper, abs=0.05)
 
 
 def test_legs_told_apart_have_numbers_of_their_own(shipped: GaitTable) -> None:
-    apart = with_own_sides(shipped)
+    apart = split_sides(shipped)
     assert all(apart.phases_of(side) == shipped.phases_of(side) for side in Side)
-    parameters = parameters_of(apart, thresholds=False, blending=False)
+    parameters = tunable_parameters(apart, thresholds=False, blending=False)
     assert len(parameters) == 2 * 4 * 5 * 2
     (own,) = [item for item in parameters if item.name == "sides.right.late_stance.knee.stiffness_Nm_per_deg"]
-    changed = _parse(table_with(editable_document(apart), [own], [1.0]))
+    changed = _parse(apply_coordinates(editable_document(apart), [own], [1.0]))
     assert changed.phases_of(Side.LEFT) == _parse(editable_document(shipped)).phases_of(Side.LEFT)
     stiffness = changed.phases_of(Side.RIGHT)["late_stance"].joints["knee"].stiffness
     assert stiffness == pytest.approx(own.upper * 180.0 / math.pi)
@@ -141,7 +141,7 @@ def test_legs_told_apart_have_numbers_of_their_own(shipped: GaitTable) -> None:
 def test_a_start_outside_the_usual_bounds_widens_them(shipped: GaitTable) -> None:
     document = table_document(shipped)
     document["phases"]["early_stance"]["hip"]["stiffness_Nm_per_rad"] = 20.0 * 180.0 / math.pi
-    found = parameters_of(_parse(document), thresholds=False, blending=False)[0]
+    found = tunable_parameters(_parse(document), thresholds=False, blending=False)[0]
     assert found.upper == pytest.approx(20.0)
     assert found.value(found.start_coordinate) == pytest.approx(20.0)
 
@@ -154,7 +154,7 @@ def test_a_tuned_table_does_not_inherit_waivers(shipped: GaitTable) -> None:
 # ---------------------------------------------------------------------- cost
 
 JOINTS = ("hip", "knee")
-PARTS = parts_of(JOINTS)
+PARTS = objective_terms(JOINTS)
 AT_GOAL = {part.name: part.goal for part in PARTS}
 
 
@@ -208,7 +208,7 @@ def test_missed_goals_count_in_the_nominal_walk_only() -> None:
 
 
 def test_a_part_that_is_not_defined_costs_its_weight() -> None:
-    assert part_costs({**AT_GOAL, "stride_variation_pct": None}, JOINTS) == part_costs(AT_GOAL, JOINTS)
+    assert term_costs({**AT_GOAL, "stride_variation_pct": None}, JOINTS) == term_costs(AT_GOAL, JOINTS)
 
 
 @given(lasted=st.floats(0.0, 1.0), later=st.floats(0.0, 1.0))
@@ -252,7 +252,7 @@ def test_three_quarters_of_the_cost_of_a_table_are_its_nominal_walk() -> None:
 def test_another_mass_is_unknown_to_the_device() -> None:
     nominal = load_experiment("treadmill").experiment
     stiffness = scaled_table(nominal, nominal.build_world()).phases
-    cases = cases_of(nominal, "robust")
+    cases = build_cases(nominal, "robust")
     for world in (cases["mass −10 %"], cases["mass +10 %"]):
         assert isinstance(world.patient, Patient) and isinstance(nominal.patient, Patient)
         assert abs(world.patient.mass / nominal.patient.mass - 1.0) == pytest.approx(0.1)
@@ -265,7 +265,7 @@ def test_another_mass_is_unknown_to_the_device() -> None:
 
 def test_the_robust_set_covers_what_it_promises() -> None:
     nominal = load_experiment("treadmill").experiment
-    worlds = list((cases_of(nominal, "robust") | cases_of(nominal, "search")).values())
+    worlds = list((build_cases(nominal, "robust") | build_cases(nominal, "search")).values())
     ratios = {ratio for world in worlds for ratio in world.plant.friction_ratio.values()}
     assert {0.35, 1.0} <= ratios
     assert {23.0, 33.6} <= {world.plant.battery.voltage for world in worlds}
@@ -279,7 +279,7 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
     told = Patient(mass=80.0, height=1.8)
     nominal = load_experiment("treadmill").experiment
     nominal = replace(nominal, control=replace(nominal.control, patient=told))
-    worlds = list(cases_of(nominal, "everyone").values())
+    worlds = list(build_cases(nominal, "everyone").values())
     reached = [
         (w.patient.mass, w.patient.height, w.scenario.support.share, 3.6 * w.scenario.belt_speed)  # type: ignore[union-attr]
         for w in worlds
@@ -295,7 +295,7 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
 def test_a_leg_on_a_bench_cannot_be_tuned() -> None:
     bench = load_experiment("bench_leg").experiment
     with raises(ParameterError, "bench_leg", "--patient"):
-        tune(bench, Settings())
+        tune(bench, TuningSettings())
 
 
 # ---------------------------------------------------------------------- search
@@ -310,15 +310,15 @@ def _valley(point: Sequence[float]) -> np.ndarray:
 def _searched(descent: Descent, generations: int) -> Descent:
     for _ in range(generations):
         points = descent.neighbours()
-        descent.learn(points, [_valley(point) for point in points])
-        candidates = [*((None, point) for point in points), *descent.steps()]
+        descent.update_slopes(points, [_valley(point) for point in points])
+        candidates = [*((None, point) for point in points), *descent.candidate_steps()]
         costs = [float(_valley(point) @ _valley(point)) for _, point in candidates]
         best = int(np.argmin(costs))
         if costs[best] < descent.cost:
             damping, point = candidates[best]
-            descent.go_to(point, costs[best], _valley(point), damping)
+            descent.accept_step(point, costs[best], _valley(point), damping)
         else:
-            descent.stay()
+            descent.reject_steps()
     return descent
 
 
@@ -338,23 +338,23 @@ def test_the_slopes_of_a_plane_are_found_and_led_down() -> None:
     descent = Descent(at.tolist(), float(own @ own), own)
     points = descent.neighbours()
     np.testing.assert_allclose(np.array(points) - at, REACH * np.eye(3), atol=1e-12)
-    descent.learn(points, [plane @ np.array(point) - 1.2 for point in points])
+    descent.update_slopes(points, [plane @ np.array(point) - 1.2 for point in points])
     np.testing.assert_allclose(descent.slopes, plane.T, rtol=1e-9, atol=1e-9)
-    damping, point = descent.steps()[0]
+    damping, point = descent.candidate_steps()[0]
     step = -np.linalg.solve(plane.T @ plane + damping**2 * np.eye(3), plane.T @ own)
     np.testing.assert_allclose(point, np.clip(at + step, 0.0, 1.0), atol=1e-6)
 
 
 def test_a_move_to_another_kind_of_gait_tells_no_slope_and_earlier_slopes_fade() -> None:
     descent = Descent([0.5, 0.5], 1.0, np.array([1.0, 0.0]), np.diag([4.0, 2.0]))
-    descent.learn(descent.neighbours(), [np.zeros(0), np.array([9.0, 0.0])])
+    descent.update_slopes(descent.neighbours(), [np.zeros(0), np.array([9.0, 0.0])])
     np.testing.assert_array_equal(descent.slopes, np.diag([2.0, 1.0]))
 
 
 def test_numbers_are_moved_up_and_down_in_turn_and_never_out_of_their_range() -> None:
     descent = Descent([0.5, 0.01, 0.99], 1.0, np.ones(1))
     up = descent.neighbours()
-    descent.stay()
+    descent.reject_steps()
     down = descent.neighbours()
     moves = [
         [round(point[place] - descent.point[place], 9) for place, point in enumerate(found)]
@@ -367,8 +367,8 @@ def test_numbers_are_moved_up_and_down_in_turn_and_never_out_of_their_range() ->
 def test_candidates_stay_in_the_cube(at: list[float]) -> None:
     descent = Descent(at, 1.0, 10.0 * _valley(at))
     points = descent.neighbours()
-    descent.learn(points, [10.0 * _valley(point) for point in points])
-    for point in (*points, *(point for _, point in descent.steps())):
+    descent.update_slopes(points, [10.0 * _valley(point) for point in points])
+    for point in (*points, *(point for _, point in descent.candidate_steps())):
         assert min(point) >= 0.0 and max(point) <= 1.0
 
 
@@ -380,9 +380,9 @@ def test_there_is_no_chance_in_a_search() -> None:
 
 def test_a_search_that_gains_nothing_ends() -> None:
     descent = Descent([0.5], 1.0, np.ones(1))
-    for _ in range(PATIENCE):
+    for _ in range(MAX_GENERATIONS_WITHOUT_GAIN):
         assert not descent.has_ended
-        descent.stay()
+        descent.reject_steps()
     assert descent.has_ended
     assert descent.reach < REACH
 
@@ -406,7 +406,7 @@ class Bowl:
         results = []
         for walk in walks:
             if should_stop is not None and should_stop():
-                raise Stopped
+                raise TuningStopped
             self.walks += 1
             swing = walk.table.phases["swing_flexion"].joints
             stiffness = math.radians(swing["knee"].stiffness)
@@ -429,18 +429,18 @@ def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     return walks
 
 
-SHORT = Settings(generations=3, seed=4)
+SHORT = TuningSettings(generations=3, seed=4)
 
 
 def test_the_numbers_that_matter_are_brought_to_their_best(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     told: list[str] = []
-    result = tune(experiment, Settings(generations=12), tell=told.append)
+    result = tune(experiment, TuningSettings(generations=12), report=told.append)
     best = result.ranked[0].table["phases"]["swing_flexion"]
     assert best["hip"]["equilibrium_deg"] == pytest.approx(45.0, abs=1.0)
     assert best["knee"]["stiffness_Nm_per_deg"] == pytest.approx(3.0, abs=0.2)
-    assert result.before is not None
-    assert result.ranked[0].cost < result.before.cost
+    assert result.initial is not None
+    assert result.ranked[0].cost < result.initial.cost
     costs = [float(line.split("cost ")[1].split()[0]) for line in told if "search" in line]
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] < costs[0]
@@ -462,11 +462,11 @@ def test_only_the_best_of_a_generation_walk_the_corners(bowl: Bowl) -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages.walks, "walk_all", noted)
-        tune(experiment, Settings(generations=1))
+        tune(experiment, TuningSettings(generations=1))
     nominal, corners = [*portions[1], *portions[2]], portions[3]
     alone = bowl(nominal, None)
     order = sorted(range(len(nominal)), key=lambda place: nominal_cost(alone[place]))[: stages.RACED]
-    size = len(cases_of(experiment, "search")) - 1
+    size = len(build_cases(experiment, "search")) - 1
     assert len(corners) == size * stages.RACED
     assert all(walk.patient == experiment.patient for walk in nominal)
     assert all(walk.patient != experiment.patient for walk in corners)
@@ -478,7 +478,7 @@ def test_the_search_does_not_go_to_a_table_with_an_error(bowl: Bowl) -> None:
     experiment = load_experiment("treadmill").experiment
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages.walks, "quick_errors", lambda walked: ("unstable",))
-        result = tune(experiment, Settings(generations=2))
+        result = tune(experiment, TuningSettings(generations=2))
     assert all(item.table == editable_document(experiment.table) for item in result.ranked)
     assert len({item.cost for item in result.generations}) == 1
 

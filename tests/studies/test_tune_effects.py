@@ -16,9 +16,9 @@ from twin_gait.configuration.experiments import load_experiment
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.simulator import simulate
-from twin_gait.studies.batch import overridden
-from twin_gait.studies.tune.parts import part_values
-from twin_gait.studies.tune.walks import QUICK_INTEGRATION, cases_of
+from twin_gait.studies.batch import override_experiment
+from twin_gait.studies.tune.parts import term_values
+from twin_gait.studies.tune.walks import QUICK_INTEGRATION, build_cases
 from twin_gait.vocabulary import Side
 
 SEEDS = range(4)
@@ -39,10 +39,10 @@ TUNED_IN = (
 
 def walked(experiment: Experiment) -> list[dict[str, float | None]]:
     """Parts of noisy walks, one a seed; a fall fails the test."""
-    noisy = replace(overridden(experiment, NOISE), integration=QUICK_INTEGRATION)
+    noisy = replace(override_experiment(experiment, NOISE), integration=QUICK_INTEGRATION)
     runs = [simulate(replace(noisy, seed=seed, duration=WALK)) for seed in SEEDS]
     assert all(run.status is RunStatus.COMPLETED for run in runs)
-    return [part_values(run) for run in runs]
+    return [term_values(run) for run in runs]
 
 
 def interval(values: Iterable[float | None]) -> tuple[float, float]:
@@ -76,7 +76,7 @@ def asymmetry(experiment: Experiment) -> tuple[float, float]:
 def test_errors_of_weight_and_friction_degrade_the_walk_gracefully(joint: str) -> None:
     """Mass ±10 % that nobody tells the device; joints rough, or smooth; gears that lose more."""
     experiment = load_experiment("treadmill").experiment
-    cases = cases_of(experiment, "robust")
+    cases = build_cases(experiment, "robust")
     key = f"{joint}_error_deg"
     _, nominal = interval(parts[key] for parts in walked(cases["nominal"]))
     for name in (

@@ -23,21 +23,21 @@ from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.reference import normative_ground_force, reference_curve, reference_cycle_time
 from twin_gait.measures.strides import symmetry_index
 from twin_gait.report import tune as pictures
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation import simulator
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.tune import outcome
 from twin_gait.studies.tune import tune as stages
-from twin_gait.studies.tune.parts import Rating, part_values, parts_of, rate_walk
+from twin_gait.studies.tune.parts import Rating, term_values, objective_terms, rate_walk
 from twin_gait.studies.tune.space import editable_document
-from twin_gait.studies.tune.tune import Settings, tune
-from twin_gait.studies.tune.walks import cases_of, quick_errors, standing, table_of, walk_all
+from twin_gait.studies.tune.tune import TuningSettings, tune
+from twin_gait.studies.tune.walks import build_cases, quick_errors, table_performance, table_from_document, walk_all
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 JOINTS = ("hip", "knee")
-TITLES = [part.title for part in parts_of(JOINTS)]
+TITLES = [part.title for part in objective_terms(JOINTS)]
 FALLS = (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
 
 
@@ -52,7 +52,7 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
 
     Those of the ground's forces are made again here from the measures of the walk and the reference.
     """
-    values, sides = part_values(walk), list(summarise(walk)["sides"].values())
+    values, sides = term_values(walk), list(summarise_run(walk)["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
     pairs = [[side["swing_share"] for side in sides]]
     pairs += [[side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in ("hip", "knee")]
@@ -116,7 +116,7 @@ def test_a_walk_counts_as_a_fall_where_its_outcome_says_so(walk: Run) -> None:
 
 def test_the_error_is_the_one_that_a_loop_over_strides_finds(walk: Run) -> None:
     """From the force plate's crossings, stride by stride, with numpy's own interpolation."""
-    assert part_values(walk)["knee_error_deg"] == pytest.approx(_error(walk, "knee"), rel=1e-6)
+    assert term_values(walk)["knee_error_deg"] == pytest.approx(_error(walk, "knee"), rel=1e-6)
 
 
 def _distances(walk: Run, side: Side, joint: str) -> np.ndarray:
@@ -153,12 +153,12 @@ def test_the_quick_rules_find_an_error_of_a_table() -> None:
     for item in table["transitions"]:
         if item["cause"] == "limb_extended":
             item["all"] = ["knee.angle_deg > 500"]
-    assert quick_errors(replace(experiment, table=table_of(table)))
+    assert quick_errors(replace(experiment, table=table_from_document(table)))
 
 
 def test_walks_do_not_depend_on_who_walks_nor_on_which_columns_are_kept() -> None:
     experiment = replace(load_experiment("treadmill").experiment, duration=10.0)
-    cases = cases_of(experiment, "robust")
+    cases = build_cases(experiment, "robust")
     walks = [cases[name] for name in ("nominal", "bus 23 V", "belt −10 %")]
     alone = [rate_walk(simulate(walk)) for walk in walks]
     assert walk_all(walks, Workers()) == alone
@@ -169,7 +169,7 @@ def test_walks_do_not_depend_on_who_walks_nor_on_which_columns_are_kept() -> Non
 
 def test_deviations_add_up_to_the_errors_over_goals(walk: Run) -> None:
     """The strides of this walk are alike, so that the mean stride is as far off as they are."""
-    rating, sides = rate_walk(walk), summarise(walk)["sides"].values()
+    rating, sides = rate_walk(walk), summarise_run(walk)["sides"].values()
     errors = [
         (side[f"rmse_{joint}_by_contact_deg"] / goal) ** 2
         for side in sides
@@ -180,7 +180,7 @@ def test_deviations_add_up_to_the_errors_over_goals(walk: Run) -> None:
 
 # ---------------------------------------------------------------------- the whole
 
-SETTINGS = Settings(generations=1, search_duration=10.0, robust_duration=12.0, seed=2)
+SETTINGS = TuningSettings(generations=1, search_duration=10.0, robust_duration=12.0, seed=2)
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +192,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(stages, "FINALISTS", 1)
         # Alone, which the loop of lanes is proven to equal.
         patch.setattr(simulator, "FEWEST_IN_ALL", math.inf)
-        cases = cases_of(replace(experiment, seed=SETTINGS.seed), "robust")
+        cases = build_cases(replace(experiment, seed=SETTINGS.seed), "robust")
         two = {name: cases[name] for name in ("nominal", "bus 23 V")}
         patch.setattr(stages, "cases_of", lambda item, kind: two)
         result = tune(experiment, SETTINGS)
@@ -223,7 +223,7 @@ def test_the_folder_is_whole(folder: Path) -> None:
 def test_the_table_that_is_written_is_the_one_that_walked(folder: Path, told: dict[str, Any]) -> None:
     settings = [f"table={folder / 'table.yaml'}", "duration_s=12", f"seed={SETTINGS.seed}"]
     run = simulate(load_experiment("treadmill", settings).experiment)
-    again = part_values(run)
+    again = term_values(run)
     assert {part["name"]: part["after"] for part in told["parts"]} == again
 
 
@@ -311,14 +311,14 @@ def test_a_table_stands_by_its_nominal_walk_and_what_the_others_cost() -> None:
     values: dict[str, float | None] = {"hip_error_deg": 3.0, "knee_error_deg": 5.0}
     nominal = Rating(5.0, values, False, 1.0, torque=20.0)
     fallen = nominal._replace(fell=True, cost=60.0)
-    assert standing([nominal]) == [pytest.approx(17.0**0.5), 20.0, None]
-    assert standing([nominal, nominal, fallen]) == [pytest.approx(17.0**0.5), 20.0, 32.5]
-    assert standing([fallen, nominal]) == [None, None, 5.0]
-    assert standing([nominal._replace(values={**values, "hip_error_deg": None})]) == [None, None, None]
+    assert table_performance([nominal]) == [pytest.approx(17.0**0.5), 20.0, None]
+    assert table_performance([nominal, nominal, fallen]) == [pytest.approx(17.0**0.5), 20.0, 32.5]
+    assert table_performance([fallen, nominal]) == [None, None, 5.0]
+    assert table_performance([nominal._replace(values={**values, "hip_error_deg": None})]) == [None, None, None]
 
 
 def test_the_torque_of_a_walk_is_that_of_its_motors(walk: Run) -> None:
-    joints = [joint for side in summarise(walk)["sides"].values() for joint in side["joints"].values()]
+    joints = [joint for side in summarise_run(walk)["sides"].values() for joint in side["joints"].values()]
     squares = [joint["torque_rms_Nm"] ** 2 for joint in joints]
     assert len(squares) == 4
     assert rate_walk(walk).torque == pytest.approx(np.mean(squares) ** 0.5, rel=1e-12)

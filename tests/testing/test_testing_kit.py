@@ -23,7 +23,7 @@ from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing.cases import TransitionTest, approval_text, check_approved, transition_tests
 from twin_gait.testing.compiled import compiled_machines
-from twin_gait.testing.exits import Exit, Scenario, decisive
+from twin_gait.testing.exits import Exit, ExitScenario, decisive
 from twin_gait.testing.scenarios import MARGIN, edges
 from twin_gait.vocabulary import Side
 
@@ -127,7 +127,7 @@ def test_edges_lie_a_billionth_beside_the_threshold_typed_here() -> None:
     leave = Exit(rich_table(), 0)
     entry = next(item for item in decisive(leave.item.guard) if str(item.atom) == "hip.angle_deg < -8")
     past, below, on, _ = edges(leave, entry)
-    assert isinstance(past, Scenario) and isinstance(below, Scenario) and isinstance(on, Scenario)
+    assert isinstance(past, ExitScenario) and isinstance(below, ExitScenario) and isinstance(on, ExitScenario)
     angles = [item.steps[0].vector.signals["hip.angle_deg"] for item in (past, below, on)]
     assert angles == pytest.approx([-8 - 8e-9, -8 + 8e-9, -8], abs=1e-14)
     assert angles[0] < angles[2] == -8 < angles[1]

@@ -30,8 +30,8 @@ from twin_gait.parameters.wearer import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON, arrow_state
-from twin_gait.viewer.commands import Window
-from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.commands import CommandBuffer
+from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.scene import build_scene, build_urdf_scene
@@ -98,7 +98,7 @@ def bare_urdf(folder: Path, visual: str = "", version: str = "1.0") -> Path:
     return path
 
 
-def drawn_paths(recorder: Window) -> set[str]:
+def drawn_paths(recorder: CommandBuffer) -> set[str]:
     return {command["path"] for command in recorder.commands() if command["type"] == "set_object"}
 
 
@@ -116,7 +116,7 @@ def enclosed_volume(shape: shapes.Shape) -> float:
         (shapes.rounded_box((0.1, 0.2, 0.3), 0.0), 0.1 * 0.2 * 0.3),
         (shapes.cylinder(0.05, 0.2, bevel=0.0005), math.pi * 0.05**2 * 0.2),
         (shapes.ball(0.2), 4.0 / 3.0 * math.pi * 0.2**3),
-        (shapes.turned([(0.0, 0.0), (0.1, 0.0), (0.0, 0.3)], 32), math.pi * 0.1**2 * 0.3 / 3.0),
+        (shapes.revolve([(0.0, 0.0), (0.1, 0.0), (0.0, 0.3)], 32), math.pi * 0.1**2 * 0.3 / 3.0),
     ],
     ids=["box", "cylinder", "ball", "cone"],
 )
@@ -131,10 +131,10 @@ def test_shapes_enclose_their_volume_and_look_outward(shape: shapes.Shape, volum
 
 def test_creased_mesh_keeps_the_edges_of_a_corner_and_smooths_a_ball() -> None:
     wedge = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
-    corner = shapes.creased(wedge, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]))
+    corner = shapes.compute_normals(wedge, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]))
     assert {tuple(normal) for normal in corner.normals} == {(0, 0, -1), (0, -1, 0), (-1, 0, 0)}
     ball = shapes.ball(1.0)
-    smooth = shapes.creased(ball.vertices, ball.faces)
+    smooth = shapes.compute_normals(ball.vertices, ball.faces)
     outward = np.einsum("ij,ij->i", smooth.normals, smooth.vertices)
     assert outward.min() > math.cos(math.radians(3.0))
 
@@ -156,7 +156,7 @@ def test_visuals_follow_the_fitted_segments(both_legs: dict[Side, LegJoints], he
 
 
 def test_nested_groups_compose_to_forward_kinematics(worn_twin: LegModel, rng: np.random.Generator) -> None:
-    figure = Figure(Window(), worn_twin.model)
+    figure = ArticulatedFigure(CommandBuffer(), worn_twin.model)
     q = rng.uniform(-0.5, 1.0, worn_twin.nv)
     groups = figure.posture(q)
     data = worn_twin.model.createData()
@@ -175,7 +175,7 @@ def test_nested_groups_compose_to_forward_kinematics(worn_twin: LegModel, rng: n
 
 
 def test_only_what_changed_is_sent(worn_twin: LegModel) -> None:
-    window = Window()
+    window = CommandBuffer()
     scene = build_scene(window, worn_twin)
     q = np.zeros(worn_twin.nv)
     window.apply(scene.figure.posture(q))
@@ -189,7 +189,7 @@ def test_only_what_changed_is_sent(worn_twin: LegModel) -> None:
 def test_a_leg_without_visuals_is_drawn_as_sticks_with_its_vertical_up(tmp_path: Path) -> None:
     legs = {Side.RIGHT: LegJoints(hip="h", knee="k")}
     model = LegModel(bare_urdf(tmp_path), legs, up_axis="y")
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_scene(recorder, model)
     assert {path.rsplit("/", 1)[-1] for path in drawn_paths(recorder)} >= {"sticks", "motor_cap"}
     # Hip flexed by 90 degrees: the thigh, 0.4 m long, points forward.
@@ -352,7 +352,7 @@ def surface_of(part: LinkPart) -> float:
 
 @pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
 def test_any_urdf_can_be_drawn_and_framed(name: str) -> None:
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_urdf_scene(recorder, build_model(find_urdf(name)), find_urdf(name))
     assert len(drawn_paths(recorder)) > 5
     assert scene.view.height > 0.8  # the femur and tibia of the device are 0.85 m
@@ -371,7 +371,7 @@ def test_motion_takes_frames_from_the_log_and_keeps_every_switch(worn_twin: LegM
     spells = motion.legs[Side.LEFT].phases
     assert spells is not None
     codes = log["left_phase"].cat.codes.to_numpy()
-    np.testing.assert_array_equal([spells.at(t) for t in log["time_s"]], codes)
+    np.testing.assert_array_equal([spells.code_at(t) for t in log["time_s"]], codes)
 
 
 def test_rows_after_a_divergence_are_left_out(worn_twin: LegModel) -> None:
@@ -392,7 +392,7 @@ def test_a_log_of_another_model_is_refused(worn_twin: LegModel) -> None:
 @pytest.mark.parametrize(("share", "frame"), [(0.0, "left_heel"), (1.0, "left_toe")])
 def test_ground_force_acts_where_the_foot_presses(worn_twin: LegModel, share: float, frame: str) -> None:
     log = synthetic_log(worn_twin, 0.05).assign(left_foot_pressure_place=share)
-    motion, scene = read_motion(log, worn_twin), build_scene(Window(), worn_twin)
+    motion, scene = read_motion(log, worn_twin), build_scene(CommandBuffer(), worn_twin)
     expected = worn_twin.frame_position(motion.q[0], frame)
     point = scene.state_at(motion, 0)[scene.arrows[Side.LEFT], "position"]
     np.testing.assert_allclose(point, [expected[0], expected[1], 0.0], atol=1e-12)
@@ -400,7 +400,7 @@ def test_ground_force_acts_where_the_foot_presses(worn_twin: LegModel, share: fl
 
 def test_on_a_slope_force_and_belt_are_drawn_in_its_axes(worn_twin: LegModel) -> None:
     """Both have the axes of the slope, and the force acts between heel and toe on the belt."""
-    slope, recorder = 0.1, Window()
+    slope, recorder = 0.1, CommandBuffer()
     scene = build_scene(recorder, worn_twin, slope=slope)
     moves = {item["path"]: item["matrix"] for item in recorder.commands() if item["type"] == "set_transform"}
     for path in (surroundings.TREADMILL, FORCE_ROOT):
@@ -418,7 +418,7 @@ def test_on_a_slope_force_and_belt_are_drawn_in_its_axes(worn_twin: LegModel) ->
 
 
 def test_arrow_is_as_long_and_as_tilted_as_the_force(worn_twin: LegModel) -> None:
-    scene = build_scene(Window(), worn_twin)
+    scene = build_scene(CommandBuffer(), worn_twin)
     force = np.array([120.0, 350.0])
     state = {name: value for (_, name), value in
              arrow_state(scene.arrows[Side.LEFT], force, np.array([0.1, 0.2, 0.0])).items()}  # fmt: skip
@@ -495,7 +495,7 @@ def test_same_log_gives_the_same_bytes(worn_twin: LegModel, tmp_path: Path) -> N
 
 
 def test_animation_comes_after_the_objects_it_moves(worn_twin: LegModel) -> None:
-    recorder = Window()
+    recorder = CommandBuffer()
     recorder.send({"type": "set_animation", "path": "", "animations": [], "options": {}})
     build_scene(recorder, worn_twin, patient=PATIENT)
     kinds = [command["type"] for command in recorder.commands()]
@@ -571,7 +571,7 @@ def ask_browser(page: Path, fragment: str, asked: dict) -> dict:
 @needs_chromium
 def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Path) -> None:
     page = write_walk(tmp_path / "walk.html", worn_twin, duration=0.5, title=HOSTILE)
-    scene = build_scene(Window(), worn_twin, patient=PATIENT)
+    scene = build_scene(CommandBuffer(), worn_twin, patient=PATIENT)
     log = synthetic_log(worn_twin, 0.5)
     motion = read_motion(log, worn_twin)
     # The first frame after both arrows switched, and one after two phases have ended.

@@ -8,15 +8,15 @@ import pytest
 from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
 from twin_gait.live.news import Block
-from twin_gait.live.page import LiveFigure
+from twin_gait.live.page import LiveScene
 from twin_gait.measures.leg_record import driven_joints
-from twin_gait.report.walk_words import table_of_walk
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation.problem import build_problem
+from twin_gait.report.walk_words import walk_table
+from twin_gait.runs.summary import summarise_run
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import arc_state
-from twin_gait.viewer.commands import Window
+from twin_gait.viewer.commands import CommandBuffer
 from twin_gait.viewer.motion import leg_columns, leg_values
 from twin_gait.viewer.scene import build_scene
 from twin_gait.vocabulary import JointName, Side
@@ -46,13 +46,13 @@ def test_an_orthosis_has_no_curve_no_cover_and_no_arrow() -> None:
     assert "left_ankle_angle_rad" in run.log
     assert driven_joints(run.log, Side.LEFT) == (JointName.HIP, JointName.KNEE)
     assert not [name for name in leg_values(run.log, Side.LEFT) if name.startswith("ankle")]
-    scene = build_scene(Window(), model)
+    scene = build_scene(CommandBuffer(), model)
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"} and len(scene.caps[Side.LEFT]) == 2
 
 
 def test_a_motor_of_the_ankle_has_a_cap_and_arrows(walk: Run) -> None:
     model = walk.experiment.build_world().model
-    scene = build_scene(Window(), model, drives=JOINTS)
+    scene = build_scene(CommandBuffer(), model, drives=JOINTS)
     joints = [joint for _, joint in model.legs[Side.RIGHT].items()]
     assert scene.caps[Side.RIGHT] == [f"{scene.figure.paths[joint]}/motor_cap" for joint in joints]
     assert set(scene.arcs[Side.RIGHT]) == set(JOINTS)
@@ -66,7 +66,7 @@ def blocks_of(run: Run, *spans: tuple[int, int]) -> list[Block]:
 
 
 def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
-    figure = LiveFigure(build_problem(walk.experiment))
+    figure = LiveScene(build_setup(walk.experiment))
     assert figure.page["legs"][0]["shows"].count("ankle_torque") == 1
     figure.show(blocks_of(walk, (0, len(walk.log))))
     assert figure.phases == {side: walk.log[f"{side}_phase"].iloc[-1] for side in ("left", "right")}
@@ -75,7 +75,7 @@ def test_a_live_scene_follows_the_ankle(walk: Run) -> None:
 
 
 def test_live_curves_have_the_extremes_of_every_five_ticks(walk: Run) -> None:
-    figure = LiveFigure(build_problem(walk.experiment))
+    figure = LiveScene(build_setup(walk.experiment))
     figure.show(blocks_of(walk, *((first, first + 10) for first in range(0, 100, 10))))
     curve = figure.window.commands()[-1]["sample"]["curves"][0]["knee_torque"]
     drawn = [(round(t / TICK), v) for t, v in zip(curve["times"], curve["values"], strict=True)]
@@ -87,7 +87,7 @@ def test_live_curves_have_the_extremes_of_every_five_ticks(walk: Run) -> None:
 
 def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:
     long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
-    rows = [row[0] for row in table_of_walk(summarise(long))]
+    rows = [row[0] for row in walk_table(summarise_run(long))]
     assert [row for row in rows if row == "ankle motor power W"]
     run = simulate(load_experiment("treadmill", ["duration_s=8"]).experiment)
-    assert not [row[0] for row in table_of_walk(summarise(run)) if "ankle motor" in row[0]]
+    assert not [row[0] for row in walk_table(summarise_run(run)) if "ankle motor" in row[0]]

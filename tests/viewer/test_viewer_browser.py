@@ -21,12 +21,12 @@ from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.leg_model.urdf_document import mimic_joints
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.runs.record import StoredRun, read_run, write_run
-from twin_gait.runs.run_page import page_of
-from twin_gait.runs.summary import summarise
+from twin_gait.runs.record import StoredRun, read_stored_run, write_run
+from twin_gait.runs.run_page import render_run_page
+from twin_gait.runs.summary import summarise_run
 from twin_gait.viewer.animation import joint_entries, recorded_run, urdf_page
-from twin_gait.viewer.commands import Window
-from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.commands import CommandBuffer
+from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.scene import build_scene
 from twin_gait.vocabulary import GaitPhase, Side
@@ -77,16 +77,16 @@ MEASURES = (("", "left", "right", "healthy"), ("stride time [s]", "2.08", "2.09"
 
 @pytest.fixture(scope="module")
 def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
-    shown = {name: read_run(folder) for name, folder in runs.items()}
+    shown = {name: read_stored_run(folder) for name, folder in runs.items()}
     folder = tmp_path_factory.mktemp("pages")
     for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
-        (folder / f"{name}.html").write_text(page_of(chosen), encoding="utf-8")
+        (folder / f"{name}.html").write_text(render_run_page(chosen), encoding="utf-8")
     settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
     tripped = simulate(load_experiment("treadmill", settings).experiment)
     assert tripped.trip is not None
     told = {"title": "held", "events": tripped.events, "outcome": tripped.status, "walk": MEASURES}
     moments, model = [event.time for event in tripped.events], tripped.experiment.build_world().model
-    held = recorded_run(tripped.log, model, about=told, frames_per_second=30.0, moments=moments)
+    held = recorded_run(tripped.log, model, about=told, frames_per_second=30.0, frame_times=moments)
     (folder / "held.html").write_text(recorded_page([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
@@ -137,7 +137,7 @@ def walk(browser: "playwright.Browser", pages: dict[str, Path]) -> Iterator[Open
 
 @pytest.fixture(scope="module")
 def log(runs: dict[str, Path]) -> pd.DataFrame:
-    return read_run(runs["more"]).run.log
+    return read_stored_run(runs["more"]).run.log
 
 
 def numbers_in(one: OpenPage) -> dict[tuple[str, str], float]:
@@ -176,8 +176,8 @@ def clock_of(one: OpenPage) -> float:
 
 @pytest.mark.slow
 def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
-    model = read_run(runs["more"]).run.experiment.build_world().model
-    paths = {name: path for name, path in Figure(Window(), model.model).paths.items() if name != "universe"}
+    model = read_stored_run(runs["more"]).run.experiment.build_world().model
+    paths = {name: path for name, path in ArticulatedFigure(CommandBuffer(), model.model).paths.items() if name != "universe"}
     one = walk
     seen = one(
         """(paths) => player.times.map((time) => {
@@ -263,8 +263,8 @@ def test_stepping_lands_on_the_transitions_of_the_run(walk: OpenPage, runs) -> N
 def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None:
     table = pd.read_csv(runs["more"] / "transitions.csv")
     switch = table[table["side"] == "right"].iloc[1]
-    experiment = read_run(runs["more"]).run.experiment
-    scene = build_scene(Window(), experiment.build_world().model, patient=experiment.patient)
+    experiment = read_stored_run(runs["more"]).run.experiment
+    scene = build_scene(CommandBuffer(), experiment.build_world().model, patient=experiment.patient)
     colour = """(path) => twinGait.stage.viewer.scene_tree.find(
         path.split("/").filter((part) => part)).object.material.color.toArray()"""
     cover = f"{scene.caps[Side.RIGHT][0]}/<object>"
@@ -550,7 +550,7 @@ def test_on_paper_every_table_is_within_its_column(opened, pages, name: str) -> 
 
 
 def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened, pages, runs) -> None:
-    logs = [read_run(runs[name]).run.log for name in ("more", "less")]
+    logs = [read_stored_run(runs[name]).run.log for name in ("more", "less")]
     one = opened(f"{pages['two'].as_uri()}#t=0.9", size=(1000, 700))
     one("player.seek(1.1)")
     clocks = one('[...document.querySelectorAll(".clock")].map((clock) => parseFloat(clock.textContent))')
@@ -626,7 +626,7 @@ def urdf_named(name: str, folder: Path) -> Path:
 def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path, name: str, up: str) -> None:
     urdf = urdf_named(name, tmp_path)
     model = build_model(urdf)
-    figure = Figure(Window(), model, up_axis=up)
+    figure = ArticulatedFigure(CommandBuffer(), model, up_axis=up)
     page = tmp_path / "page.html"
     page.write_text(urdf_page(urdf, up_axis=up), encoding="utf-8")
     one = opened(page.as_uri(), size=(1000, 640))
@@ -695,9 +695,9 @@ def test_two_walks_are_compared_by_per_cent_of_the_stride_so_that_a_drift_is_no_
     walk = simulate(load_experiment("treadmill", ["duration_s=9"]).experiment)
     slower = walk.log.iloc[np.round(np.arange(len(walk.log)) / 1.015).astype(int)].copy()
     slower["time_s"] = walk.log["time_s"].to_numpy()  # the same walk with strides 1.5 % longer
-    summary = summarise(walk)
+    summary = summarise_run(walk)
     runs = [StoredRun(run, summary) for run in (walk, replace(walk, log=slower))]
-    (tmp_path / "pair.html").write_text(page_of(runs), encoding="utf-8")
+    (tmp_path / "pair.html").write_text(render_run_page(runs), encoding="utf-8")
     one = opened(f"{(tmp_path / 'pair.html').as_uri()}#t=6", size=(1000, 700))
     largest = """() => Object.fromEntries(plots.panels.filter((panel) => panel.below).flatMap((panel) =>
         panel.lines.map((line) => [`${line.leg.side}_${line.key}`, line.series.values.reduce(

@@ -12,23 +12,23 @@ from synthetic_floor import SPEED, floor_walk
 
 from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
 from twin_gait.live.news import Block
-from twin_gait.live.page import LiveFigure
+from twin_gait.live.page import LiveScene
 from twin_gait.parameters.surroundings import ChairParameters
-from twin_gait.runs.run_page import setting_of
-from twin_gait.simulation.problem import build_problem
+from twin_gait.runs.run_page import scene_options
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON
 from twin_gait.viewer.body import ROOT, ROPES, bent_elbow
-from twin_gait.viewer.commands import Window
+from twin_gait.viewer.commands import CommandBuffer
 from twin_gait.viewer.motion import MODE, Motion, read_motion
-from twin_gait.viewer.scene import Scene, Setting, State, build_scene
+from twin_gait.viewer.scene import Scene, SceneOptions, SceneState, build_scene
 from twin_gait.viewer.surroundings import CHAIR, METRES, SEAT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side
 
-Drawn = tuple[Scene, Window, Motion]
+Drawn = tuple[Scene, CommandBuffer, Motion]
 HEIGHT, MODES = 1.75, ("sitting", "walking")
 SIZES = ChairParameters(height=0.46, depth=0.4)
 
@@ -41,18 +41,18 @@ def walk() -> Run:
     return replace(run, log=run.log.assign(**{SEAT: -0.2, MODE: mode}))
 
 
-def scene_of(run: Run) -> tuple[Scene, Window]:
-    recorder = Window()
-    setting: Setting = {**setting_of(run.experiment), "chair": SIZES if SEAT in run.log else None}
+def scene_of(run: Run) -> tuple[Scene, CommandBuffer]:
+    recorder = CommandBuffer()
+    setting: SceneOptions = {**scene_options(run.experiment), "chair": SIZES if SEAT in run.log else None}
     return build_scene(recorder, run.experiment.build_world().model, **setting), recorder
 
 
 @pytest.fixture(scope="module")
 def drawn(walk: Run) -> Drawn:
-    return *scene_of(walk), read_motion(walk.log, walk.experiment.build_world().model, moments=[0.4])
+    return *scene_of(walk), read_motion(walk.log, walk.experiment.build_world().model, frame_times=[0.4])
 
 
-def end_of(state: State, path: str, length: float) -> np.ndarray:
+def end_of(state: SceneState, path: str, length: float) -> np.ndarray:
     """Point on the z axis of a group, by its position and quaternion alone."""
     x, y, z, w = state[path, "quaternion"]
     axis = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)])
@@ -170,7 +170,7 @@ def test_the_chair_stands_where_the_log_has_its_front_edge(drawn: Drawn) -> None
 def test_a_page_has_crutches_and_the_mode_of_every_moment(walk: Run) -> None:
     page = recorded_run(
         walk.log, walk.experiment.build_world().model, about={"title": "t", "modes": MODES},
-        frames_per_second=30.0, **setting_of(walk.experiment),
+        frames_per_second=30.0, **scene_options(walk.experiment),
     )  # fmt: skip
     frames: dict[str, Any] = json.loads(zlib.decompress(b64decode(page["frames"])))
     assert page["modes"] == ["Sitting", "Walking"]
@@ -182,7 +182,7 @@ def test_a_page_has_crutches_and_the_mode_of_every_moment(walk: Run) -> None:
 
 def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn) -> None:
     scene, _, motion = drawn
-    live = LiveFigure(build_problem(walk.experiment))
+    live = LiveScene(build_setup(walk.experiment))
     live._modes = MODES  # of the columns that the fixture has added to the log
     frame = int(np.searchsorted(motion.times, 0.4))
     live.show([Block(400, 401, {str(name): walk.log[name].to_numpy()[400:401] for name in walk.log}, "")])

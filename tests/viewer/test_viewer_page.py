@@ -42,20 +42,20 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.runs.record import StoredRun, read_run, write_run
-from twin_gait.runs.run_page import about, page_of
+from twin_gait.runs.record import StoredRun, read_stored_run, write_run
+from twin_gait.runs.run_page import page_texts, render_run_page
 from twin_gait.viewer.animation import urdf_page
-from twin_gait.viewer.commands import Window
+from twin_gait.viewer.commands import CommandBuffer
 from twin_gait.viewer.figure import ROOT
 from twin_gait.viewer.motion import (
     extremes,
-    faithful_curve,
+    simplify_curve,
     frame_rate,
     leg_values,
     phase_changes,
     read_motion,
 )
-from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, About, live_page, packed, page_data
+from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, PageTexts, live_page, encode_compressed, page_data
 from twin_gait.viewer.picture import BROWSER_VARIABLE, find_browser, take_picture
 from twin_gait.viewer.scene import View, build_scene
 from twin_gait.viewer.surroundings import MATERIALS
@@ -90,15 +90,15 @@ def curve_of(frames: dict, key: str, leg: int = 0) -> tuple[np.ndarray, np.ndarr
 
 def entries(phases: list[str]) -> list[dict]:
     view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
-    return page_data(About(title=""), mode="live", view=view, phases=phases)["phases"]
+    return page_data(PageTexts(title=""), mode="live", view=view, phases=phases)["phases"]
 
 
 # ---------------------------------------------------------------------------------- what a page holds
 
 
 def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run_folder: Path) -> None:
-    shown = read_run(run_folder)
-    (entry,) = embedded(page_of([shown], moments=[1.2345]))["runs"]
+    shown = read_stored_run(run_folder)
+    (entry,) = embedded(render_run_page([shown], frame_times=[1.2345]))["runs"]
     frames = frames_of(entry)
     transitions, log = pd.read_csv(run_folder / "transitions.csv"), shown.run.log
     assert len(transitions) >= 3
@@ -120,7 +120,7 @@ def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run
 def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
     run_folder: Path, frames_per_second: float
 ) -> None:
-    run = read_run(run_folder).run
+    run = read_stored_run(run_folder).run
     log, model = run.log, run.experiment.build_world().model
     curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
     values = leg_values(log, Side.RIGHT)
@@ -135,7 +135,7 @@ def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
 
 def test_a_curve_ends_where_the_log_has_no_number() -> None:
     values = np.array([0.0, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, 9.0, 5.0])
-    curve = faithful_curve(np.arange(9.0), values, np.array([0, 8]))
+    curve = simplify_curve(np.arange(9.0), values, np.array([0, 8]))
     assert curve.times.tolist() == [0, 2, 3, 4, 5, 6, 7, 8]
     np.testing.assert_array_equal(np.isnan(curve.values), [False, False, True, True, *4 * [False]])
 
@@ -157,10 +157,10 @@ def tripped(tmp_path_factory) -> Path:
 
 
 def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
-    stored, summary, _ = read_run(tripped)
+    stored, summary, _ = read_stored_run(tripped)
     trip = stored.trip
     assert trip is not None and 1.0 <= trip.time < 3.0
-    (entry,) = embedded(page_of([read_run(tripped)]))["runs"]
+    (entry,) = embedded(render_run_page([read_stored_run(tripped)]))["runs"]
     assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
     assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
     assert entry["outcome"] == stored.verdict.outcome == "held"
@@ -173,12 +173,12 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
     # A run without a trip has neither.
     harmless = replace(stored.experiment, faults=())
     before = replace(stored, experiment=harmless, log=stored.log.iloc[:900], trip=None)
-    (calm,) = embedded(page_of([StoredRun(before, summary)]))["runs"]
+    (calm,) = embedded(render_run_page([StoredRun(before, summary)]))["runs"]
     assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
 
 
 def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path) -> None:
-    stored = read_run(run_folder).run
+    stored = read_stored_run(run_folder).run
     power = {"belt_W": 9.0, "motors_W": 1.0, "voluntary_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
     leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}, "stride_time_mean_s": None}
     summary = {
@@ -186,14 +186,14 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
         "walk_reference": {"trough": 0.8},
         "power": {**power, "carried_by_belt": True},
     }
-    (entry,) = embedded(page_of([StoredRun(stored, summary)]))["runs"]
+    (entry,) = embedded(render_run_page([StoredRun(stored, summary)]))["runs"]
     assert entry["notes"][0].startswith("The belt carries this walk")
     assert entry["walk"] == [
         ["", "left", "right", "healthy"],
         ["trough", "0.500", "0.500", "0.800"],
     ]
     summary["power"]["carried_by_belt"] = False
-    assert about(StoredRun(stored, summary)).get("notes") == []
+    assert page_texts(StoredRun(stored, summary)).get("notes") == []
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
@@ -226,7 +226,7 @@ def test_two_runs_get_their_frames_at_the_same_moments(run_folder: Path, tmp_pat
     other.mkdir()
     settings = ["duration_s=1.5", "engine=pinocchio", "table.phases.late_stance.hip.equilibrium_deg=-9"]
     write_run(simulate(load_experiment("bench_leg", settings).experiment), other, pictures=False)
-    first, second = embedded(page_of([read_run(run_folder), read_run(other)]))["runs"]
+    first, second = embedded(render_run_page([read_stored_run(run_folder), read_stored_run(other)]))["runs"]
     long, short = frames_of(first)["times"], frames_of(second)["times"]
     assert set(short) - set(long) <= {1499}  # the last row of the shorter run
     assert [time for time in long if time < 1499] == [time for time in short if time < 1499]
@@ -329,7 +329,7 @@ def test_what_stands_together_differs_for_colour_blind_people(cone: str, meaning
 
 
 def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(run_folder: Path) -> None:
-    page = page_of([read_run(run_folder)])
+    page = render_run_page([read_stored_run(run_folder)])
     (entry,) = embedded(page)["runs"]
     (leg,) = entry["legs"]
     assert (leg["colour"], leg["dark"]) == (SIDE_COLOURS[Side.RIGHT], SIDE_COLOURS_ON_DARK[Side.RIGHT])
@@ -343,7 +343,7 @@ def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(r
 
 
 def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel) -> None:
-    recorder = Window()
+    recorder = CommandBuffer()
     build_scene(recorder, worn_twin)
     assert any(c["type"] == "set_object" and c["path"] == FLOOR for c in recorder.commands())
 
@@ -382,7 +382,7 @@ def test_a_live_page_takes_a_panel_after_its_own_script(monkeypatch, tmp_path) -
 
 def test_packing_is_lossless() -> None:
     content = bytes(range(256)) * 9
-    assert zlib.decompress(b64decode(packed(content))) == content
+    assert zlib.decompress(b64decode(encode_compressed(content))) == content
 
 
 # ---------------------------------------------------------------------------------- command line

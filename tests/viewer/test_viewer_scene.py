@@ -24,13 +24,13 @@ from twin_gait.viewer import arrows, body, shapes, surroundings
 from twin_gait.viewer import scene as drawn_scene
 from twin_gait.viewer.arrows import FULL_TORQUE
 from twin_gait.viewer.body import ROPES
-from twin_gait.viewer.commands import Window, rgb
+from twin_gait.viewer.commands import CommandBuffer, rgb
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
 from twin_gait.viewer.scene import Scene, build_scene, build_urdf_scene
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.surroundings import ROOT
 from twin_gait.viewer.visuals import load_visuals
-from twin_gait.vocabulary import GaitPhase, JointName, Side, Surroundings
+from twin_gait.vocabulary import GaitPhase, JointName, Side, Environment
 
 PATIENT = Patient()
 URDF_FOLDER = packaged_urdf("twin.urdf").parent
@@ -84,7 +84,7 @@ def test_the_viewer_scales_the_meshes_from_the_sizes_that_they_were_drawn_in(scr
     drawn = (script.TRUNK, script.FOOT, script.FOREARM, script.LENGTHS["shank"])
     shares = (wearer.TRUNK_LENGTH, wearer.FOOT_LENGTH, wearer.FOREARM_LENGTH, SHANK_LENGTH)
     np.testing.assert_allclose(drawn, np.multiply(shares, script.BODY_HEIGHT), atol=6e-4)
-    mast = shapes.packaged("mast", np.eye(4)).vertices
+    mast = shapes.load_packaged_mesh("mast", np.eye(4)).vertices
     bar = mast[(np.abs(mast[:, 1]) > 0.18) & (np.abs(mast[:, 1]) < 0.2)]
     assert bar[:, 2].mean() == pytest.approx(script.BAR_HEIGHT, abs=1e-3)
 
@@ -197,7 +197,7 @@ def test_a_tube_encloses_the_volume_of_its_path() -> None:
 
 def test_creased_mesh_has_no_vertex_twice() -> None:
     ball = shapes.ball(0.1)
-    creased = shapes.creased(ball.vertices, ball.faces)
+    creased = shapes.compute_normals(ball.vertices, ball.faces)
     rows = np.round(np.column_stack((creased.vertices, creased.normals)), 6)
     assert len(np.unique(rows, axis=0)) == len(rows) <= len(ball.vertices)
 
@@ -241,7 +241,7 @@ def test_level_has_the_sign_and_grows_with_the_size_of_the_torque() -> None:
     assert arrows.level(4.9) == arrows.level(math.nan) == 0
 
 
-def meshes_of(recorder: Window) -> dict[str, np.ndarray]:
+def meshes_of(recorder: CommandBuffer) -> dict[str, np.ndarray]:
     """Vertices of every object, as the page gets them."""
     found = {}
     for command in recorder.commands():
@@ -251,7 +251,7 @@ def meshes_of(recorder: Window) -> dict[str, np.ndarray]:
     return found
 
 
-def properties_of(recorder: Window, name: str) -> dict[str, object]:
+def properties_of(recorder: CommandBuffer, name: str) -> dict[str, object]:
     return {c["path"]: c["value"] for c in recorder.commands() if c.get("property") == name}
 
 
@@ -261,7 +261,7 @@ def test_positive_torque_shows_the_arrow_that_turns_with_a_growing_angle(
     worn_twin: LegModel, side: Side, joint: str
 ) -> None:
     """The tip of the arrow moves as the limb does when Pinocchio increases the angle."""
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_scene(recorder, worn_twin)
     arc = scene.arcs[side][joint]
     vertices = meshes_of(recorder)
@@ -289,7 +289,7 @@ def test_positive_torque_shows_the_arrow_that_turns_with_a_growing_angle(
 
 
 def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_scene(recorder, bench)
     visible = properties_of(recorder, "visible")
     paths = [path for arc in scene.arcs[Side.RIGHT].values() for path in arc.values()]
@@ -308,7 +308,7 @@ def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
 # ---------------------------------------------------------------------------------- ropes
 
 
-def world(scene: Scene, recorder: Window, path: str) -> np.ndarray:
+def world(scene: Scene, recorder: CommandBuffer, path: str) -> np.ndarray:
     """Transform of a place of the scene from the last commands alone, without the figure's own sums."""
     place, at = np.eye(4), ""
     transforms = {c["path"]: np.array(c["matrix"]).reshape(4, 4).T for c in recorder.commands()
@@ -330,7 +330,7 @@ def world(scene: Scene, recorder: Window, path: str) -> np.ndarray:
 
 @pytest.mark.parametrize("lift", [-0.05, 0.0, 0.08])
 def test_ropes_hang_from_the_bar_and_meet_the_harness(worn_twin: LegModel, lift: float) -> None:
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     q = np.zeros(worn_twin.nv)
     assert worn_twin.pelvis_index is not None
@@ -362,7 +362,7 @@ def test_every_mesh_moves_with_the_joint_that_carries_it(
     worn_twin: LegModel, rng: np.random.Generator
 ) -> None:
     """What the commands put on the stage is where Pinocchio's forward kinematics puts the link."""
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     q = rng.uniform(-0.4, 0.9, worn_twin.nv)
     recorder.apply(scene.figure.posture(q))
@@ -406,7 +406,7 @@ def walk(model: LegModel, duration: float = 4.0, rate: float = 30.0) -> Motion:
 
 def test_trail_is_the_path_of_the_sole_over_the_last_stride(worn_twin: LegModel) -> None:
     motion = walk(worn_twin)
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_scene(recorder, worn_twin)
     scene.draw_trails(motion)
     # Five phases of 0.3 s: the first stride that the motion has whole is from 1.5 to 3.0 s.
@@ -434,13 +434,13 @@ def test_trail_has_the_colours_of_the_phases(worn_twin: LegModel) -> None:
     assert shape is not None and shape.colours is not None
     assert len(shape.colours) == len(shape.vertices)
     for (x, _, _), colour in zip(shape.vertices, shape.colours, strict=True):
-        phase = GaitPhase(PHASES[spells.at(float(x))])  # x is the time here
+        phase = GaitPhase(PHASES[spells.code_at(float(x))])  # x is the time here
         np.testing.assert_allclose(colour, rgb(PHASE_COLOURS[phase]))
 
 
 def test_no_trail_without_movement(bench: LegModel) -> None:
     motion = walk(bench)
-    scene = build_scene(Window(), bench)
+    scene = build_scene(CommandBuffer(), bench)
     still = replace(motion, q=np.zeros_like(motion.q))
     scene.draw_trails(still)
     assert scene.trails == []
@@ -452,7 +452,7 @@ def test_after_the_last_path_that_is_kept_no_old_one_is_shown(
     bench: LegModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(drawn_scene, "MOST_STRIDES", 1)
-    scene = build_scene(Window(), bench)
+    scene = build_scene(CommandBuffer(), bench)
     motion = walk(bench, duration=8.0)
     scene.draw_trails(motion)
     (stride,) = scene.trails
@@ -464,14 +464,14 @@ def test_after_the_last_path_that_is_kept_no_old_one_is_shown(
 # ---------------------------------------------------------------------------------- the stage
 
 
-def surface_of(recorder: Window, path: str) -> dict[str, object]:
+def surface_of(recorder: CommandBuffer, path: str) -> dict[str, object]:
     (command,) = [c for c in recorder.commands() if c["type"] == "set_object" and c["path"] == path]
     return dict(command["object"]["materials"][0])
 
 
 def test_the_scene_stays_light(worn_twin: LegModel) -> None:
     """What makes a page slow without a graphics card: triangles, draw calls, gloss, shadows on everything."""
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_scene(recorder, worn_twin, patient=PATIENT)
     hidden = {path for path, seen in properties_of(recorder, "visible").items() if seen is False}
     drawn = [c for c in recorder.commands() if c["type"] == "set_object" and c["path"] not in hidden]
@@ -486,8 +486,8 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
 
 
 def test_bench_leg_hangs_clear_of_its_bench(bench: LegModel) -> None:
-    recorder = Window()
-    build_scene(recorder, bench, around=Surroundings.STAND)
+    recorder = CommandBuffer()
+    build_scene(recorder, bench, around=Environment.STAND)
     vertices = meshes_of(recorder)
     parts = {
         name: vertices[f"{ROOT}/bench/{name}"] for name in ("table_top", "table_frame", "vice", "weight")
@@ -505,9 +505,9 @@ def test_a_urdf_with_its_vertical_along_y_stands_upright(tmp_path: Path) -> None
     urdf = tmp_path / "post.urdf"
     box = '<visual><geometry><box size="0.1 1.6 0.2"/></geometry></visual>'
     urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
-    views = [build_urdf_scene(Window(), build_model(urdf), urdf, up_axis=axis).view for axis in ("z", "y")]
+    views = [build_urdf_scene(CommandBuffer(), build_model(urdf), urdf, up_axis=axis).view for axis in ("z", "y")]
     assert views[0].height == views[1].height
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_urdf_scene(recorder, build_model(urdf), urdf, up_axis="y")
     path, points = next((p, v) for p, v in meshes_of(recorder).items() if "visual" in p)
     assert np.ptp(on_stage(world(scene, recorder, path), points)[:, 2]) == pytest.approx(1.6)
@@ -519,7 +519,7 @@ def test_torques_of_a_log_reach_the_arrows(bench: LegModel) -> None:
     watched = {"safety_state": 0.0, "right_phase": pd.Categorical(["early_stance"] * 2)}
     log = pd.DataFrame({"time_s": [0.0, 0.1], **hip, **knee, **watched})
     motion = read_motion(log, bench)
-    scene = build_scene(Window(), bench)
+    scene = build_scene(CommandBuffer(), bench)
     paths = scene.arcs[Side.RIGHT]["hip"]
     first, last = (scene.state_at(motion, frame) for frame in (0, len(motion.times) - 1))
     assert first[paths[3], "visible"] and not first[paths[-3], "visible"]
@@ -538,9 +538,9 @@ def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None
     hip = joint.format("h", "p", "t", 1, rest)
     knee = joint.format("k", "t", "s", -1, '<origin xyz="0 -0.4 0"/>' + rest)
     urdf.write_text(f'<robot name="bare">{links}{hip}{knee}</robot>')
-    recorder = Window()
+    recorder = CommandBuffer()
     model = LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y")
-    scene = build_scene(recorder, model, around=Surroundings.STAND)
+    scene = build_scene(recorder, model, around=Environment.STAND)
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"}
     path = scene.arcs[Side.LEFT]["hip"][1]
     arrow = on_stage(world(scene, recorder, path), meshes_of(recorder)[path])
@@ -555,7 +555,7 @@ def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Pat
             link.remove(visual)
     urdf = tmp_path / "bare.urdf"
     urdf.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_urdf_scene(recorder, build_model(urdf), urdf)
     thigh = meshes_of(recorder)[f"{scene.figure.paths['left_hip']}/sticks"]
     assert thigh[:, 2].min() == pytest.approx(-0.42, abs=0.03)  # the knee is 0.42 m below the hip
@@ -565,7 +565,7 @@ def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Pat
 
 
 def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt() -> None:
-    recorder = Window()
+    recorder = CommandBuffer()
     surroundings.draw_treadmill(recorder)
     drawn = meshes_of(recorder)
     marks, frame = (drawn[path][:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/treadmill/frame"))

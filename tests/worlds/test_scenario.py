@@ -11,7 +11,7 @@ import pytest
 import twin_gait
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_leg import BenchLeg
-from twin_gait.worlds.registry import world_kinds, world_of
+from twin_gait.worlds.registry import world_kinds, find_world
 from twin_gait.worlds.treadmill import Treadmill
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 
@@ -35,22 +35,22 @@ def test_no_room_names_a_world():
 
 def test_worlds_that_ship_are_found_by_their_kind():
     assert {"bench_leg", "overground", "treadmill"} <= set(world_kinds())
-    assert world_of("treadmill") is Treadmill and world_of("bench_leg") is BenchLeg
+    assert find_world("treadmill") is Treadmill and find_world("bench_leg") is BenchLeg
 
 
 def test_an_adjusted_treadmill_is_one_with_that_number():
     world = Treadmill(slope=0.05)
-    slower = world.adjusted(BELT_SPEED, 0.3)
+    slower = world.replace_adjustment(BELT_SPEED, 0.3)
     assert slower == replace(world, belt_speed=0.3)
-    assert slower.adjusted(SUPPORT_SHARE, 0.2).support == replace(world.support, share=0.2)
+    assert slower.replace_adjustment(SUPPORT_SHARE, 0.2).support == replace(world.support, share=0.2)
     speed, share = slower.adjustments
-    assert (speed.value, speed.least, speed.largest) == pytest.approx((0.3, 0.54, 1.62))
+    assert (speed.value, speed.minimum, speed.maximum) == pytest.approx((0.3, 0.54, 1.62))
     assert share.value == world.support.share
 
 
 def test_only_what_a_world_offers_can_be_adjusted():
-    assert Treadmill().adjusts(BELT_SPEED, SUPPORT_SHARE) and not Treadmill().adjusts("gravity")
-    assert not BenchLeg().adjusts(BELT_SPEED)
+    assert Treadmill().has_adjustments(BELT_SPEED, SUPPORT_SHARE) and not Treadmill().has_adjustments("gravity")
+    assert not BenchLeg().has_adjustments(BELT_SPEED)
 
 
 def test_the_air_has_no_ground_and_the_belt_carries_what_the_ropes_leave():
@@ -67,8 +67,8 @@ def test_legs_start_in_the_postures_that_they_are_given(leading):
         Side.LEFT: {JointName.HIP: 0.1, JointName.KNEE: 0.2},
         Side.RIGHT: {JointName.HIP: 0.3, JointName.KNEE: 0.4},
     }
-    world = Treadmill(leading=leading).starting_in(postures)
+    world = Treadmill(leading=leading).replace_postures(postures)
     trailing = next(side for side in Side if side is not leading)
     assert (world.leading_angles, world.trailing_angles) == (postures[leading], postures[trailing])
     right = {Side.RIGHT: postures[Side.RIGHT]}
-    assert BenchLeg().starting_in(right).start_angles == postures[Side.RIGHT]
+    assert BenchLeg().replace_postures(right).start_angles == postures[Side.RIGHT]

@@ -19,7 +19,7 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.vocabulary import Outcome, Side
-from twin_gait.worlds.registry import world_kinds, world_of
+from twin_gait.worlds.registry import world_kinds, find_world
 
 PLUGINS = Path(__file__).parents[1] / "plugins"
 FRAME_WALK = """
@@ -88,7 +88,7 @@ def test_its_presets_follow_those_that_ship(frame_walk):
 
 def test_its_files_are_written_and_read(frame_walk, tmp_path):
     experiment = load_experiment("frame_walk", ["scenario.resistance_Nms_per_rad=5"]).experiment
-    assert type(experiment.scenario) is world_of("frame_walk") and experiment.scenario.resistance == 5.0
+    assert type(experiment.scenario) is find_world("frame_walk") and experiment.scenario.resistance == 5.0
     again = experiment_from_mapping(experiment_document(experiment), "again", tmp_path)
     assert again == experiment
     with raises(TwinGaitError, "scenario.resistnce", "resistance_Nms_per_rad"):

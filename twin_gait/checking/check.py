@@ -14,9 +14,9 @@ from twin_gait.configuration.gait_table_file import load_state_table, packaged_g
 from twin_gait.docstrings import summary_of
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
-from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, part_of
+from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, signal_part
 from twin_gait.gait.table import GaitTable, StateTable
-from twin_gait.simulation.problem import Problem, scaled_table
+from twin_gait.simulation.problem import SimulationSetup, scaled_table
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import World
 
@@ -25,7 +25,7 @@ RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.R
 MODE_RULES: tuple[Rule, ...] = (*graph.MODE_RULES, *exits.RULES)  # rules for tables of modes
 NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules whose findings are all notes
 REPORT_VERSION = 2
-TRUNK = part_of(TRUNK_PITCH.name)
+TRUNK = signal_part(TRUNK_PITCH.name)
 
 
 def rules() -> dict[str, str]:
@@ -65,13 +65,13 @@ def load_case(
     if table is None:
         table = own.table
     elif experiment is None:  # the phases in which the legs start are not given
-        own = replace(own, scenario=own.scenario.starting_among(table.phase_names))
+        own = replace(own, scenario=own.scenario.replace_unknown_phases(table.phase_names))
     drives = experiment is not None or set(table.joints) == set(own.table.joints)
     return build_case(table, own if drives else None)
 
 
 def build_case(
-    table: StateTable, experiment: Experiment | None = None, problem: Problem | None = None
+    table: StateTable, experiment: Experiment | None = None, setup: SimulationSetup | None = None
 ) -> CheckCase:
     """Build the case of a check.
 
@@ -84,14 +84,14 @@ def build_case(
         limits = {part: JOINT_RANGES.get(part, ANY_ANGLE) for part in (*table.joints, TRUNK)}
         return CheckCase(table=table, experiment=None, limits=limits)
     driving = replace(experiment, table=table)
-    world = driving.build_world() if problem is None else problem.world
+    world = driving.build_world() if setup is None else setup.world
     return CheckCase(
-        table=scaled_table(driving, world) if problem is None else problem.table,
+        table=scaled_table(driving, world) if setup is None else setup.table,
         experiment=driving,
         limits={TRUNK: _pitches(world)} | {joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
         first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
-        known_problem=problem,
+        built_setup=setup,
     )
 
 

@@ -5,12 +5,12 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, transition_finding, label, rule
 from twin_gait.checking.signals import ENTRY_TIME, SignalSpace, signal_space
-from twin_gait.gait.feasibility import Requirement, translated
-from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared, mapped
+from twin_gait.gait.feasibility import Requirement, rename_signals
+from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared_signals, map_atoms
 from twin_gait.gait.modes import ModeTable
-from twin_gait.gait.signals import ANGLE, LOAD, TIME, VELOCITY, signal_of
+from twin_gait.gait.signals import ANGLE, LOAD, TIME, VELOCITY, find_signal
 from twin_gait.gait.table import TICK
 
 _ENTRY = (TICK, TICK)
@@ -32,7 +32,7 @@ def ambiguity(case: CheckCase) -> Iterator[Finding]:
             )
             suggestion = "let a condition of one exclude the other, or waive it if the order is meant"
             shown = space.counterexample(point)
-            yield about(other, Severity.WARNING, reason, suggestion, counterexample=shown)
+            yield transition_finding(other, Severity.WARNING, reason, suggestion, counterexample=shown)
 
 
 @rule
@@ -41,14 +41,14 @@ def never_opens(case: CheckCase) -> Iterator[Finding]:
     space = signal_space(case)
     for index, item in enumerate(space.table.transitions):
         opens = space.opening(index) is not None
-        if space.can_fire(index) or (item.is_time_out and not opens):
+        if space.can_fire(index) or (item.is_timeout and not opens):
             continue
         earliest, latest = space.window(index)
         too_long = f"the debounce of {item.debounce_ticks} ms cannot be over"
         what = too_long if opens else f"no signals inside the limits open {_short(item.guard)}"
         reason = f"{what} from {earliest:g} to {latest:g} s in the phase"
         suggestion = "correct thresholds, debounce or time-out, or take the transition out"
-        yield about(item, Severity.ERROR, reason, suggestion)
+        yield transition_finding(item, Severity.ERROR, reason, suggestion)
 
 
 @rule
@@ -56,18 +56,18 @@ def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
     """Find thresholds outside the range of their signal: the condition is always or never true."""
     space = signal_space(case)
     for item in space.table.transitions:
-        times = {TIME: (TICK, space.time_out(item.source))}
+        times = {TIME: (TICK, space.timeout(item.source))}
         for atom in dict.fromkeys(atoms(item.guard)):
             missing = [
                 truth for truth in (True, False) if not space.possible([Requirement(atom, truth)], times)
             ]
             if missing and isinstance(atom, Comparison):
-                ranges = {name: space.range(name) for name in compared(atom) if not name.endswith(TIME)}
+                ranges = {name: space.range(name) for name in compared_signals(atom) if not name.endswith(TIME)}
                 lies = [f"{name} lies in {low:.4g} … {high:.4g}" for name, (low, high) in ranges.items()]
                 truth = "never" if True in missing else "always"
                 reason = "; ".join([f"{_short(atom)} is {truth} true", *lies])
                 suggestion = "move the threshold inside the range, or take the condition out"
-                yield about(item, Severity.WARNING, reason, suggestion)
+                yield transition_finding(item, Severity.WARNING, reason, suggestion)
 
 
 def _short(guard: Guard) -> str:
@@ -87,18 +87,18 @@ def cascade(case: CheckCase) -> Iterator[Finding]:
     suggestion = "part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms"
     for into, entry in enumerate(space.table.transitions):
         earliest, latest = space.window(into)
-        times = {TIME: (earliest, min(earliest, latest) if entry.is_time_out else latest), ENTRY_TIME: _ENTRY}
+        times = {TIME: (earliest, min(earliest, latest) if entry.is_timeout else latest), ENTRY_TIME: _ENTRY}
         for out in space.guarded(entry.target):
             leave = space.transition(out)
-            at_once = (leave.time_out_ticks or 0) <= 1
+            at_once = (leave.timeout_ticks or 0) <= 1
             point = space.first([entry.guard, _at_entry(space, leave.guard)], times) if at_once else None
             if point is not None:
                 stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
                 held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
                 way = f"{leave.source} can be entered by {label(entry)} with {label(leave)} already open"
-                severity = Severity.NOTE if stay > 1 or entry.is_time_out else Severity.WARNING
+                severity = Severity.NOTE if stay > 1 or entry.is_timeout else Severity.WARNING
                 shown = space.counterexample(point)
-                yield about(leave, severity, f"{way}: {held}", suggestion, counterexample=shown)
+                yield transition_finding(leave, severity, f"{way}: {held}", suggestion, counterexample=shown)
 
 
 def _at_entry(space: SignalSpace, guard: Guard) -> Guard:
@@ -107,7 +107,7 @@ def _at_entry(space: SignalSpace, guard: Guard) -> Guard:
     For tables of modes, the request that led to the switch is over in this tick.
     """
     over = (lambda item: False) if isinstance(space.table, ModeTable) else None
-    return translated(guard, lambda name: ENTRY_TIME if name == TIME else name, over)
+    return rename_signals(guard, lambda name: ENTRY_TIME if name == TIME else name, over)
 
 
 @rule
@@ -119,12 +119,12 @@ def hysteresis(case: CheckCase) -> Iterator[Finding]:
     space = signal_space(case)
     suggestion = "part the thresholds by more than the noise, or give the way back a debounce_ms"
     for there, first in enumerate(space.table.transitions):
-        for back in space.exits(first.target) if not first.is_time_out else ():
+        for back in space.exits(first.target) if not first.is_timeout else ():
             second = space.transition(back)
-            stay = max(space.table.phases[second.source].minimum_ticks, second.time_out_ticks or 0)
+            stay = max(space.table.phases[second.source].minimum_ticks, second.timeout_ticks or 0)
             if second.target != first.source or max(stay, second.debounce_ticks) > 1:
                 continue
-            undoing = _at_entry(space, mapped(second.guard, _within_noise))
+            undoing = _at_entry(space, map_atoms(second.guard, _within_noise))
             point = space.first([first.guard, undoing], {TIME: space.window(there), ENTRY_TIME: _ENTRY})
             if point is not None:
                 reason = (
@@ -132,14 +132,14 @@ def hysteresis(case: CheckCase) -> Iterator[Finding]:
                     f"{VELOCITY.noise:g} deg/s or {LOAD.noise:g} of body weight is enough"
                 )
                 shown = space.counterexample(point)
-                yield about(second, Severity.WARNING, reason, suggestion, counterexample=shown)
+                yield transition_finding(second, Severity.WARNING, reason, suggestion, counterexample=shown)
 
 
 def _within_noise(atom: Comparison | PhaseMembership) -> Guard:
     """Return a condition that is open wherever noise of the signals that it reads can open the given one."""
     if isinstance(atom, PhaseMembership):
         return atom
-    noise = sum(signal_of(name).noise for name in atom.names if not name.endswith(TIME))
+    noise = sum(find_signal(name).noise for name in atom.names if not name.endswith(TIME))
     return replace(atom, threshold=atom.threshold + (noise if atom.operator == "<" else -noise))
 
 

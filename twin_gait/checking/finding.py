@@ -13,7 +13,7 @@ from typing import Any
 
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable, StateTable, Transition
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.vocabulary import Side
 
 
@@ -52,13 +52,13 @@ class CheckCase:
     # highest speed of each joint of the table in [rad] / [s]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
     first_phases: tuple[str, ...] = ()  # phase in which each leg starts; empty without an experiment
-    known_problem: Problem | None = None  # simulation setup of the experiment, if it was built before
+    built_setup: SimulationSetup | None = None  # simulation setup of the experiment, if it was built before
 
     @cached_property
-    def problem(self) -> Problem:
+    def setup(self) -> SimulationSetup:
         """Simulation setup of the experiment."""
         assert self.experiment is not None  # a table without an experiment has no setup
-        return self.known_problem or build_problem(self.experiment)
+        return self.built_setup or build_setup(self.experiment)
 
     @property
     def gait(self) -> GaitTable:
@@ -91,7 +91,7 @@ def label(transition: Transition) -> str:
     return f"{transition.source} → {transition.target} ({transition.cause})"
 
 
-def about(item: Transition, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
+def transition_finding(item: Transition, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
     """Create a finding about a transition."""
     return Finding(severity, reason, suggestion, phase=item.source, transition=label(item), **more)
 

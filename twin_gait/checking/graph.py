@@ -3,9 +3,9 @@
 import itertools
 from collections.abc import Iterator, Sequence
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label, once, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, transition_finding, label, once, rule
 from twin_gait.checking.signals import OTHER_PHASE, SignalSpace, signal_space, swapped
-from twin_gait.gait.feasibility import translated
+from twin_gait.gait.feasibility import rename_signals
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
 from twin_gait.gait.table import GaitTable, Transition
 
@@ -20,7 +20,7 @@ def firing(case: CheckCase) -> list[Transition]:
     return [item for index, item in enumerate(space.table.transitions) if space.can_fire(index)]
 
 
-def path(transitions: Sequence[Transition], start: str) -> dict[str, str | None]:
+def breadth_first_paths(transitions: Sequence[Transition], start: str) -> dict[str, str | None]:
     """Search breadth first along transitions.
 
     Returns each phase that is reached with the phase before it, None for the start.
@@ -38,7 +38,7 @@ def path(transitions: Sequence[Transition], start: str) -> dict[str, str | None]
 def unreachable_phase(case: CheckCase) -> Iterator[Finding]:
     """Find phases that no chain of transitions that can fire reaches."""
     first = case.table.phase_names[0]
-    reached = {found for start in (first, *case.table.entered) for found in path(firing(case), start)}
+    reached = {found for start in (first, *case.table.externally_entered) for found in breadth_first_paths(firing(case), start)}
     suggestion = "add or correct a transition into it, or take the phase out"
     for phase in case.table.phases:
         if phase not in reached:
@@ -51,12 +51,12 @@ def trap(case: CheckCase) -> Iterator[Finding]:
     """Find phases, or groups of phases, that can be entered and never left."""
     table = case.table
     transitions = firing(case)
-    reached = {phase: set(path(transitions, phase)) for phase in table.phases}
+    reached = {phase: set(breadth_first_paths(transitions, phase)) for phase in table.phases}
     # If every phase that a phase reaches reaches the same phases, they are a group without a way out.
     stuck = [group for group in reached.values() if all(reached[phase] == group for phase in group)]
     groups = {tuple(phase for phase in table.phase_names if phase in group) for group in stuck}
     cycles = meant_cycles(table) if isinstance(table, GaitTable) else (table.phase_names[:1],)
-    meant = [*cycles, *((phase,) for phase in table.entered)]  # left from outside
+    meant = [*cycles, *((phase,) for phase in table.externally_entered)]  # left from outside
     suggestion = "add a transition that leads back, or declare it under cycles if it is meant"
     for names in sorted(groups, key=lambda names: table.phase_names.index(names[0])):
         if len(table.phases) > 1 and not any(set(group) <= set(names) for group in meant):
@@ -65,11 +65,11 @@ def trap(case: CheckCase) -> Iterator[Finding]:
 
 
 @rule
-def missing_time_out(case: CheckCase) -> Iterator[Finding]:
+def missing_timeout(case: CheckCase) -> Iterator[Finding]:
     """Find phases without a time-out within a minute; if no exit opens, the leg stays there forever."""
     space = signal_space(case)
     for phase in case.table.phases:
-        if space.exits(phase) and space.time_out(phase) > LATEST_TIME_OUT:
+        if space.exits(phase) and space.timeout(phase) > LATEST_TIME_OUT:
             reason = (
                 f"{phase} has no time-out within {LATEST_TIME_OUT:g} s: if none of its exits opens, the leg "
                 "stays in it for ever"
@@ -101,11 +101,11 @@ def undeclared_cycle(case: CheckCase) -> Iterator[Finding]:
                 yield Finding(Severity.ERROR, reason, suggestion, phase=source)
     meant = {edge for cycle in meant_cycles(table) for edge in itertools.pairwise((*cycle, cycle[0]))}
     for item in transitions:
-        before = path(transitions, item.target)
+        before = breadth_first_paths(transitions, item.target)
         if (item.source, item.target) not in meant and item.source in before:
             reason = f"the cycle {_chain(item, before)} is not one that is meant"
             suggestion = "take the transition out, or declare the cycle under cycles"
-            yield about(item, Severity.ERROR, reason, suggestion)
+            yield transition_finding(item, Severity.ERROR, reason, suggestion)
 
 
 def _chain(closing: Transition, before: dict[str, str | None]) -> str:
@@ -134,10 +134,10 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
 
 # Phase of the other leg, and index of the transition of one leg, followed by the index of the transition that
 # the other leg takes in the same tick, if any.
-Step = tuple[str, tuple[int, ...]]
+PairStep = tuple[str, tuple[int, ...]]
 
 
-def _steps(space: SignalSpace, pair: Pair) -> Iterator[Step]:
+def _steps(space: SignalSpace, pair: Pair) -> Iterator[PairStep]:
     """Yield all steps out of a pair, whether signals allow them or not; the steps of one leg come first."""
     for own, other in (pair, pair[::-1]):
         yield from ((other, (index,)) for index in space.exits(own))
@@ -154,7 +154,7 @@ def signals_for(space: SignalSpace, other: str, taken: tuple[int, ...]) -> dict[
     point = space.opening(first, other) if all(map(space.can_fire, taken)) else None
     if point is not None and second:
         item = space.transition(first)
-        theirs = translated(
+        theirs = rename_signals(
             space.transition(second[0]).guard, swapped, lambda atom: item.source in atom.phases
         )
         times = {TIME: space.window(first), OTHER_TIME: space.window(second[0])}
@@ -167,7 +167,7 @@ def _sorted(own: str, other: str) -> Pair:
 
 
 @once
-def pairs_of(case: CheckCase) -> list[Pair]:
+def reachable_pairs(case: CheckCase) -> list[Pair]:
     """Return the pairs of phases that two legs reach with free signals; the order of the legs is ignored."""
     space = signal_space(case)
     pairs = list(dict.fromkeys(_sorted(*pair) for pair in starting_pairs(case)))
@@ -196,7 +196,7 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
         reason = "no phase is swing by its name, so whether both legs can swing at once is not known"
         yield Finding(Severity.NOTE, reason, "let the names of the phases of swing contain the word")
         return
-    space, pairs, items = signal_space(case), pairs_of(case), case.table.transitions
+    space, pairs, items = signal_space(case), reachable_pairs(case), case.table.transitions
     sure = case.experiment is not None or any(OTHER in str(item.guard) for item in items)
     lifting = [
         index for index, item in enumerate(items) if item.source not in swings and item.target in swings
@@ -204,7 +204,7 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
     for index in lifting:
         own = items[index].source
         # The other leg swings already, or begins its swing in the same tick.
-        steps: list[Step] = [(other, (index,)) for other in swings]
+        steps: list[PairStep] = [(other, (index,)) for other in swings]
         for other, taken in [*steps, *((items[place].source, (index, place)) for place in lifting)]:
             found = signals_for(space, other, taken) if _sorted(own, other) in pairs else None
             if found is not None:
@@ -216,7 +216,7 @@ def both_in_swing(case: CheckCase) -> Iterator[Finding]:
                 )
                 suggestion = "add other.phase in [phases of stance] to it, and let one leg be ahead"
                 severity = Severity.ERROR if sure else Severity.WARNING
-                yield about(items[index], severity, reason, suggestion, counterexample=found)
+                yield transition_finding(items[index], severity, reason, suggestion, counterexample=found)
                 break
 
 
@@ -229,7 +229,7 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
     if not case.has_other_leg or len(case.table.phases) == 1:
         return
     space = signal_space(case)
-    for first, second in pairs_of(case):
+    for first, second in reachable_pairs(case):
         alone = (step for step in _steps(space, (first, second)) if len(step[1]) == 1)
         goes_on = any(signals_for(space, *step) is not None for step in alone)
         if not goes_on and not {first, second} <= set(case.gait.postures):
@@ -238,5 +238,5 @@ def deadlock(case: CheckCase) -> Iterator[Finding]:
             yield Finding(Severity.ERROR, reason, suggestion, phase=first)
 
 
-RULES = (unreachable_phase, trap, missing_time_out, undeclared_cycle, both_in_swing, deadlock)
+RULES = (unreachable_phase, trap, missing_timeout, undeclared_cycle, both_in_swing, deadlock)
 MODE_RULES = (unreachable_phase, trap)

@@ -17,7 +17,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.signals import ANGLE, VELOCITY
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.friction import FrictionLaw
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 # Steps of central differences; the errors of both are far below the digits that any rule prints.
@@ -28,7 +28,7 @@ _ANGLE_STEP = 1e-4  # [rad]
 @lru_cache(maxsize=64)
 def plant_friction(law: FrictionLaw) -> core.PlantFriction:
     """Return the parameters of a law in the form of the plant, computed once."""
-    return law.in_plant()
+    return law.to_plant_friction()
 
 
 @lru_cache(maxsize=4096)  # postures share their velocities
@@ -63,7 +63,7 @@ class HangingLeg:
     A joint that the table does not drive is, for example, the one of an orthosis.
     """
 
-    problem: Problem  # simulation setup with scaled table and resolved damping ratios
+    setup: SimulationSetup  # simulation setup with scaled table and resolved damping ratios
     plant: LegModel  # model of the true leg, with the wearer's true mass
     side: Side  # side of the leg
     shown_side: Side | None  # side that findings name: None if both legs have the same numbers
@@ -71,12 +71,12 @@ class HangingLeg:
     @cached_property
     def joints(self) -> tuple[JointName, ...]:
         """Joints in the order of all arrays of this class."""
-        return tuple(JointName(name) for name in self.problem.table.joints)
+        return tuple(JointName(name) for name in self.setup.table.joints)
 
     @cached_property
     def phases(self) -> tuple[str, ...]:
         """Names of the phases in the order of :meth:`column`."""
-        return self.problem.table.phase_names
+        return self.setup.table.phase_names
 
     @cached_property
     def gravity_shares(self) -> np.ndarray:
@@ -85,11 +85,11 @@ class HangingLeg:
 
     @cached_property
     def _rows(self) -> np.ndarray:
-        return np.asarray(self.problem.phase_rows[self.problem.sides.index(self.side)])
+        return np.asarray(self.setup.phase_rows[self.setup.sides.index(self.side)])
 
-    def column(self, which: int) -> np.ndarray:
+    def column(self, index: int) -> np.ndarray:
         """Return ``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
-        return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
+        return self._rows[:, index : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
     def torque_limits(self) -> np.ndarray:
         """Return the largest torque of each joint by torque and current limit in [N m], ``(n_joints,)``."""
@@ -97,14 +97,14 @@ class HangingLeg:
 
     @cached_property
     def _torque_limits(self) -> np.ndarray:
-        limits = self.problem.experiment.control.limits
-        motors = [self.problem.experiment.plant.actuators[joint] for joint in self.joints]
+        limits = self.setup.experiment.control.limits
+        motors = [self.setup.experiment.plant.actuators[joint] for joint in self.joints]
         gears = [(motor.torque_constant, motor.gear_ratio) for motor in motors]
         return np.minimum([current_to_torque(limits.current, *gear) for gear in gears], limits.torque)
 
     def no_load_speed(self, joint: JointName) -> float:
         """Compute the speed in [rad] / [s] at which the back-EMF equals the whole battery voltage."""
-        plant = self.problem.experiment.plant
+        plant = self.setup.experiment.plant
         motor = plant.actuators[joint]
         return plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
 
@@ -129,8 +129,8 @@ class HangingLeg:
         """
         held = zip(self.joints, np.degrees(angles).tolist(), strict=True)
         moving = zip(self.joints, np.degrees(velocities).tolist(), strict=False)
-        found = {ANGLE.of(joint): round(angle, 2) for joint, angle in held}
-        return found | {VELOCITY.of(joint): round(velocity, 1) for joint, velocity in moving}
+        found = {ANGLE.joint_signal_name(joint): round(angle, 2) for joint, angle in held}
+        return found | {VELOCITY.joint_signal_name(joint): round(velocity, 1) for joint, velocity in moving}
 
     def limits(self) -> np.ndarray:
         """Return the stops of the joints in [rad], shape ``(n_joints, 2)``."""
@@ -153,19 +153,19 @@ class HangingLeg:
 
     def modelled_gravity(self, angles: np.ndarray) -> np.ndarray:
         """Compute the same torques by the controller's model, with the assumed mass of the wearer."""
-        model = self.problem.control_model
+        model = self.setup.control_model
         q, indices = self._posture(model, angles)
         return model.gravity_torque(q)[indices]
 
     @cached_property
     def bristles(self) -> np.ndarray:
         """Stiffness of the bristles of joints that stick in [N m] / [rad], shape ``(n_joints, n_joints)``."""
-        laws = self.problem.experiment.plant.true_friction()
+        laws = self.setup.experiment.plant.true_friction()
         return np.diag([plant_friction(laws[joint]).bristle_stiffness for joint in self.joints])
 
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
         """Build the loop of a phase at its equilibrium angles, linearised at a velocity in [rad] / [s]."""
-        experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
+        experiment, angles = self.setup.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
         held = self.bristles if velocity == 0.0 else 0.0  # sliding bristles have no stiffness
@@ -176,7 +176,7 @@ class HangingLeg:
             gain=self.column(GAIN)[phase],
             modelled_friction=np.array([friction_slope(model[joint], velocity) for joint in self.joints]),
             feed_forward=self.gravity_shares[phase] * _slope(self.modelled_gravity, angles),
-            fast_gain=self.problem.fast_gain,
+            fast_gain=self.setup.fast_gain,
             decimation=experiment.sensors.decimation,
             window=experiment.sensors.window,
             delay=experiment.control.delay_ticks,
@@ -193,16 +193,16 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
 @once
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
     """Return the legs with different numbers: one if both sides have the same; none without an experiment."""
-    return [] if case.experiment is None else _hanging_legs(case.problem)
+    return [] if case.experiment is None else _hanging_legs(case.setup)
 
 
-def _hanging_legs(problem: Problem) -> list[HangingLeg]:
-    experiment, plant = problem.experiment, problem.control_model
-    if experiment.known_patient != experiment.patient:  # otherwise the controller's model is exact
+def _hanging_legs(setup: SimulationSetup) -> list[HangingLeg]:
+    experiment, plant = setup.experiment, setup.control_model
+    if experiment.assumed_patient != experiment.patient:  # otherwise the controller's model is exact
         plant = experiment.leg_model(experiment.patient, PelvisGuide.FIXED)
-    if not problem.table.side_phases:
-        return [HangingLeg(problem, plant, problem.sides[0], None)]
-    return [HangingLeg(problem, plant, side, side) for side in problem.sides]
+    if not setup.table.side_phases:
+        return [HangingLeg(setup, plant, setup.sides[0], None)]
+    return [HangingLeg(setup, plant, side, side) for side in setup.sides]
 
 
 def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Side, str], LinearLoop]:
@@ -216,6 +216,6 @@ def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Si
     """
     return {
         (leg.side, phase): leg.linear_loop(index, velocity)
-        for leg in _hanging_legs(build_problem(experiment))
+        for leg in _hanging_legs(build_setup(experiment))
         for index, phase in enumerate(leg.phases)
     }

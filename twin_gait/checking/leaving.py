@@ -6,7 +6,7 @@ import numpy as np
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
-from twin_gait.checking.postures import Rest, entries, find_rest, in_contact
+from twin_gait.checking.postures import Rest, entry_postures, find_rest, in_contact
 from twin_gait.checking.signals import SignalSpace, signal_space
 from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.signals import ANGLE, LOAD, LONGEST_STAY, OTHER_TIME, TIME, VELOCITY
@@ -28,7 +28,7 @@ def cannot_leave(case: CheckCase) -> Iterator[Finding]:
     """
     space = signal_space(case)
     for leg in hanging_legs(case):
-        for phase in leg.phases if leg.problem.controller.by_phases else ():
+        for phase in leg.phases if leg.setup.controller.phase_driven else ():
             guarded = space.guarded(phase)
             exits, contact = [space.transition(index) for index in guarded], in_contact(leg, phase)
             declared = contact and any(item.driven_by is DrivenBy.CONTACT for item in exits)
@@ -77,8 +77,8 @@ def _worst_way(space: SignalSpace, leg: HangingLeg, phase: str, exits: list[int]
     there also for exits that are declared to be driven by contact. Returns whether an exit opens in motion,
     whether one opens at rest, and the rest.
     """
-    index, ways = leg.problem.table.phase_index(phase), []
-    for start in entries(leg, index):
+    index, ways = leg.setup.table.phase_index(phase), []
+    for start in entry_postures(leg, index):
         rest = find_rest(leg, index, start)
         still = np.zeros((len(start), 2))
         corners = [np.array([corner - _POINT, corner + _POINT]).T for corner in rest.corners]
@@ -94,11 +94,11 @@ def _some_exit_opens(
 ) -> bool:
     """Check whether one of the exits can be open for angles and velocities in given ranges, in SI units."""
     phase = space.transition(exits[0]).source
-    ranges = {TIME: (TICK, space.time_out(phase)), OTHER_TIME: (0.0, LONGEST_STAY)}
+    ranges = {TIME: (TICK, space.timeout(phase)), OTHER_TIME: (0.0, LONGEST_STAY)}
     for joint, angle, velocity in zip(leg.joints, angles, velocities, strict=True):
         for signal, (low, high) in ((ANGLE, angle.tolist()), (VELOCITY, velocity.tolist())):
-            ranges[signal.of(joint)] = (low / signal.unit.factor, high / signal.unit.factor)
-    grounded = leg.problem.experiment.scenario.grounded
+            ranges[signal.joint_signal_name(joint)] = (low / signal.unit.factor, high / signal.unit.factor)
+    grounded = leg.setup.experiment.scenario.grounded
     for index in exits:
         landing = grounded and space.transition(index).driven_by is DrivenBy.CONTACT
         load = space.range(LOAD.name) if landing or in_contact(leg, phase) else (0.0, 0.0)

@@ -6,13 +6,13 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
-from twin_gait.core.can_frame import most_frame_bits
+from twin_gait.core.can_frame import max_frame_bits
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
-from twin_gait.parameters.network import BOARDS, ImpedancePlace, NetworkParameters
-from twin_gait.simulation.problem import Problem
+from twin_gait.parameters.network import BOARDS, ImpedanceLocation, NetworkParameters
+from twin_gait.simulation.problem import SimulationSetup
 
 # Units of the setpoints, in the order of a row of phases.
 _SETPOINTS = {"stiffness": " Nm/rad", "damping": " Nms/rad", "equilibrium": " rad", "gain": ""}
@@ -86,7 +86,7 @@ def traffic_of(network: NetworkParameters, boards: Sequence[str] = BOARDS) -> tu
     messages = cyclic_messages(load_messages(network.dbc), boards)
     bus = new_bus(network, messages, 0, TICK)
     frames = [
-        CyclicFrame(most_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
+        CyclicFrame(max_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
         for frame in bus.frames
     ]
     times = [math.inf if time is None else 1e-12 * time for time in response_times(frames, bus.bit)]
@@ -95,7 +95,7 @@ def traffic_of(network: NetworkParameters, boards: Sequence[str] = BOARDS) -> tu
 
 
 @rule
-def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
+def bus_traffic(case: CheckCase) -> Iterator[Finding]:
     """Find a bus load above the capacity, and frames that may arrive after the next one is due.
 
     Reports load and response times as a note if the bus carries all frames. The bounds are those of Davis,
@@ -119,15 +119,15 @@ def traffic_on_the_bus(case: CheckCase) -> Iterator[Finding]:
 
 
 @rule
-def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
+def bus_value_range(case: CheckCase) -> Iterator[Finding]:
     """Find values of the experiment outside the range of their signal on the bus, which would be clipped."""
     if case.experiment is None or case.experiment.network is None:
         return
-    problem, messages = case.problem, load_messages(case.experiment.network.dbc)
+    problem, messages = case.setup, load_messages(case.experiment.network.dbc)
     suggestion = "take a value within it, or a DBC file with a wider one"
     found: dict[str, str] = {}  # reason by key, because both legs have the same keys
     for number, joint in enumerate(problem.joints):
-        for key, value, unit, kind, signal in _said(problem, case.experiment.network, number):
+        for key, value, unit, kind, signal in _bus_values(problem, case.experiment.network, number):
             message = f"{joint.side}_{joint.joint}_{kind}"
             low, high = messages[message].bounds(signal)
             if not low <= value <= high:
@@ -136,8 +136,8 @@ def values_on_the_bus(case: CheckCase) -> Iterator[Finding]:
     yield from (Finding(Severity.ERROR, reason, suggestion) for reason in found.values())
 
 
-def _said(
-    problem: Problem, network: NetworkParameters, number: int
+def _bus_values(
+    setup: SimulationSetup, network: NetworkParameters, number: int
 ) -> Iterator[tuple[str, float, str, str, str]]:
     """Yield the values of a joint that the bus carries: key, value, unit, kind of message, signal.
 
@@ -145,7 +145,7 @@ def _said(
     hold, target torques, and k, b, θ0 and G of every phase as they are driven. Stiffness and damping are left
     out if the control unit computes the impedance.
     """
-    joint, control = problem.joints[number], problem.experiment.control
+    joint, control = setup.joints[number], setup.experiment.control
     trip = control.safety.current_share * control.limits.current
     for sign in (1.0, -1.0):
         yield "control.limits.torque_Nm", sign * control.limits.torque, " Nm", "setpoint", "torque"
@@ -155,12 +155,12 @@ def _said(
     yield "control.safety.hold_damping_Nms_per_rad", damping, " Nms/rad", "setpoint", "damping"
     target = control.target_torque.get(joint.joint, 0.0)
     yield f"control.target_torque_Nm.{joint.joint}", target, " Nm", "setpoint", "torque"
-    leg, place = divmod(number, problem.joints_per_leg)
-    columns = problem.phase_rows[leg, :, place * COLUMNS_PER_JOINT : (place + 1) * COLUMNS_PER_JOINT]
-    for phase, row in zip(problem.table.phase_names, columns.tolist(), strict=True):
+    leg, place = divmod(number, setup.joints_per_leg)
+    columns = setup.phase_rows[leg, :, place * COLUMNS_PER_JOINT : (place + 1) * COLUMNS_PER_JOINT]
+    for phase, row in zip(setup.table.phase_names, columns.tolist(), strict=True):
         for (signal, unit), value in zip(_SETPOINTS.items(), row, strict=True):
-            if network.impedance is not ImpedancePlace.CCU or signal not in ("stiffness", "damping"):
+            if network.impedance is not ImpedanceLocation.CCU or signal not in ("stiffness", "damping"):
                 yield f"table.phases.{phase}.{joint.joint}: {signal}", value, unit, "setpoint", signal
 
 
-RULES = (traffic_on_the_bus, values_on_the_bus)
+RULES = (bus_traffic, bus_value_range)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque
-from twin_gait.checking.signals import Point, SignalSpace
+from twin_gait.checking.signals import SignalPoint, SignalSpace
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.feasibility import Requirement
@@ -31,7 +31,7 @@ _BESIDE = 1e-6  # distance of a sample from a threshold, in the unit of the sign
 
 def in_contact(leg: HangingLeg, phase: str) -> bool:
     """Return whether ground and other leg can move a leg: on the ground, in all phases but swing."""
-    return leg.problem.experiment.scenario.grounded and not leg.problem.table.is_swing(phase)
+    return leg.setup.experiment.scenario.grounded and not leg.setup.table.is_swing(phase)
 
 
 def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
@@ -41,7 +41,7 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
     break-away or Stribeck velocity of the plant's law, with the stated friction ratio; above that velocity
     friction slows a joint but no longer holds it. Returns torques in [N m], 0 or more, shape ``(n_joints,)``.
     """
-    experiment = leg.problem.experiment
+    experiment = leg.setup.experiment
     true, model = experiment.plant.true_friction(), experiment.control.friction_model
     left = []
     for joint, gain in zip(leg.joints, leg.column(GAIN)[phase], strict=True):
@@ -56,7 +56,7 @@ def _creeping(true: FrictionLaw, model: FrictionLaw) -> tuple[np.ndarray, np.nda
 
     The friction of the plant is the larger one of both directions.
     """
-    speeds = np.linspace(0.0, true.in_plant().stribeck_velocity, _SPEEDS)[1:].tolist()
+    speeds = np.linspace(0.0, true.to_plant_friction().stribeck_velocity, _SPEEDS)[1:].tolist()
     held = [max(friction_torque(true, speed), -friction_torque(true, -speed)) for speed in speeds]
     return np.array(held), np.array([friction_torque(model, speed) for speed in speeds])
 
@@ -85,7 +85,7 @@ class Rest:
 
 def _feed_forward(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
     """Compute the gravity compensation plus the target torque in [N m], shape ``(n_joints,)``."""
-    targets = leg.problem.experiment.control.target_torque
+    targets = leg.setup.experiment.control.target_torque
     target = np.array([targets.get(joint, 0.0) for joint in leg.joints])
     return np.asarray(leg.gravity_shares[phase] * leg.modelled_gravity(angles) + target)
 
@@ -149,12 +149,12 @@ def find_rest(leg: HangingLeg, phase: int, start: np.ndarray) -> Rest:
     return Rest(start, middle, np.array(corners), np.clip(speed, -fastest, fastest))
 
 
-def entries(leg: HangingLeg, phase: int) -> list[np.ndarray]:
+def entry_postures(leg: HangingLeg, phase: int) -> list[np.ndarray]:
     """Return the postures in [rad] at which a phase is assumed to be entered.
 
     These are the rests of the phases before it; if no transition leads into it, its own equilibrium.
     """
-    table, equilibria = leg.problem.table, leg.column(EQUILIBRIUM)
+    table, equilibria = leg.setup.table, leg.column(EQUILIBRIUM)
     leading = [item.source for item in table.transitions if table.phase_index(item.target) == phase]
     found = [
         rest_posture(leg, source, equilibria[source], np.zeros(len(leg.joints)))
@@ -180,11 +180,11 @@ def _candidates(
 
     Each signal has one value for each candidate.
     """
-    waits = space.transition(index).is_time_out
+    waits = space.transition(index).is_timeout
     choices: dict[str, list[float]] = {}
     ways = zip(leg.joints, rest.path(), rest.corners.T, rest.velocities.tolist(), strict=True)
     for joint, (low, high), rests, speed in ways:
-        angle, velocity = ANGLE.of(joint), VELOCITY.of(joint)
+        angle, velocity = ANGLE.joint_signal_name(joint), VELOCITY.joint_signal_name(joint)
         angles = (rests.min(), rests.max()) if waits else np.linspace(low, high, samples)
         all_angles = [*np.degrees(angles), *_thresholds(space, index, angle)]
         choices[angle] = np.clip(all_angles, *space.range(angle)).tolist()
@@ -201,7 +201,7 @@ def _candidates(
     }
 
 
-def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
+def _backgrounds(space: SignalSpace, index: int) -> list[SignalPoint]:
     """Return signals that open a guard, for several values of those of the other leg.
 
     The signals of the other leg are in the middle and at both ends of their ranges.
@@ -217,7 +217,7 @@ def _backgrounds(space: SignalSpace, index: int) -> list[Point]:
     return found
 
 
-def postures(
+def exit_postures(
     space: SignalSpace, index: int, leg: HangingLeg, rest: Rest, samples: int = SAMPLES
 ) -> np.ndarray:
     """Return the postures at which a guard opens on the way of the leg through the phase that it leaves.
@@ -247,7 +247,7 @@ def _in_si(leg: HangingLeg, known: Mapping[str, Any]) -> np.ndarray:
     """Return angles and velocities of the joints in SI units, shape ``(2, n_joints, …)``; 0 if unknown."""
     return np.array(
         [
-            [known.get(item.of(joint), 0.0) * item.unit.factor for joint in leg.joints]
+            [known.get(item.joint_signal_name(joint), 0.0) * item.unit.factor for joint in leg.joints]
             for item in (ANGLE, VELOCITY)
         ]
     )
@@ -264,11 +264,11 @@ def first_rests(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = DE
     number = space.table.phase_index(phase)
     starts: dict[bytes, np.ndarray] = {}  # ways that meet again have the same end
     for index, item in enumerate(space.table.transitions):
-        if item.target != phase or item.is_time_out or depth == 0:
+        if item.target != phase or item.is_timeout or depth == 0:
             continue
         for rest in first_rests(space, leg, item.source, depth - 1):
-            opened = postures(space, index, leg, rest, _ENTRY_SAMPLES)[:, 0]
+            opened = exit_postures(space, index, leg, rest, _ENTRY_SAMPLES)[:, 0]
             if len(opened):
                 angles = opened[np.abs(opened - rest.start).sum(axis=1).argmin()]
                 starts[angles.tobytes()] = angles
-    return [find_rest(leg, number, start) for start in starts.values() or entries(leg, number)]
+    return [find_rest(leg, number, start) for start in starts.values() or entry_postures(leg, number)]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from twin_gait.checking.finding import CheckCase, Finding, Severity, rule
 from twin_gait.checking.hanging_leg import hanging_legs
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, STIFFNESS
-from twin_gait.core.impedance import damping_ratio_of
+from twin_gait.core.impedance import ratio_from_damping
 from twin_gait.gait.table import JointImpedance, PhaseParameters
 from twin_gait.vocabulary import JointName, Side
 
@@ -15,8 +15,8 @@ from twin_gait.vocabulary import JointName, Side
 class PublishedRange(NamedTuple):
     """Least and largest published value, and their source."""
 
-    least: float
-    most: float
+    low: float
+    high: float
     source: str
 
 
@@ -56,9 +56,9 @@ def _find(case: CheckCase, suggestion: str, look: _Look) -> Iterator[Finding]:
                 yield Finding(Severity.WARNING, "; ".join(seen), suggestion, phase=phase, side=side)
 
 
-def _out_of(what: str, value: float | None, published: PublishedRange | None, unit: str = "") -> str:
+def _range_text(what: str, value: float | None, published: PublishedRange | None, unit: str = "") -> str:
     """Describe how a value lies outside a range; the text is empty if it is inside or if either is None."""
-    if value is None or published is None or published.least <= value <= published.most:
+    if value is None or published is None or published.low <= value <= published.high:
         return ""
     least, most, source = published
     return f"{what} {value:.2f}{unit} is outside {least:.2f} … {most:.2f}{unit} ({source})"
@@ -73,7 +73,7 @@ def unusual_gain(case: CheckCase) -> Iterator[Finding]:
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         published = GAIN_RANGE if name in GAIN_JOINTS else None
-        return _out_of(f"{name} G", joint.friction_compensation_gain, published)
+        return _range_text(f"{name} G", joint.friction_compensation_gain, published)
 
     if case.experiment is not None:
         yield from _find(case, "take a gain from 0.20 to 0.60", look)
@@ -97,7 +97,7 @@ def unusual_stiffness(case: CheckCase) -> Iterator[Finding]:
     """Find stiffnesses outside the published ranges of their joint."""
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
-        return _out_of(f"{name} k", math.radians(joint.stiffness), STIFFNESS_RANGES.get(name), " Nm/deg")
+        return _range_text(f"{name} k", math.radians(joint.stiffness), STIFFNESS_RANGES.get(name), " Nm/deg")
 
     suggestion = "compare with the source; a drive with more friction and inertia needs more stiffness"
     return _find(case, suggestion, look)
@@ -123,8 +123,8 @@ def unusual_damping_ratio(case: CheckCase) -> Iterator[Finding]:
         if ratio is None and leg is not None and joint.stiffness > 0.0:
             index, place = leg.phases.index(phase), leg.joints.index(JointName(name))
             k, b, zero = (leg.column(which)[index] for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
-            ratio = damping_ratio_of(float(b[place]), float(k[place]), leg.mass(zero)[place, place])
-        return _out_of(f"{name} ζ", ratio, DAMPING_RATIO_RANGE)
+            ratio = ratio_from_damping(float(b[place]), float(k[place]), leg.mass(zero)[place, place])
+        return _range_text(f"{name} ζ", ratio, DAMPING_RATIO_RANGE)
 
     return _find(case, "take a damping ratio from 0.4 to 0.8", look)
 

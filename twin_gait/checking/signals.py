@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from twin_gait.checking.finding import CheckCase, once
-from twin_gait.core.guards import guard_holds
+from twin_gait.core.guards import evaluate_guard
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Way, bound_of, equal, solutions, translated
-from twin_gait.gait.guards import Guard, compared
+from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Case, comparison_bound, equal, enumerate_solutions, rename_signals
+from twin_gait.gait.guards import Guard, compared_signals
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import (
@@ -20,8 +20,8 @@ from twin_gait.gait.signals import (
     OTHER_TIME,
     TIME,
     VELOCITY,
-    part_of,
-    signal_of,
+    signal_part,
+    find_signal,
     signal_scale,
 )
 from twin_gait.gait.table import TICK, Transition
@@ -45,7 +45,7 @@ Ranges = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Point:
+class SignalPoint:
     """Signals by name in the units of the table, and the phase of the other leg."""
 
     signals: Mapping[str, float]  # signals that decide
@@ -83,27 +83,27 @@ class SignalSpace:
 
     def guarded(self, phase: str) -> list[int]:
         """Return the indices of the transitions that leave a phase by a guard, not by time alone."""
-        return [index for index in self.exits(phase) if not self.transition(index).is_time_out]
+        return [index for index in self.exits(phase) if not self.transition(index).is_timeout]
 
     def transition(self, index: int) -> Transition:
         """Return a transition of the table."""
         return self.table.transitions[index]
 
-    def time_out(self, phase: str | None) -> float:
+    def timeout(self, phase: str | None) -> float:
         """Return the time in [s] at which the first pure time-out ends a phase; an hour if there is none."""
-        exits = [item for item in self.table.transitions if item.source == phase and item.is_time_out]
-        return min([(item.time_out_ticks or 0) * TICK for item in exits], default=LONGEST_STAY)
+        exits = [item for item in self.table.transitions if item.source == phase and item.is_timeout]
+        return min([(item.timeout_ticks or 0) * TICK for item in exits], default=LONGEST_STAY)
 
     def window(self, index: int) -> tuple[float, float]:
         """Return the times in the phase in [s] at which a transition could fire without a debounce."""
         item = self.transition(index)
-        earliest = max(1, self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
-        return earliest * TICK, self.time_out(item.source)
+        earliest = max(1, self.table.phases[item.source].minimum_ticks, item.timeout_ticks or 0)
+        return earliest * TICK, self.timeout(item.source)
 
     def range(self, name: str) -> tuple[float, float]:
         """Return the range of a measured signal of either leg in the units of the table."""
         # The unknowns of a search may have further prefixes: other, entry, noisy, end.
-        signal, part = signal_of(name), part_of(name)
+        signal, part = find_signal(name), signal_part(name)
         if signal is VELOCITY:
             highest = self.case.velocity_limits.get(part, HIGHEST_VELOCITY)
             low, high = -highest, highest
@@ -117,8 +117,8 @@ class SignalSpace:
         ranges: Ranges,
         *,
         other: str | None = None,
-        beside: Sequence[Bound] = (),
-    ) -> Iterator[Point]:
+        extra_bounds: Sequence[Bound] = (),
+    ) -> Iterator[SignalPoint]:
         """Find signals inside the limits that open or close guards.
 
         Args:
@@ -137,28 +137,28 @@ class SignalSpace:
         if any(low > high + 0.5 * TICK for name, (low, high) in ranges.items() if name.endswith(TIME)):
             return
         others = self.others if other is None else (other,)
-        read = {name for requirement in requirements for name in compared(requirement.guard)}
+        read = {name for requirement in requirements for name in compared_signals(requirement.guard)}
         timed = OTHER_TIME in read and OTHER_TIME not in ranges
         for phases in [(phase,) for phase in others] if timed else [others]:
-            own = {OTHER_TIME: (0.0, self.time_out(phases[0])), **ranges}
-            for found in self._solutions(Way(phases, tuple(beside)), requirements, own):
+            own = {OTHER_TIME: (0.0, self.timeout(phases[0])), **ranges}
+            for found in self._solutions(Case(phases, tuple(extra_bounds)), requirements, own):
                 decides = found.phase_decides or (OTHER_TIME in read and found.other is not None)
                 yield replace(found, phase_decides=decides)
 
-    def first(self, guards: Sequence[Guard], ranges: Ranges, other: str | None = None) -> Point | None:
+    def first(self, guards: Sequence[Guard], ranges: Ranges, other: str | None = None) -> SignalPoint | None:
         """Return the first point of :meth:`find` at which some guards are open, or None."""
         return next(self.find([Requirement(guard) for guard in guards], ranges, other=other), None)
 
     def possible(
-        self, requirements: Sequence[Requirement], ranges: Ranges, beside: Sequence[Bound] = ()
+        self, requirements: Sequence[Requirement], ranges: Ranges, extra_bounds: Sequence[Bound] = ()
     ) -> bool:
         """Return whether :meth:`find` finds any point; True if there are too many choices to try."""
         try:
-            return next(self.find(requirements, ranges, beside=beside), None) is not None
+            return next(self.find(requirements, ranges, extra_bounds=extra_bounds), None) is not None
         except GaitTableError:
             return True
 
-    def _solutions(self, start: Way, requirements: Sequence[Requirement], ranges: Ranges) -> Iterator[Point]:
+    def _solutions(self, start: Case, requirements: Sequence[Requirement], ranges: Ranges) -> Iterator[SignalPoint]:
         def within(bound: Bound) -> list[Bound]:
             """Return a bound and the limits of the signals that it reads."""
             found = [bound]
@@ -168,14 +168,14 @@ class SignalSpace:
             return [_in_ticks(item) for item in found]
 
         given = tuple(item for bound in start.bounds for item in within(bound))
-        ways = solutions(start._replace(bounds=given), requirements, lambda *atom: within(bound_of(*atom)))
+        ways = enumerate_solutions(start._replace(bounds=given), requirements, lambda *atom: within(comparison_bound(*atom)))
         for way, values in ways:
             rounded = {name: round(value, 3) + 0.0 for name, value in values.items()}  # no -0
-            shown = rounded if all(bound.holds(rounded) for bound in way.bounds) else values
+            shown = rounded if all(bound.is_satisfied(rounded) for bound in way.bounds) else values
             times = {name: round(TICK * value, 3) for name, value in shown.items() if name.endswith(TIME)}
-            yield Point({**shown, **times}, way.phases[0], way.phases != start.phases)
+            yield SignalPoint({**shown, **times}, way.phases[0], way.phases != start.phases)
 
-    def _opening(self, index: int, other: str | None = None) -> Point | None:
+    def _opening(self, index: int, other: str | None = None) -> SignalPoint | None:
         return self.first([self.transition(index).guard], {TIME: self.window(index)}, other)
 
     def _can_fire(self, index: int) -> bool:
@@ -186,12 +186,12 @@ class SignalSpace:
         stay = (item.debounce_ticks - 1) * TICK
         # Both ends of the debounce lie in the guard, so do all points between them, since a choice of bounds
         # is convex. The other leg may have switched meanwhile.
-        last = translated(item.guard, lambda name: _END + name, lambda membership: True)
+        last = rename_signals(item.guard, lambda name: _END + name, lambda membership: True)
         both = [Requirement(item.guard), Requirement(last)]
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
         return self.possible(both, times, equal(_END + TIME, TIME, stay))
 
-    def is_open(self, index: int, point: Point) -> bool:
+    def is_open(self, index: int, point: SignalPoint) -> bool:
         """Return whether the guard of a transition is open at a point; signals without a value are 0.
 
         Signals may be arrays of one shape, for as many points.
@@ -202,15 +202,15 @@ class SignalSpace:
             for name, scale in self._scales.items()
         ]
         rule, other = self.program.transitions[index], self.table.member_index(point.other)
-        return guard_holds(self.program, rule.first_node, rule.end_node, measured, other)
+        return evaluate_guard(self.program, rule.first_node, rule.end_node, measured, other)
 
-    def counterexample(self, point: Point) -> dict[str, float | str]:
+    def counterexample(self, point: SignalPoint) -> dict[str, float | str]:
         """Return the signals of a point that decide, for a finding; all others may have any value."""
         found: dict[str, float | str] = {
             name: point.signals[name] for name in self._scales if name in point.signals
         }
         if point.other is not None and point.phase_decides:
-            found[self.table.words.of] = point.other
+            found[self.table.vocabulary.quantity] = point.other
         return found
 
 
@@ -221,7 +221,7 @@ def _in_ticks(bound: Bound) -> Bound:
     """Convert a bound on times in [s] to a bound on whole ticks; return any other bound unchanged."""
     if not any(name.endswith(TIME) for name in bound.names):
         return bound
-    return replace(bound, limit=bound.limit / TICK, room=bound.room / TICK, whole=True)
+    return replace(bound, limit=bound.limit / TICK, room=bound.margin / TICK, whole=True)
 
 
 def swapped(name: str) -> str:

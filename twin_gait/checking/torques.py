@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, about, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, transition_finding, rule
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
-from twin_gait.checking.postures import command_at_rest, first_rests, postures
+from twin_gait.checking.postures import command_at_rest, first_rests, exit_postures
 from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
-from twin_gait.core.impedance import damping_ratio_of, impedance_torque
+from twin_gait.core.impedance import ratio_from_damping, impedance_torque
 from twin_gait.gait.table import TICK, Transition
 from twin_gait.parameters.friction import FrictionLaw
 
@@ -40,7 +40,7 @@ class Jump(NamedTuple):
 @lru_cache(maxsize=32)  # several transitions lead into a phase, by several ways
 def _blend(leg: HangingLeg, phase: int) -> tuple[np.ndarray, list[float]]:
     """Return the ticks of the blend into a phase, from the tick before the switch, and its share in each."""
-    table = leg.problem.table
+    table = leg.setup.table
     length = table.blend_ticks(table.phases_of(leg.side)[table.phase_names[phase]])
     # Long blends are sampled: their steps are small and change slowly.
     ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())
@@ -55,7 +55,7 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: np.ndarray) 
     The command is the sum of impedance, gravity compensation and friction compensation. ``samples``: angles
     and velocities of :func:`postures`.
     """
-    table, laws = leg.problem.table, leg.problem.experiment.control.friction_model
+    table, laws = leg.setup.table, leg.setup.experiment.control.friction_model
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     ticks, shares = _blend(leg, new)
     angles, velocities = samples[:, 0], samples[:, 1]
@@ -99,7 +99,7 @@ def torque_jump(case: CheckCase) -> Iterator[Finding]:
             jumps = [
                 jump
                 for rest in first_rests(space, leg, item.source)
-                if len(samples := postures(space, index, leg, rest))
+                if len(samples := exit_postures(space, index, leg, rest))
                 for jump in largest_jumps(leg, item, samples)
             ]
             worst = max(jumps, key=lambda jump: jump.excess, default=None)
@@ -114,7 +114,7 @@ def torque_jump(case: CheckCase) -> Iterator[Finding]:
             suggestion = "bring stiffness and equilibrium of the two phases closer, or blend for longer"
             severity = Severity.ERROR if worst.tick > worst.limit else Severity.WARNING
             shown = {"side": leg.shown_side, "counterexample": worst.at}
-            yield about(item, severity, reason, suggestion, **shown)
+            yield transition_finding(item, severity, reason, suggestion, **shown)
 
 
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
@@ -134,7 +134,7 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
     """
     if stiffness == 0.0 or deflection == 0.0:
         return 0.0
-    ratio = damping_ratio_of(damping, stiffness, inertia)
+    ratio = ratio_from_damping(damping, stiffness, inertia)
     if ratio < 1.0:
         exponent = ratio / math.sqrt(1.0 - ratio * ratio) * math.acos(ratio)
     elif ratio > 1.0:
@@ -145,7 +145,7 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
 
 
 @rule
-def stiffness_not_served(case: CheckCase) -> Iterator[Finding]:
+def stiffness_beyond_limits(case: CheckCase) -> Iterator[Finding]:
     """Find springs that exceed the torque or current limit, or the speed that the voltage allows.
 
     The rule is applied at the posture at which the phase is first entered on the way through the phase
@@ -164,7 +164,7 @@ def stiffness_not_served(case: CheckCase) -> Iterator[Finding]:
 def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterator[str]:
     """Describe where the springs of a phase exceed the limits, at the worst of some postures in [rad]."""
     commands = np.array([command_at_rest(leg, phase, start) for start in starts])
-    torque_limit = leg.problem.experiment.control.limits.torque
+    torque_limit = leg.setup.experiment.control.limits.torque
     for joint, (name, limit) in enumerate(zip(leg.joints, leg.torque_limits().tolist(), strict=True)):
         worst = int(np.argmax(np.abs(commands[:, joint])))
         if abs(commands[worst, joint]) > limit:
@@ -184,4 +184,4 @@ def _not_served(leg: HangingLeg, phase: int, starts: list[np.ndarray]) -> Iterat
             )
 
 
-RULES = (torque_jump, stiffness_not_served)
+RULES = (torque_jump, stiffness_beyond_limits)

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out
     if out is None and not arguments.verify:
         raise ParameterError("--out: expected the folder to write, or --verify to keep nothing")
-    loaded = options.experiment_of(arguments)
+    loaded = options.load_experiment(arguments)
     document: dict[str, Any] = {}
     kind = FolderKind("a firmware folder", MANIFEST)
     with nullcontext() if out is None else staged_directory(out, kind, force=arguments.force) as staging:
@@ -67,13 +67,13 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     from twin_gait.firmware.linked import record_vectors
     from twin_gait.firmware.project import print_project
     from twin_gait.firmware.project_folder import write_project
-    from twin_gait.runs.own_files import files_of, store_files
-    from twin_gait.runs.summary import versions
+    from twin_gait.runs.own_files import referenced_files, store_files
+    from twin_gait.runs.summary import software_versions
 
     experiment = loaded.experiment
     project = print_project(experiment)
-    files = store_files(files_of(experiment), folder)
-    document = resolved_document(experiment, loaded.document, versions(), files)
+    files = store_files(referenced_files(experiment), folder)
+    document = resolved_document(experiment, loaded.document, software_versions(), files)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
     with terminal.progress_bar("vectors", "tick") as progress:
         vectors = record_vectors(walk, progress)

@@ -84,14 +84,14 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     campaign = Campaign(joint=joint, protocol=protocol, seed=arguments.seed)
     if out.exists():
         raise RunDirectoryError(f"{out}: exists; choose another --out")
-    with terminal.watched(str(protocol), "test") as watch:
+    with terminal.work_callbacks(str(protocol), "test") as watch:
         result = run_campaign(campaign, out, **watch)
     print(f"{result['status']}: {len(result['tests'])} synthetic logs in {out}")
     diverged = [test["file"] for test in result["tests"] if test["status"] == "diverged"]
     if diverged:
         print(f"  diverged: {', '.join(diverged)}")
     if result["status"] is RunStatus.INTERRUPTED:
-        return terminal.stopped("the logs so far are kept")
+        return terminal.report_stop("the logs so far are kept")
     return DONE
 
 
@@ -125,7 +125,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     from twin_gait.identification.fitting import FitOptions
     from twin_gait.identification.identify import IdentificationOptions
     from twin_gait.identification.processing import Processing
-    from twin_gait.identification.reading import LogColumns, Quantity
+    from twin_gait.identification.reading import ColumnOptions, Quantity
     from twin_gait.parameters.quantities import SEEDS
 
     def by_quantity(flag: str, text: str) -> dict[Quantity, str]:
@@ -135,7 +135,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     SEEDS.require("--seed", arguments.seed)
     names, units = by_quantity("--columns", arguments.columns), by_quantity("--units", arguments.units)
     return IdentificationOptions(
-        columns=LogColumns(names=names, units=units, unwrap=arguments.unwrap),
+        columns=ColumnOptions(names=names, units=units, unwrap=arguments.unwrap),
         bench=_bench_of_logs(arguments),
         processing=Processing(arguments.processing),
         fit=FitOptions(physical=arguments.physical, seed=arguments.seed),
@@ -152,13 +152,13 @@ def _bench_of_logs(arguments: argparse.Namespace) -> BenchSetup | None:
     from twin_gait.identification.processing import BenchSetup
     from twin_gait.parameters.drives import HIP_ACTUATOR, KNEE_ACTUATOR
 
-    motor: dict[str, Any] = options.given(**{field: getattr(arguments, field) for field in _MOTOR})
+    motor: dict[str, Any] = options.drop_none(**{field: getattr(arguments, field) for field in _MOTOR})
     if arguments.joint is None:
         if not motor:
             return None
         if missing := [flag for field, (flag, _, _) in _MOTOR.items() if field not in motor]:
             raise ParameterError(f"--joint: without it a motor needs {', '.join(missing)}, too")
-    stated: dict[str, Any] = options.given(**{field: getattr(arguments, field) for field in _BENCH})
+    stated: dict[str, Any] = options.drop_none(**{field: getattr(arguments, field) for field in _BENCH})
     if arguments.start_angle_deg is not None:
         stated["start_angle"] = math.radians(arguments.start_angle_deg)
     if arguments.angles_as_logged:

@@ -113,7 +113,7 @@ def add_shorthand(
     parser.add_argument(flag, action="append", dest="settings", type=setting, metavar=unit, help=text)
 
 
-def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
+def load_experiment(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
     """Load the experiment of the arguments, and check its gait table unless ``--unchecked`` is given.
 
     ``defaults`` are settings ``KEY=VALUE`` that those of the user override.
@@ -146,7 +146,7 @@ def check_table(experiment: Experiment, source: str | None = None, settings: Seq
     print(f"{table}{see}", file=sys.stderr)
 
 
-def workers_of(arguments: argparse.Namespace) -> int:
+def worker_count(arguments: argparse.Namespace) -> int:
     """Return the number of processes to use; raise :class:`ParameterError` for a bad ``--workers``."""
     if arguments.workers is None:
         return PROCESSORS
@@ -187,6 +187,6 @@ def pairs(flag: str, text: str, allowed: Sequence[str] | None = None) -> dict[st
     return found
 
 
-def given(**values: Any) -> dict[str, Any]:
+def drop_none(**values: Any) -> dict[str, Any]:
     """Return the values that are not None, so that the others keep their defaults."""
     return {name: value for name, value in values.items() if value is not None}

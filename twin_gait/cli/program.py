@@ -156,10 +156,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         if "debug" in arguments:
             traceback.print_exception(error)
-        return _tell(error, sys.argv[1:] if argv is None else argv)
+        return _report_error(error, sys.argv[1:] if argv is None else argv)
 
 
-def _tell(error: Exception, arguments: Sequence[str]) -> int:
+def _report_error(error: Exception, arguments: Sequence[str]) -> int:
     """Print one line on an error, and return the exit status."""
     status, line = terminal.BAD_INPUT, str(error)
     if isinstance(error, OSError) and error.filename is not None:  # a path that the system refuses

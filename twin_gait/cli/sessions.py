@@ -50,11 +50,11 @@ def list_sessions(arguments: argparse.Namespace) -> int:
     from twin_gait.live import session_records
 
     entries = session_records.list_sessions(_records(arguments), arguments.user)
-    answer(arguments, [line_of(entry) for entry in entries] or ["no sessions"], entries)
+    answer(arguments, [format_session(entry) for entry in entries] or ["no sessions"], entries)
     return DONE
 
 
-def line_of(entry: Mapping[str, Any]) -> str:
+def format_session(entry: Mapping[str, Any]) -> str:
     """Format one line on a session: number, time, user, experiment, status, changes and folders.
 
     Characters of the record that cannot be printed are replaced, so that none can control the terminal.
@@ -73,7 +73,7 @@ def show_session(arguments: argparse.Namespace) -> int:
     from twin_gait.live import session_records
 
     found = session_records.read_session(_records(arguments), arguments.session)
-    print("\n".join(lines("session.txt", {"head": line_of(found), "log": found["log"]})))
+    print("\n".join(lines("session.txt", {"head": format_session(found), "log": found["log"]})))
     return DONE
 
 
@@ -99,7 +99,7 @@ def complete_run(arguments: argparse.Namespace) -> int:
     """Write the run directory of a killed session, up to its last second."""
     from twin_gait.live import journal
 
-    done = journal.complete(folders.journal_of(arguments.folder.expanduser().absolute()))
+    done = journal.complete(folders.journal_path(arguments.folder.expanduser().absolute()))
     print("\n".join(map(str, done)) or "nothing had been simulated")
     return DONE
 
@@ -109,7 +109,7 @@ def clean(arguments: argparse.Namespace) -> int:
     folder = arguments.folder.expanduser()
     if not folder.is_dir():
         raise RunDirectoryError(f"{folder}: no such folder")
-    found = folders.abandoned(folder)
+    found = folders.find_abandoned_folders(folder)
     for path in found:
         print(path)
         if arguments.yes:

@@ -66,12 +66,12 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     if arguments.faults:
         arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
-    loaded = options.experiment_of(arguments)
+    loaded = options.load_experiment(arguments)
     note_inherited(loaded)
     out = arguments.out or default_folder(loaded.experiment.name)
     with (
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
-        terminal.watched("simulating", "tick") as watch,
+        terminal.work_callbacks("simulating", "tick") as watch,
     ):
         result, accuracy = simulate(loaded.experiment, **watch), None
         if arguments.accuracy and result.status is RunStatus.COMPLETED:
@@ -91,10 +91,10 @@ def simulate(arguments: argparse.Namespace) -> int:
     if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
-        from twin_gait.runs.run_page import page_of
+        from twin_gait.runs.run_page import render_run_page
 
         with contextlib.redirect_stdout(sys.stderr) if arguments.json else contextlib.nullcontext():
-            view.serve(page_of([StoredRun(result, summary)]))
+            view.serve(render_run_page([StoredRun(result, summary)]))
     if result.status is RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
@@ -104,7 +104,7 @@ def note_inherited(loaded: LoadedExperiment) -> None:
     """Print the inherited values of device components that the user changed only in part, on one line."""
     from twin_gait.configuration.inheritance import inherited_values
 
-    found = inherited_values(loaded.document, loaded.given)
+    found = inherited_values(loaded.document, loaded.user_values)
     parts = (
         f"{section}: {', '.join(f'{key} {value:g}' for key, value in values.items())}"
         for section, values in found.items()
@@ -145,7 +145,7 @@ def walk_live(arguments: argparse.Namespace) -> int:
     from twin_gait.live.session_records import default_records
 
     options.check_port(arguments.port)
-    loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
+    loaded = options.load_experiment(arguments, f"duration_s={LONGEST_RUN:g}")
     # The signals of a terminal that closes and of a system that stops end the session in order, like Ctrl-C.
     with private_files(), terminal.stop_on_interrupt(signal.SIGTERM, signal.SIGHUP) as should_stop:
         session = LiveSession(
@@ -157,7 +157,7 @@ def walk_live(arguments: argparse.Namespace) -> int:
             records=None if arguments.no_record else default_records(),
             can=arguments.can,
             on_compile=terminal.note_compilation,
-            on_unkept=_warn,
+            on_store_failure=_warn,
         )
         asyncio.run(_serve(session, arguments, should_stop))
     return _finish(session, should_stop() and loaded.experiment.duration < LONGEST_RUN)
@@ -170,16 +170,16 @@ async def _serve(
     import asyncio
 
     from twin_gait.live.can_link import leaves_machine
-    from twin_gait.live.page import PERIOD, LivePage
+    from twin_gait.live.page import PERIOD, LivePageServer
 
-    page = LivePage(session, port=arguments.port)
+    page = LivePageServer(session, port=arguments.port)
     try:
         await asyncio.to_thread(session.start)
         if arguments.can is not None and leaves_machine(arguments.can):
             warning = "set points go out; no board that obeys them may hang on it"
             print(f"{arguments.can}: {warning}", file=sys.stderr)
         view.announce(page.url, browser=not arguments.no_browser)
-        while session.news.alive and not should_stop():
+        while session.walk.alive and not should_stop():
             page.update()
             await asyncio.sleep(PERIOD)
         page.update()
@@ -196,15 +196,15 @@ def _warn(text: str) -> None:
 
 
 def _finish(session: LiveSession, interrupted: bool) -> int:
-    news, summary = session.news, session.summary
+    news, summary = session.walk, session.summary
     if summary:
         print("\n".join(report(summary, *session.summaries)))
-    if news.death:
-        _warn(f"{news.death}; the run is kept up to its last second")
+    if news.exit_reason:
+        _warn(f"{news.exit_reason}; the run is kept up to its last second")
     if session.failure:
         _warn(session.failure)
-    elif news.unkept and summary:
-        _warn(f"the run ends where it was no longer kept: {news.unkept}")
-    if news.death or news.unkept or session.failure or summary.get("status") == "diverged":
+    elif news.store_failure and summary:
+        _warn(f"the run ends where it was no longer kept: {news.store_failure}")
+    if news.exit_reason or news.store_failure or session.failure or summary.get("status") == "diverged":
         return FAILED
     return INTERRUPTED if interrupted else DONE

@@ -12,9 +12,9 @@ from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 from twin_gait.runs.folders import check_target
 
 # [s], duration of each run of a comparison; assistance that adapts with each stride settles in 20 strides.
-COMPARED = 60.0
+COMPARE_DURATION = 60.0
 # [s], duration of each run with a fault; the gait starts within 1 s, and a fault shows effects within 2 s.
-FAULTY = 8.0
+FAULT_DURATION = 8.0
 COMPARISONS = Path("compare")
 NAMES = "table, position, assist_as_needed, twincare, transparent, gravity, constant"
 
@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> None:
     options.add(parser, "--unchecked", "--workers", "--scheduler", "--no-pictures", "--json")
 
     parser = options.add_command(commands, "compare", compare)
-    options.add_experiment(parser, seconds=f"{COMPARED:g}")
+    options.add_experiment(parser, seconds=f"{COMPARE_DURATION:g}")
     text = f"names of controllers, separated by commas (all that suit the experiment, of {NAMES})"
     parser.add_argument("--controllers", metavar="NAME,…", help=text)
     parser.add_argument(
@@ -50,7 +50,7 @@ def add_parser(commands: Any) -> None:
     options.add(parser, "--seed", "--workers", "--scheduler", "--json")
 
     parser = options.add_command(commands, "faults", faults)
-    options.add_experiment(parser, seconds=f"{FAULTY:g}")
+    options.add_experiment(parser, seconds=f"{FAULT_DURATION:g}")
     parser.add_argument("--count", type=int, default=100, metavar="N", help="number of faults (100)")
     options.add(parser, "--seed", "--workers", "--json")
 
@@ -67,7 +67,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     from twin_gait.studies.sweep.sweep import run_sweep
     from twin_gait.studies.workers import Workers, WorkersLost
 
-    number = options.workers_of(arguments)
+    number = options.worker_count(arguments)
     spec = load_sweep(arguments.spec, arguments.settings)
     if not arguments.unchecked:
         options.check_table(spec.experiment)
@@ -76,14 +76,14 @@ def sweep(arguments: argparse.Namespace) -> int:
     try:
         with (
             Workers(number, arguments.scheduler) as workers,
-            terminal.watched("sweeping", "episode") as watch,
+            terminal.work_callbacks("sweeping", "episode") as watch,
         ):
             result = run_sweep(spec, arguments.out, workers=workers, pictures=pictures, **watch)
     except WorkersLost as error:
-        return terminal.stopped(f"what is done is kept, and {again}", str(error), FAILED)
+        return terminal.report_stop(f"what is done is kept, and {again}", str(error), FAILED)
     document = {**result.summary, "directory": arguments.out}
     terminal.answer(arguments, lines("sweep.txt", document), document)
-    return terminal.stopped(again) if document["status"] is RunStatus.INTERRUPTED else DONE
+    return terminal.report_stop(again) if document["status"] is RunStatus.INTERRUPTED else DONE
 
 
 def compare(arguments: argparse.Namespace) -> int:
@@ -96,20 +96,20 @@ def compare(arguments: argparse.Namespace) -> int:
 
     names = [name.strip() for name in (arguments.controllers or "").split(",") if name.strip()]
     controllers = list(comparing.find_controllers(names or list(comparing.CONTROLLERS)))
-    experiment = options.experiment_of(arguments, f"duration_s={COMPARED:g}").experiment
+    experiment = options.load_experiment(arguments, f"duration_s={COMPARE_DURATION:g}").experiment
     person = experiment.patient and experiment.patient.name
     who = person or "the wearer of the experiment"
     out: Path = arguments.out or COMPARISONS / (person or "wearer")
     check_target(out, writing.COMPARISON, force=arguments.force)
     if not names:
-        controllers = [item for item in controllers if item.suits(experiment)]
-    with terminal.watched("compare", "run") as watch:
+        controllers = [item for item in controllers if item.can_drive(experiment)]
+    with terminal.work_callbacks("compare", "run") as watch:
         comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
     if comparison is None:
-        return terminal.stopped("nothing was written")
+        return terminal.report_stop("nothing was written")
     writing.write_comparison(comparison, who, out, force=arguments.force)
-    lines = [*writing.lines_of_comparison(comparison), str(out / writing.PAGE_FILE)]
-    terminal.answer(arguments, lines, {**writing.summary_of(comparison, who), "directory": out})
+    lines = [*writing.format_comparison(comparison), str(out / writing.PAGE_FILE)]
+    terminal.answer(arguments, lines, {**writing.comparison_summary(comparison, who), "directory": out})
     return DONE
 
 
@@ -120,28 +120,28 @@ def tune(arguments: argparse.Namespace) -> int:
     with a report.
     """
     from twin_gait.report.tune import summary
-    from twin_gait.report.walk_words import wearer_in_words
+    from twin_gait.report.walk_words import describe_wearer
     from twin_gait.studies.tune import outcome, tune
-    from twin_gait.studies.tune.tune import Settings
+    from twin_gait.studies.tune.tune import TuningSettings
     from twin_gait.studies.workers import Workers
 
-    options.workers_of(arguments)
-    experiment, out = options.experiment_of(arguments).experiment, arguments.out
-    given = {item.name: vars(arguments)[item.name] for item in fields(Settings) if item.name in arguments}
-    settings = Settings(**given)
+    options.worker_count(arguments)
+    experiment, out = options.load_experiment(arguments).experiment, arguments.out
+    given = {item.name: vars(arguments)[item.name] for item in fields(TuningSettings) if item.name in arguments}
+    settings = TuningSettings(**given)
     check_target(out, outcome.TUNING, force=arguments.force)
 
     with (
-        Workers(options.workers_of(arguments), arguments.scheduler) as workers,
+        Workers(options.worker_count(arguments), arguments.scheduler) as workers,
         terminal.stop_on_interrupt() as should_stop,
     ):
         tuning = tune.tune(
-            experiment, settings, workers=workers, tell=terminal.note_line, should_stop=should_stop,
+            experiment, settings, workers=workers, report=terminal.note_line, should_stop=should_stop,
         )  # fmt: skip
     terminal.clear_line()
     if tuning is None:
-        return terminal.stopped("nothing was written")
-    wearer = ", ".join(wearer_in_words(experiment))
+        return terminal.report_stop("nothing was written")
+    wearer = ", ".join(describe_wearer(experiment))
     found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], {**found, "directory": out})
     return DONE
@@ -158,8 +158,8 @@ def faults(arguments: argparse.Namespace) -> int:
     from twin_gait.simulation.simulator import simulate
     from twin_gait.studies.fault_campaign import draw_faults, outcome_table, simulate_faults, violations
 
-    workers, seed = options.workers_of(arguments), arguments.seed
-    base = options.experiment_of(arguments, f"duration_s={FAULTY:g}").experiment
+    workers, seed = options.worker_count(arguments), arguments.seed
+    base = options.load_experiment(arguments, f"duration_s={FAULT_DURATION:g}").experiment
     drawn = draw_faults(base, arguments.count, seed)
     healthy = simulate(replace(base, faults=()))
     terminal.clear_line()
@@ -168,7 +168,7 @@ def faults(arguments: argparse.Namespace) -> int:
         known = {"experiment": base.name, "baseline_problem": problem, "faults": []}
         terminal.answer(arguments, [text], known)
         return FAILED
-    with terminal.watched("faults", "fault") as watch:
+    with terminal.work_callbacks("faults", "fault") as watch:
         table = simulate_faults(base, drawn, workers=workers, **watch)
     status = RunStatus.COMPLETED if len(table) == len(drawn) else RunStatus.INTERRUPTED
     broken = list(violations(table)["fault"]) if len(table) else []

@@ -64,7 +64,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
     List the packaged experiments, people and tables, or print one as a file that can be edited: a preset with
     every value, a person or a table.
     """
-    from twin_gait.configuration.experiments import people, presets
+    from twin_gait.configuration.experiments import list_patients, presets
     from twin_gait.configuration.gait_table_file import packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import json_schema
     from twin_gait.report.pages import lines
@@ -73,7 +73,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
     if arguments.schema is not None:
         print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
     elif arguments.name is None:
-        experiments, persons = presets(), people()
+        experiments, persons = presets(), list_patients()
         tables, modes = packaged_gait_tables(), packaged_mode_tables()
         known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
         answer(arguments, lines("presets.txt", known), known)
@@ -85,7 +85,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.documents import dump_yaml
-    from twin_gait.configuration.experiments import load_experiment, people, presets
+    from twin_gait.configuration.experiments import load_experiment, list_patients, presets
     from twin_gait.configuration.gait_table_file import named_file, packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import comment_for
 
@@ -94,7 +94,7 @@ def _text_of(name: str, *, as_table: bool) -> str:
         return named_file(name).read_text(encoding="utf-8")
     if name in packaged_mode_tables():
         return named_file(name, "modes").read_text(encoding="utf-8")
-    if name in people():
+    if name in list_patients():
         return named_file(name, "people").read_text(encoding="utf-8")
     document = load_experiment(name).document
     return f"{comment_for('experiment')}\n{dump_yaml(document)}"
@@ -172,7 +172,7 @@ def replay_walk(arguments: argparse.Namespace) -> int:
         units=arguments.units,
         time_unit=arguments.time_unit,
         cycle_time=arguments.cycle_time_s,
-        **options.given(max_gap=arguments.max_gap_s),
+        **options.drop_none(max_gap=arguments.max_gap_s),
     )
     result = replay_log(
         arguments.log,

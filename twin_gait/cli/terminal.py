@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.files import plain
+from twin_gait.files import to_json_value
 
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 _STDERR = 2  # the last of the standard descriptors
@@ -27,7 +27,7 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Any) -
     Numbers of the document that are not finite become null.
     """
     if arguments.json:
-        lines = [json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False)]
+        lines = [json.dumps(to_json_value(document), indent=2, ensure_ascii=False, allow_nan=False)]
     print("\n".join(lines))
 
 
@@ -35,7 +35,7 @@ class OutputError(TwinGaitError):
     """Error: standard output cannot be written."""
 
 
-class _Output(io.TextIOWrapper):
+class _CheckedOutput(io.TextIOWrapper):
     """Standard output that raises :class:`OutputError`, unlike other files."""
 
     replaced: io.TextIOWrapper  # original stream; referenced, because its deletion closes the shared buffer
@@ -67,7 +67,7 @@ def prepare_streams() -> None:
     _open_closed_streams()
     out = sys.stdout
     if type(out) is io.TextIOWrapper:
-        sys.stdout = _Output(out.buffer, out.encoding, "replace", line_buffering=out.line_buffering)
+        sys.stdout = _CheckedOutput(out.buffer, out.encoding, "replace", line_buffering=out.line_buffering)
         sys.stdout.replaced = out
     if isinstance(sys.stderr, io.TextIOWrapper):
         sys.stderr.reconfigure(errors="replace")
@@ -95,10 +95,10 @@ def discard_output() -> None:
 
 def note_abandoned(out: Path | None) -> None:
     """Print how to remove incomplete folders of killed runs next to ``out``, or in ``runs`` if it is None."""
-    from twin_gait.runs.folders import abandoned
+    from twin_gait.runs.folders import find_abandoned_folders
 
     parent = Path("runs") if out is None else out.expanduser().absolute().parent
-    found = abandoned(parent)
+    found = find_abandoned_folders(parent)
     if found:
         left = f"{len(found)} incomplete folder{'s' * (len(found) > 1)} of killed runs in {parent}"
         way_out = f"list and remove them with: twin-gait sessions clean {shlex.quote(str(parent))}"
@@ -111,17 +111,17 @@ def stop_on_interrupt(*others: int) -> Iterator[Callable[[], bool]]:
 
     Yields a function that returns whether the stop was requested.
     """
-    asked = False
+    requested = False
 
     def handle(number: int, frame: object) -> None:
-        nonlocal asked
-        if asked:
+        nonlocal requested
+        if requested:
             raise KeyboardInterrupt
-        asked = True
+        requested = True
 
     previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, *others)}
     try:
-        yield lambda: asked
+        yield lambda: requested
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
@@ -142,13 +142,13 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
-def watched(title: str, unit: str) -> Iterator[dict[str, Any]]:
+def work_callbacks(title: str, unit: str) -> Iterator[dict[str, Any]]:
     """Yield ``progress`` and ``should_stop``, the keyword arguments of every function that takes long."""
     with stop_on_interrupt() as should_stop, progress_bar(title, unit) as progress:
         yield {"progress": progress, "should_stop": should_stop}
 
 
-def stopped(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> int:
+def report_stop(hint: str, why: str = "interrupted", status: int = INTERRUPTED) -> int:
     """Print why the work ended early and how to go on; return the exit status."""
     print(f"twin-gait: {why}; {hint}", file=sys.stderr)
     return status
@@ -179,7 +179,7 @@ def warn_on_one_line() -> None:
     warnings.formatwarning = line
 
 
-class _Notes(logging.Handler):
+class _LogHandler(logging.Handler):
     """Handler that prints messages of the package, such as compilations, on lines of standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -191,8 +191,8 @@ class _Notes(logging.Handler):
 def print_log() -> None:
     """Print messages of the logger ``twin_gait``; a second call changes nothing."""
     logger = logging.getLogger("twin_gait")
-    if not any(isinstance(handler, _Notes) for handler in logger.handlers):
-        logger.addHandler(_Notes())
+    if not any(isinstance(handler, _LogHandler) for handler in logger.handlers):
+        logger.addHandler(_LogHandler())
 
 
 def note_compilation() -> None:

@@ -61,8 +61,8 @@ def view(arguments: argparse.Namespace) -> int:
     browser until Ctrl-C; or write the page or a picture of it to a file.
     """
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
-    from twin_gait.runs.record import read_run
-    from twin_gait.runs.run_page import page_of
+    from twin_gait.runs.record import read_stored_run
+    from twin_gait.runs.run_page import render_run_page
     from twin_gait.viewer.animation import urdf_page
     from twin_gait.viewer.picture import take_picture
 
@@ -81,11 +81,11 @@ def view(arguments: argparse.Namespace) -> int:
     else:
         if arguments.up is not None:
             raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
-        shown = [read_run(path) for path in targets]
+        shown = [read_stored_run(path) for path in targets]
         longest = max(one.run.duration for one in shown)
         if at is not None and not 0.0 <= at <= longest + 1e-9:
             raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {at:g}")
-        page = page_of(shown, moments=[] if at is None else [at])
+        page = render_run_page(shown, frame_times=[] if at is None else [at])
     if out is None and png is None:
         fragment = "" if at is None else f"#t={at:.3f}"
         return serve(page, arguments.port, fragment=fragment, browser=not arguments.no_browser)
@@ -125,10 +125,10 @@ def announce(url: str, *, browser: bool = True) -> None:
     if browser and screen:
         import webbrowser
 
-        webbrowser.open(_signpost(url).as_uri())
+        webbrowser.open(_write_redirect_page(url).as_uri())
 
 
-def _signpost(url: str) -> Path:
+def _write_redirect_page(url: str) -> Path:
     """Write a page that redirects to the address, readable by this user only; it is deleted at exit.
 
     Every user of the machine can read the arguments with which a browser is started, and the address contains
@@ -189,7 +189,7 @@ def export(arguments: argparse.Namespace) -> int:
     .asc), which twin.dbc decodes.
     """
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
-    from twin_gait.export.can import export_can, messages_of, run_frames
+    from twin_gait.export.can import export_can, network_messages, run_frames
     from twin_gait.export.inverse_dynamics import MODEL_FILE, export_inverse_dynamics
     from twin_gait.export.motion import export_csv, export_motion
     from twin_gait.runs.folders import FolderKind, staged_directory
@@ -216,6 +216,6 @@ def export(arguments: argparse.Namespace) -> int:
         unit = DEGREES if kind == "mot" else RADIANS
         export_motion(run.log, path, convention, unit=unit, device=device)
     else:
-        export_can(run_frames(run, messages_of(run.experiment)), path, kind)
+        export_can(run_frames(run, network_messages(run.experiment)), path, kind)
     print(path)
     return DONE

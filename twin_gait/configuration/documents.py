@@ -10,8 +10,8 @@ from typing import Any
 
 from twin_gait.configuration.events import events_document
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
-from twin_gait.configuration.readers import own_controller_document
-from twin_gait.configuration.sections import written
+from twin_gait.configuration.readers import user_controller_document
+from twin_gait.configuration.sections import to_yaml
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import StateTable
 from twin_gait.yaml12 import dump_yaml as dump_yaml
@@ -34,17 +34,17 @@ def table_document(table: StateTable) -> dict[str, Any]:
     """Convert a table of gait or of modes to its file's mapping; reading it gives an equal table."""
     keys = {"phases": f"{table.kind}s", "waivers": "waive", "side_phases": "sides"}
     given = {keys.get(name, name): getattr(table, name, ()) for name in _FIELDS}
-    said = {key: written(value) for key, value in given.items() if value}
+    said = {key: to_yaml(value) for key, value in given.items() if value}
     return {"schema_version": SCHEMA_VERSION, **said}
 
 
 def experiment_document(experiment: Experiment) -> dict[str, Any]:
     """Convert an experiment to its file's mapping, fully resolved; reading it gives an equal experiment."""
-    document = written(experiment)
+    document = to_yaml(experiment)
     if experiment.modes is not None:
         document["modes"] = table_document(experiment.modes)
     if experiment.controller is not None:
-        document["controller"] = own_controller_document(experiment.controller)
+        document["controller"] = user_controller_document(experiment.controller)
     if experiment.events:
         document["events"] = events_document(experiment)
     return {

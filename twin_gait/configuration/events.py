@@ -13,20 +13,20 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from twin_gait.configuration.sections import in_si
-from twin_gait.configuration.validation import Count, Number, Strict, converting, refuse_two_units, short
+from twin_gait.configuration.sections import to_si
+from twin_gait.configuration.validation import Count, Number, Strict, convert_with_context, reject_duplicate_units, short
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlParameters
 from twin_gait.experiment.events import FADE_TICKS, Change, Event, Push, Step, Stop
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.modes import TimedRequest
-from twin_gait.gait.table import LONGEST, TICK, JointImpedance, PhaseParameters
+from twin_gait.gait.table import MAX_TICKS, TICK, JointImpedance, PhaseParameters
 from twin_gait.parameters.quantities import Declaration, declarations, require
-from twin_gait.simulation.settings import MODES, Settings, found_at
-from twin_gait.worlds.faults import Fault, parse_fault, with_time
+from twin_gait.simulation.settings import MODES, Settings, value_at_path
+from twin_gait.worlds.faults import Fault, parse_fault, insert_time
 
 _ACTIONS = ("set", "push", "step", "stop", "request", "fault")
-_WHAT_CHANGES = (
+_CHANGEABLE_KEYS_TEXT = (
     "table.phases.PHASE.JOINT.QUANTITY, table.phases.PHASE.gravity_compensation, the same under "
     "table.sides.SIDE, control.target_torque_Nm.JOINT, {adjustable}monitor.control, monitor.steps_by_hand "
     "and monitor.SIDE_JOINT.QUANTITY"
@@ -39,15 +39,15 @@ class PushEntry(Strict):
 
     joint: str
     torque_Nm: Annotated[Number, Field(ge=-STRONGEST_PUSH, le=STRONGEST_PUSH)]
-    duration_ms: Annotated[Count, Field(ge=1, le=LONGEST)]
+    duration_ms: Annotated[Count, Field(ge=1, le=MAX_TICKS)]
 
 
 class EventEntry(Strict):
     """Entry under ``events``."""
 
-    time_s: Annotated[Number, Field(ge=0.0, le=LONGEST * TICK, description="Time of the event.")]
+    time_s: Annotated[Number, Field(ge=0.0, le=MAX_TICKS * TICK, description="Time of the event.")]
     set: dict[str, Any] | None = Field(None, description="New values of parameters by their keys.")
-    fade_ms: Annotated[Count, Field(ge=0, le=LONGEST)] = Field(
+    fade_ms: Annotated[Count, Field(ge=0, le=MAX_TICKS)] = Field(
         FADE_TICKS, description="Time over which the new values are faded in."
     )
     push: PushEntry | None = Field(None, description="Torque on a joint from outside.")
@@ -79,7 +79,7 @@ class EventEntry(Strict):
         return round(self.tick * TICK, 3)
 
 
-class Place(NamedTuple):
+class ChangeableValue(NamedTuple):
     """Number or choice that a key sets."""
 
     path: str  # Path in the settings.
@@ -96,14 +96,14 @@ class Place(NamedTuple):
         number = isinstance(given, int | float) and not isinstance(given, bool)
         require(number, key, "a number", given)
         try:
-            return float(in_si(self.item, self.factor, given))
+            return float(to_si(self.item, self.factor, given))
         except ValueError as error:
             raise ParameterError(f"{key}: {error}") from error
 
 
-def changeable_keys(experiment: Experiment) -> dict[str, Place]:
+def changeable_keys(experiment: Experiment) -> dict[str, ChangeableValue]:
     """Return all keys that can change during a run, with their places; the factor of SI units is 1."""
-    table, found = experiment.table, dict[str, Place]()
+    table, found = experiment.table, dict[str, ChangeableValue]()
     sides = {f"sides.{side}": f"side_phases.{side}" for side in experiment.leg.legs}
     for key, path in {"phases": "phases", **sides}.items():
         for phase in table.phases:
@@ -114,16 +114,16 @@ def changeable_keys(experiment: Experiment) -> dict[str, Place]:
     ((torque, _),) = _declared(ControlParameters, "target_torque", "control", "experiment.control")
     item = _declaration(ControlParameters, "target_torque")
     for joint in experiment.joints:
-        found[f"{torque}.{joint}"] = Place(f"experiment.control.target_torque.{joint}", item=item)
+        found[f"{torque}.{joint}"] = ChangeableValue(f"experiment.control.target_torque.{joint}", item=item)
     found |= _adjustable(experiment)
-    found["monitor.control"] = Place("mode", choices=tuple(MODES))
+    found["monitor.control"] = ChangeableValue("mode", choices=tuple(MODES))
     if experiment.stepped_by_hand:
-        found["monitor.steps_by_hand"] = Place("manual", choices=(False, True))
+        found["monitor.steps_by_hand"] = ChangeableValue("manual", choices=(False, True))
     for side in experiment.leg.legs:
         for joint in experiment.joints:
             name = f"monitor.{side}_{joint}"
             found |= _impedance(name, f"monitor.{side}.joints.{joint}")
-            found[f"{name}.target_torque_Nm"] = Place(f"torques.{side}_{joint}", item=item)
+            found[f"{name}.target_torque_Nm"] = ChangeableValue(f"torques.{side}_{joint}", item=item)
     return found
 
 
@@ -131,22 +131,22 @@ def _declaration(parameters: Any, name: str) -> Declaration:
     return next(item for item in declarations(parameters) if item.name == name)
 
 
-def _declared(parameters: Any, name: str, key: str, path: str) -> Iterator[tuple[str, Place]]:
+def _declared(parameters: Any, name: str, key: str, path: str) -> Iterator[tuple[str, ChangeableValue]]:
     """Yield the keys of a declared field, one for each of its units."""
     item = _declaration(parameters, name)
     for own, factor in item.keys.items():
-        yield f"{key}.{own}", Place(f"{path}.{name}", factor, item)
+        yield f"{key}.{own}", ChangeableValue(f"{path}.{name}", factor, item)
 
 
-def _impedance(key: str, path: str) -> Iterator[tuple[str, Place]]:
+def _impedance(key: str, path: str) -> Iterator[tuple[str, ChangeableValue]]:
     for item in declarations(JointImpedance):
         yield from _declared(JointImpedance, item.name, key, path)
 
 
-def _adjustable(experiment: Experiment) -> Iterator[tuple[str, Place]]:
+def _adjustable(experiment: Experiment) -> Iterator[tuple[str, ChangeableValue]]:
     """Yield the keys of the world that can be adjusted."""
     for item in experiment.scenario.adjustments:
-        *steps, name = item.place.split(".")
+        *steps, name = item.path.split(".")
         record, key = experiment.scenario, "scenario"
         for step in steps:
             key, record = f"{key}.{_declaration(type(record), step).key}", getattr(record, step)
@@ -162,10 +162,10 @@ def _flat(values: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
             yield f"{above}{key}", value
 
 
-def _changes(given: Mapping[str, Any], known: Mapping[str, Place], experiment: Experiment) -> dict[str, Any]:
+def _changes(given: Mapping[str, Any], known: Mapping[str, ChangeableValue], experiment: Experiment) -> dict[str, Any]:
     """Return the new values in SI by their paths."""
     values, found = dict(_flat(given)), {}
-    refuse_two_units(values)
+    reject_duplicate_units(values)
     for key, value in values.items():
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1, cutoff=0.8)
@@ -173,7 +173,7 @@ def _changes(given: Mapping[str, Any], known: Mapping[str, Place], experiment: E
             adjustable = "".join(f"{name}, " for name, _ in _adjustable(experiment))
             raise ParameterError(
                 f"{short(key)}: cannot change during a run; {hint}what can: "
-                f"{_WHAT_CHANGES.format(adjustable=adjustable)}"
+                f"{_CHANGEABLE_KEYS_TEXT.format(adjustable=adjustable)}"
             )
         found[known[key].path] = known[key].value(key, value)
     return found
@@ -186,7 +186,7 @@ def events_of(entries: tuple[EventEntry, ...], experiment: Experiment, source: s
         about: dict[str, Any] = {"tick": entry.tick, "by": entry.by}
         if entry.set is not None:
             read = partial(_changes, entry.set, known, experiment)
-            changes = converting(source, f"events[{number}].set", read)
+            changes = convert_with_context(source, f"events[{number}].set", read)
             found.append(Change(**about, changes=changes, fade_ticks=entry.fade_ms))
         elif entry.push is not None:
             push = entry.push
@@ -203,7 +203,7 @@ def faults_and_requests(
 ) -> tuple[tuple[Fault, ...], tuple[TimedRequest, ...]]:
     """Return the faults and requests among the entries of events."""
     faults = tuple(
-        converting(source, f"events[{number}]", partial(parse_fault, with_time(entry.fault, entry.time)))
+        convert_with_context(source, f"events[{number}]", partial(parse_fault, insert_time(entry.fault, entry.time)))
         for number, entry in enumerate(entries)
         if entry.fault is not None
     )
@@ -244,6 +244,6 @@ def changed_keys(before: Settings, after: Settings) -> dict[str, Any]:
 def _at(settings: Settings, path: str) -> Any:
     """Return the value at a path; MISSING for a phase that a side does not have of its own."""
     try:
-        return found_at(settings, path)
+        return value_at_path(settings, path)
     except KeyError:
         return MISSING

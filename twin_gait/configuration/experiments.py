@@ -15,15 +15,15 @@ from pydantic import create_model
 from twin_gait.configuration import gait_table_file, validation
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.events import events_of, faults_and_requests
-from twin_gait.configuration.readers import SIDES, own_controller, section_of, type_of
+from twin_gait.configuration.readers import SIDES, convert_user_controller, section_of, type_of
 from twin_gait.configuration.sections import known_sections
-from twin_gait.configuration.validation import converting, descriptions, merge, packaged, read_yaml, validate
+from twin_gait.configuration.validation import convert_with_context, descriptions, merge, packaged, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters.wearer import Patient
-from twin_gait.worlds.registry import load_plugin, words, world_of
+from twin_gait.worlds.registry import load_plugin, describe_entry_point, find_world
 
 _HEADER = ("schema_version", "description")  # keys in the file of a person that are not parameters
 # Keys whose value may be the name of a file that replaces the whole section, with the folder of shipped
@@ -40,11 +40,11 @@ class LoadedExperiment:
     experiment: Experiment  # the experiment
     document: dict[str, Any]  # mapping with all values resolved, units as typed
     # Values that the user specified, in a file of their own and in settings, without those of a preset.
-    given: dict[str, Any] = field(default_factory=dict)
+    user_values: dict[str, Any] = field(default_factory=dict)
 
 
 def experiment_from_mapping(
-    data: dict[str, Any], source: str, folder: Path, like: LoadedExperiment | None = None
+    data: dict[str, Any], source: str, folder: Path, previous: LoadedExperiment | None = None
 ) -> Experiment:
     """Convert a resolved mapping (presets merged, table inline) to an experiment.
 
@@ -52,55 +52,55 @@ def experiment_from_mapping(
     are identical objects in both are not converted again, because conversion takes most of the time.
     """
     known, table = {}, None
-    if like is not None:
-        known = known_sections(data, like.document, like.experiment)
+    if previous is not None:
+        known = known_sections(data, previous.document, previous.experiment)
         known.pop("integration", None)  # because it is merged with the default of engine and world below
-        table = gait_table_file.KnownTable(like.document["table"], like.experiment.table)
-    entry: Any = validate(_file_about(data.get("scenario"), source), {**data, **known}, source)
+        table = gait_table_file.ConvertedTable(previous.document["table"], previous.experiment.table)
+    entry: Any = validate(_experiment_section(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = entry.values()
     # A table without a name gets the name of the experiment.
-    if like is None or entry.name != like.experiment.name or data["table"] is not like.document["table"]:
+    if previous is None or entry.name != previous.experiment.name or data["table"] is not previous.document["table"]:
         found["table"] = gait_table_file.gait_table_from_mapping(
             data["table"], f"{source}: table", entry.name, table
         )
     else:
-        found["table"] = like.experiment.table
+        found["table"] = previous.experiment.table
     if entry.modes is not None:
         found["modes"] = gait_table_file.mode_table_from_mapping(entry.modes, f"{source}: modes", entry.name)
     if entry.controller is not None:
-        found["controller"] = own_controller(entry.controller)
+        found["controller"] = convert_user_controller(entry.controller)
     if entry.integration is not None:
         braced, engine = found.get("interface") is not None, found.get("engine", Engine.COMPILED)
         standard, own = default_integration(engine, entry.scenario, braced=braced), entry.integration.values()
-        found["integration"] = converting(source, "integration", lambda: replace(standard, **own))
+        found["integration"] = convert_with_context(source, "integration", lambda: replace(standard, **own))
     if data.get("patient") is None:
         found["patient"] = None
-    if like is None or found["leg"] is not like.experiment.leg:
-        leg = found["leg"] = replace(found["leg"], urdf=beside(folder, found["leg"].urdf))
-        converting(source, "leg", lambda: find_urdf(leg.urdf))
-    if found.get("network") is not None and (like is None or found["network"] is not like.experiment.network):
-        network = found["network"] = replace(found["network"], dbc=beside(folder, found["network"].dbc))
+    if previous is None or found["leg"] is not previous.experiment.leg:
+        leg = found["leg"] = replace(found["leg"], urdf=resolve_path(folder, found["leg"].urdf))
+        convert_with_context(source, "leg", lambda: find_urdf(leg.urdf))
+    if found.get("network") is not None and (previous is None or found["network"] is not previous.experiment.network):
+        network = found["network"] = replace(found["network"], dbc=resolve_path(folder, found["network"].dbc))
         find_dbc(network.dbc)
     urdf, wanted = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
     if wanted is not None and wanted != urdf_hash(find_urdf(urdf)):
         problem = f"{urdf} is not the file that this experiment was made with; restore it, or remove this key"
         raise ParameterFileError(source, "provenance.urdf_sha256", problem)
     if not entry.events:
-        return converting(source, "", lambda: Experiment(**found))
+        return convert_with_context(source, "", lambda: Experiment(**found))
     for key, more in zip(("faults", "requests"), faults_and_requests(entry.events, source), strict=True):
         found[key] = (*found.get(key, ()), *more)
-    plain = converting(source, "", lambda: Experiment(**found))
+    plain = convert_with_context(source, "", lambda: Experiment(**found))
     events = events_of(entry.events, plain, source)
-    return converting(source, "", lambda: replace(plain, events=events))
+    return convert_with_context(source, "", lambda: replace(plain, events=events))
 
 
-def _file_about(scenario: Any, source: str) -> Any:
+def _experiment_section(scenario: Any, source: str) -> Any:
     """Return the section of an experiment in its world."""
     if scenario is None:
         return section_of(Experiment)  # whose validation reports the missing key
     kind = scenario.get("kind") if isinstance(scenario, Mapping) else scenario
     name = kind if isinstance(kind, str) else validation.short(kind)
-    return _section_in(converting(source, "scenario.kind", lambda: world_of(name)))
+    return _section_in(convert_with_context(source, "scenario.kind", lambda: find_world(name)))
 
 
 @cache
@@ -108,18 +108,18 @@ def _section_in(world: type[Any]) -> Any:
     return create_model("Experiment", __base__=section_of(Experiment), scenario=(type_of(world), ...))
 
 
-def beside(folder: Path, name: str) -> str:
+def resolve_path(folder: Path, name: str) -> str:
     """Return the absolute path of a file in ``folder`` or the working folder; else the name as it is."""
     paths = (folder / name, Path(name).expanduser())
     return next((str(path.resolve()) for path in paths if path.is_file()), name)
 
 
-def people() -> dict[str, str]:
+def list_patients() -> dict[str, str]:
     """Return the names of the people that ship with the package, with their one-line descriptions."""
     return descriptions(packaged("people"))
 
 
-def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
+def load_named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:
     """Return the document that replaces the whole section ``patient``, ``table`` or ``modes``.
 
     Returns None if the value only changes the section. The document is checked here, while the file of each
@@ -134,7 +134,7 @@ def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[s
     name, changes = value, {}
     if isinstance(value, Mapping):
         if key == "table" and "extends" in value:
-            inline = gait_table_file.extended_table({**value}, path, f"{path}: table")
+            inline = gait_table_file.merge_extended_table({**value}, path, f"{path}: table")
             gait_table_file.checked_table(inline, f"{path}: table", path.stem)
             return inline.data
         if key != "patient":
@@ -143,7 +143,7 @@ def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[s
     if name is None:
         return None
     find = partial(gait_table_file.named_file, name, _NAMED[key], path.parent)
-    found = converting(source or str(path), key, find)
+    found = convert_with_context(source or str(path), key, find)
     if key == "table":
         written = gait_table_file.read_gait_table(found)
         gait_table_file.checked_table(written, str(found), found.stem)
@@ -152,14 +152,14 @@ def named_document(key: str, value: Any, path: Path, source: str = "") -> dict[s
     if key == "modes":
         gait_table_file.mode_table_from_mapping(data, str(found), found.stem)
         return {"name": found.stem, **data}
-    person_file(found)
+    read_patient(found)
     return merge(_person(data, found), changes)
 
 
-def person_file(path: Path) -> Patient:
+def read_patient(path: Path) -> Patient:
     """Read the file of a person. Raises ParameterFileError if it has a mistake."""
     section = validate(section_of(Patient), _person(read_yaml(path), path), str(path))
-    patient: Patient = converting(str(path), "", section.convert)
+    patient: Patient = convert_with_context(str(path), "", section.convert)
     return patient
 
 
@@ -172,7 +172,7 @@ def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
 def presets() -> dict[str, str]:
     """Return the names of the presets with their one-line descriptions, those of other packages last."""
     shipped = packaged("presets")
-    return descriptions(shipped | {name: path for name, path in _brought().items() if name not in shipped})
+    return descriptions(shipped | {name: path for name, path in _plugin_presets().items() if name not in shipped})
 
 
 def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
@@ -194,7 +194,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     where = f"{where} with --set" if settings else where
     for keys, value in validation.parse_assignments(settings):
         key = str(keys[0])
-        whole = named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
+        whole = load_named_document(key, value, path, where) if keys == [key] and key in _NAMED else None
         if whole is None:
             changes.append((keys, value))
         else:
@@ -256,7 +256,7 @@ def resolved_document(
             document = located
     document = _with_files(document, files or {})
     return {
-        "integration": section_of(type(experiment.stepping)).document(experiment.stepping),
+        "integration": section_of(type(experiment.resolved_integration)).document(experiment.resolved_integration),
         **document,
         "provenance": {
             "urdf_sha256": urdf_hash(find_urdf(experiment.leg.urdf)),
@@ -275,20 +275,20 @@ def _with_files(document: dict[str, Any], names: Mapping[str, str]) -> dict[str,
     return document
 
 
-def _brought() -> dict[str, Path]:
+def _plugin_presets() -> dict[str, Path]:
     """Return the presets of packages that are registered under the entry point ``twin_gait.presets``."""
     found: dict[str, Path] = {}
     for entry in entry_points(group=GROUP):
         folders = getattr(load_plugin(entry), "__path__", ())
         if not folders:
-            raise ParameterError(f"{words(entry)}: expected a package with presets; repair or uninstall it")
+            raise ParameterError(f"{describe_entry_point(entry)}: expected a package with presets; repair or uninstall it")
         found |= validation.yaml_files(Path(folders[0]))
     return found
 
 
 def _preset(name: str) -> Path | None:
     """Return the file of a preset; other packages are searched only if no shipped preset has the name."""
-    return packaged("presets").get(name) or _brought().get(name)
+    return packaged("presets").get(name) or _plugin_presets().get(name)
 
 
 def _find(source: str | Path) -> tuple[Path, str]:
@@ -307,7 +307,7 @@ def _find(source: str | Path) -> tuple[Path, str]:
 def _resolved(data: dict[str, Any], path: Path) -> dict[str, Any]:
     """Replace the names of documents in a file by their contents, and merge it with its preset."""
     own = {key: value for key, value in data.items() if key != "preset"}
-    found = {key: named_document(key, own.get(key), path) for key in _NAMED}
+    found = {key: load_named_document(key, own.get(key), path) for key in _NAMED}
     whole = {key: document for key, document in found.items() if document is not None}
     name = data.get("preset")
     if name is None:

@@ -13,13 +13,13 @@ from pydantic import Field, WrapValidator, create_model
 
 from twin_gait.configuration.readers import section_of, type_of
 from twin_gait.configuration.sections import known_sections
-from twin_gait.configuration.validation import Strict, converting, merge, packaged, read_yaml, short, validate
+from twin_gait.configuration.validation import Strict, convert_with_context, merge, packaged, read_yaml, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait import table
-from twin_gait.gait.guards import LEG_WORDS, MODE_WORDS, AllOf, AnyOf, Guard, GuardWords, parse_guard
+from twin_gait.gait.guards import LEG_VOCABULARY, MODE_VOCABULARY, AllOf, AnyOf, Guard, GuardVocabulary, parse_guard
 from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.table import GaitTable
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.quantities import from_attributes
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
@@ -75,12 +75,12 @@ class ModeTableFile(_TableFile):
     modes: dict[str, type_of(Mode)] = Field(min_length=2)  # type: ignore[valid-type]
 
 
-def _shared(entry: Any, name: str, words: GuardWords, source: str) -> dict[str, Any]:
+def _shared(entry: Any, name: str, words: GuardVocabulary, source: str) -> dict[str, Any]:
     """Return the common values of both kinds of tables, in SI; ``words``: signals of the guards."""
     transitions: dict[tuple[str, ...], table.Transition] = {}
     for index, written in enumerate(entry.transitions):
         place = f"transitions[{index}]"
-        item = converting(source, place, partial(_transition, written, words))
+        item = convert_with_context(source, place, partial(_transition, written, words))
         if transitions.setdefault((item.source, item.target, item.cause), item) is not item:
             problem = "the same from, to and cause as another one; leave one out, or give it another cause"
             raise ParameterFileError(source, place, problem)
@@ -112,21 +112,21 @@ def packaged_gait_tables() -> list[str]:
     return list(packaged("tables"))
 
 
-class WrittenTable(NamedTuple):
+class MergedTable(NamedTuple):
     """Gait table as a mapping, merged with the tables that it extends."""
 
     data: dict[str, Any]  # the mapping, without ``extends``
     files: tuple[tuple[str, dict[str, Any]], ...]  # name and mapping of each file, the extending one first
 
 
-def read_gait_table(path: Path) -> WrittenTable:
+def read_gait_table(path: Path) -> MergedTable:
     """Read a gait table file as a mapping, merged with the table that it extends."""
-    return extended_table(read_yaml(path), path, str(path))
+    return merge_extended_table(read_yaml(path), path, str(path))
 
 
-def extended_table(
-    data: dict[str, Any], path: Path, source: str, below: tuple[Path, ...] = ()
-) -> WrittenTable:
+def merge_extended_table(
+    data: dict[str, Any], path: Path, source: str, ancestors: tuple[Path, ...] = ()
+) -> MergedTable:
     """Merge a table with the one that its key ``extends`` names.
 
     Mappings are merged key by key, as presets are. A transition with the same from, to and cause replaces the
@@ -139,20 +139,20 @@ def extended_table(
         if not isinstance(entries, list):
             raise ParameterFileError(source, key, f"expected a list, got {short(entries)}")
     if "extends" not in data:
-        return WrittenTable(data, ((source, data),))
+        return MergedTable(data, ((source, data),))
     name = data["extends"]
-    found = converting(source, "extends", lambda: named_file(name, folder=path.parent))
-    chain = (*below, path.resolve())
+    found = convert_with_context(source, "extends", lambda: named_file(name, folder=path.parent))
+    chain = (*ancestors, path.resolve())
     if found.resolve() in chain:
         raise ParameterFileError(source, "extends", f"{name!r} extends this table itself")
-    base = extended_table(read_yaml(found), found, str(found), chain)
+    base = merge_extended_table(read_yaml(found), found, str(found), chain)
     merged = merge({**base.data, "name": None}, {key: data[key] for key in data if key != "extends"})
     for key, entries in lists.items():
-        merged[key] = _laid_over(base.data.get(key) or [], entries, key, source, name)
-    return WrittenTable(merged, ((source, data), *base.files))
+        merged[key] = _merge_lists(base.data.get(key) or [], entries, key, source, name)
+    return MergedTable(merged, ((source, data), *base.files))
 
 
-def _laid_over(below: list[Any], own: list[Any], key: str, source: str, base: str) -> list[Any]:
+def _merge_lists(below: list[Any], own: list[Any], key: str, source: str, base: str) -> list[Any]:
     """Merge the entries of two lists: an own entry replaces the inherited one that it identifies."""
 
     def about(item: Any) -> tuple[Any, ...] | None:
@@ -187,7 +187,7 @@ def load_gait_table(source: str | Path) -> table.GaitTable:
     return checked_table(read_gait_table(path), str(path), path.stem)
 
 
-def checked_table(found: WrittenTable, source: str, name: str) -> table.GaitTable:
+def checked_table(found: MergedTable, source: str, name: str) -> table.GaitTable:
     """Convert a table like :func:`gait_table_from_mapping`; errors name the file of an entry."""
     try:
         return gait_table_from_mapping(found.data, source, name)
@@ -206,7 +206,7 @@ def checked_table(found: WrittenTable, source: str, name: str) -> table.GaitTabl
         raise ParameterFileError(file, "", f"{key}[{place}]{text[merged.end() :]}") from error
 
 
-class KnownTable(NamedTuple):
+class ConvertedTable(NamedTuple):
     """Gait table and the mapping from which it was converted."""
 
     data: Mapping[str, Any]
@@ -226,13 +226,13 @@ class KnownTable(NamedTuple):
 
 
 def gait_table_from_mapping(
-    data: dict[str, Any], source: str, name: str, like: KnownTable | None = None
+    data: dict[str, Any], source: str, name: str, previous: ConvertedTable | None = None
 ) -> table.GaitTable:
     """Convert parsed YAML of the file ``source`` to a gait table, called ``name`` if it gives no name.
 
     ``like``: a table converted before; parts that are identical objects in both are not converted again.
     """
-    entry: Any = validate(GaitTableFile, data if like is None else like.apply_to(data), source)
+    entry: Any = validate(GaitTableFile, data if previous is None else previous.apply_to(data), source)
     phases = {
         name: _phase(values, entry.joints, source, f"phases.{name}") for name, values in entry.phases.items()
     }
@@ -249,9 +249,9 @@ def gait_table_from_mapping(
                 raise ParameterFileError(source, key, f"no such phase; there are {', '.join(phases)}")
             merged = merge(data["phases"][phase], values)  # over the common values
             side_phases.setdefault(side, {})[phase] = _phase(merged, entry.joints, source, key)
-    shared = _shared(entry, name, LEG_WORDS, source)
+    shared = _shared(entry, name, LEG_VOCABULARY, source)
     more = {**shared, "phases": phases, "side_phases": side_phases}
-    return converting(source, "", lambda: taken_from(table.GaitTable, entry, **more))
+    return convert_with_context(source, "", lambda: from_attributes(table.GaitTable, entry, **more))
 
 
 def _phase(values: Any, joints: tuple[str, ...], source: str, key: str) -> table.PhaseParameters:
@@ -259,11 +259,11 @@ def _phase(values: Any, joints: tuple[str, ...], source: str, key: str) -> table
     if isinstance(values, table.PhaseParameters):
         return values
     entry: Any = validate(phase_section(joints), values, source, key)
-    phase: table.PhaseParameters = converting(source, key, entry.convert)
+    phase: table.PhaseParameters = convert_with_context(source, key, entry.convert)
     return phase
 
 
-def _transition(entry: Any, words: GuardWords) -> table.Transition:
+def _transition(entry: Any, words: GuardVocabulary) -> table.Transition:
     if isinstance(entry, table.Transition):
         return entry
     given = [{kind: guards} for kind in ("all", "any") if (guards := getattr(entry, kind))]
@@ -271,7 +271,7 @@ def _transition(entry: Any, words: GuardWords) -> table.Transition:
     return table.Transition(**entry.values(), guard=guard)
 
 
-def _guard(item: Any, words: GuardWords) -> Guard:
+def _guard(item: Any, words: GuardVocabulary) -> Guard:
     if isinstance(item, str):
         return parse_guard(item, words)
     if isinstance(item, dict) and len(item) == 1:
@@ -289,8 +289,8 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     Raises ParameterFileError if the file has a mistake; the message names file, key and value.
     """
     entry: Any = validate(ModeTableFile, data, source)
-    shared = _shared(entry, name, MODE_WORDS, source)
-    return converting(source, "", lambda: taken_from(ModeTable, entry, **shared, phases=entry.modes))
+    shared = _shared(entry, name, MODE_VOCABULARY, source)
+    return convert_with_context(source, "", lambda: from_attributes(ModeTable, entry, **shared, phases=entry.modes))
 
 
 def packaged_mode_tables() -> list[str]:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.configuration.documents import content_hash, table_document
-from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment, person_file
+from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment, read_patient
 from twin_gait.configuration.gait_table_file import load_gait_table
-from twin_gait.configuration.readers import own_controller_document
-from twin_gait.configuration.sections import written
+from twin_gait.configuration.readers import user_controller_document
+from twin_gait.configuration.sections import to_yaml
 from twin_gait.configuration.validation import packaged, read_yaml
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -26,7 +26,7 @@ _NOT_SETTINGS = ("mode", "limits")  # keys of the controller that belong to its 
 
 
 @dataclass(frozen=True)
-class Part:
+class ExperimentPart:
     """Part of an experiment."""
 
     name: str  # name; empty for a wearer without a name who is defined by mass and height only
@@ -42,7 +42,7 @@ class Part:
         return name if self.changed is False else f"{name}{changes} ({self.sha256[:_DIGITS]})"
 
 
-def parts_of(experiment: Experiment) -> dict[str, Part]:
+def identify_parts(experiment: Experiment) -> dict[str, ExperimentPart]:
     """Return table, device and controller by their keys in ``summary.json``."""
     return {
         "table": _table(experiment),
@@ -51,23 +51,23 @@ def parts_of(experiment: Experiment) -> dict[str, Part]:
     }
 
 
-def wearer_of(patient: Patient) -> Part:
+def identify_wearer(patient: Patient) -> ExperimentPart:
     """Return the part of a wearer; one without a name who is defined by mass and height counts as shipped."""
-    digest = _hash(written(patient))
+    digest = _hash(to_yaml(patient))
     if patient.name is None:
         is_mass_alone = replace(Patient(), mass=patient.mass, height=patient.height) == patient
-        return Part("", False, digest) if is_mass_alone else Part("own wearer", None, digest)
+        return ExperimentPart("", False, digest) if is_mass_alone else ExperimentPart("own wearer", None, digest)
     ships = patient.name in packaged("people")
-    return Part(patient.name, _shipped_person(patient.name) != patient if ships else None, digest)
+    return ExperimentPart(patient.name, _shipped_person(patient.name) != patient if ships else None, digest)
 
 
-def _table(experiment: Experiment) -> Part:
+def _table(experiment: Experiment) -> ExperimentPart:
     name, digest = experiment.table.name, _hash(table_document(experiment.table))
     shipped = _shipped_table(name) if name in packaged("tables") else None
-    return Part(name, None if shipped is None else digest != shipped, digest)
+    return ExperimentPart(name, None if shipped is None else digest != shipped, digest)
 
 
-def _device(experiment: Experiment) -> Part:
+def _device(experiment: Experiment) -> ExperimentPart:
     """Return the name of the URDF, with the preset whose drives, friction and battery the device has.
 
     Presets are loaded until one has the device: a single one for the default device.
@@ -77,19 +77,19 @@ def _device(experiment: Experiment) -> Part:
     ships = False
     for number, preset in enumerate(same_urdf):
         if _device_hash(_preset(preset)) == digest:
-            return Part(name if number == 0 else f"{name} as in {preset}", False, digest)
+            return ExperimentPart(name if number == 0 else f"{name} as in {preset}", False, digest)
         ships = True
-    return Part(name, True if ships else None, digest)
+    return ExperimentPart(name, True if ships else None, digest)
 
 
-def _controller(experiment: Experiment) -> Part:
+def _controller(experiment: Experiment) -> ExperimentPart:
     """Return the name of the controller, and whether its settings are those of a preset."""
     own, settings = experiment.controller, _control_hash(experiment)
     if own is not None:
-        return Part(own.name, None, _hash([own_controller_document(own), settings]))
+        return ExperimentPart(own.name, None, _hash([user_controller_document(own), settings]))
     shipped = any(_control_hash(_preset(preset)) == settings for preset in _presets())
     name = str(experiment.control.mode)
-    return Part(name, not shipped, _hash([name, settings]))
+    return ExperimentPart(name, not shipped, _hash([name, settings]))
 
 
 def _hash(values: Any) -> str:
@@ -97,13 +97,13 @@ def _hash(values: Any) -> str:
 
 
 def _device_hash(experiment: Experiment) -> str:
-    leg = {**written(experiment.leg), "urdf": urdf_hash(find_urdf(experiment.leg.urdf))}
-    return _hash([leg, written(experiment.plant), written(experiment.control.limits)])
+    leg = {**to_yaml(experiment.leg), "urdf": urdf_hash(find_urdf(experiment.leg.urdf))}
+    return _hash([leg, to_yaml(experiment.plant), to_yaml(experiment.control.limits)])
 
 
 def _control_hash(experiment: Experiment) -> str:
     """Return the hash of the controller's settings; torque and current limits belong to the device."""
-    return _hash({key: item for key, item in written(experiment.control).items() if key not in _NOT_SETTINGS})
+    return _hash({key: item for key, item in to_yaml(experiment.control).items() if key not in _NOT_SETTINGS})
 
 
 def _presets() -> Iterator[str]:
@@ -127,7 +127,7 @@ def _preset(name: str) -> Experiment:
 
 @cache
 def _shipped_person(name: str) -> Patient:
-    return person_file(packaged("people")[name])
+    return read_patient(packaged("people")[name])
 
 
 @cache

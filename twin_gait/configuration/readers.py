@@ -8,15 +8,15 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, create_model, model_validator
 
 from twin_gait.configuration.events import EventEntry
-from twin_gait.configuration.sections import Section, reads
+from twin_gait.configuration.sections import Section, register_section
 from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.sections import type_of as type_of
 from twin_gait.configuration.validation import Flag, Number, Strict
-from twin_gait.control.own_controller import OwnController
+from twin_gait.control.own_controller import UserController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
-from twin_gait.gait.table import LONGEST, TICK, PhaseParameters, Transition
+from twin_gait.gait.table import MAX_TICKS, TICK, PhaseParameters, Transition
 from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition, Patient
 from twin_gait.vocabulary import JointName, Side
 
@@ -29,8 +29,8 @@ _Joints: Any = create_model(  # type: ignore[call-overload]
 )
 
 
-@reads(Patient)
-class PatientReader(Section):
+@register_section(Patient)
+class PatientSection(Section):
     """Section of the wearer: ``left`` and ``right`` override the values under ``both``."""
 
     both: _Joints = _Joints()
@@ -71,7 +71,7 @@ class PatientReader(Section):
         return document | {name: joints for name, joints in sides.items() if joints}
 
 
-class _OwnControllerFields(Strict):
+class _UserControllerFields(Strict):
     """Record of a controller of the user's own, as stored in a run folder."""
 
     name: str
@@ -85,19 +85,19 @@ class _OwnControllerFields(Strict):
 
 
 # A keyword of Python cannot be the name of a field in a class statement.
-OwnControllerReader: Any = create_model(  # type: ignore[call-overload]
-    "OwnController", __base__=_OwnControllerFields, **{"class": (str, ...)}
+UserControllerSection: Any = create_model(  # type: ignore[call-overload]
+    "OwnController", __base__=_UserControllerFields, **{"class": (str, ...)}
 )
 
 
-def own_controller(section: Any) -> OwnController:
+def convert_user_controller(section: Any) -> UserController:
     """Convert a validated section to the record of a controller."""
     values = section.model_dump()
     others = tuple(values.pop("other_modules"))
-    return OwnController(class_name=values.pop("class"), other_modules=others, **values)
+    return UserController(class_name=values.pop("class"), other_modules=others, **values)
 
 
-def own_controller_document(record: OwnController) -> dict[str, Any]:
+def user_controller_document(record: UserController) -> dict[str, Any]:
     """Convert a record to the mapping of a file; empty values are left out."""
     values = {"name": record.name, "module": record.module, "class": record.class_name, **asdict(record)}
     values |= {"other_modules": list(record.other_modules), "source": values.pop("source")}
@@ -106,8 +106,8 @@ def own_controller_document(record: OwnController) -> dict[str, Any]:
     }
 
 
-@reads(Experiment)
-class ExperimentReader(Section):
+@register_section(Experiment)
+class ExperimentSection(Section):
     """Section of an experiment file after its presets have been merged."""
 
     schema_version: Literal[1] = 1
@@ -117,12 +117,12 @@ class ExperimentReader(Section):
     modes: dict[str, Any] | None = None
     events: tuple[EventEntry, ...] = ()
     integration: section_of(Integration) | None = None  # type: ignore[valid-type]
-    controller: OwnControllerReader | None = None
+    controller: UserControllerSection | None = None
     provenance: dict[str, Any] | None = None
 
 
-@reads(PhaseParameters)
-class PhaseReader(Section):
+@register_section(PhaseParameters)
+class PhaseSection(Section):
     """Section of a phase: the impedance of each joint in addition to the declared fields."""
 
     joints: ClassVar[tuple[str, ...]] = ()
@@ -132,18 +132,18 @@ class PhaseReader(Section):
         return super().values() | {"joints": {joint: getattr(self, joint) for joint in self.joints}}
 
 
-@reads(Transition)
-class TransitionReader(Section):
+@register_section(Transition)
+class TransitionSection(Section):
     """Entry of the transition list; its guard is parsed for a table, which has the signals."""
 
     cause: str = Field(min_length=1)
     all: list[Any] | None = None
     any: list[Any] | None = None
-    after_s: Annotated[Number, Field(gt=TICK / 2, le=LONGEST * TICK)] | None = None
+    after_s: Annotated[Number, Field(gt=TICK / 2, le=MAX_TICKS * TICK)] | None = None
     remove: Flag = False
 
     @model_validator(mode="after")
-    def _one_condition(self) -> TransitionReader:
+    def _one_condition(self) -> TransitionSection:
         if self.remove:
             raise ValueError("remove: there is nothing inherited to remove; it goes with extends")
         if self.all is not None and self.any is not None:
@@ -161,8 +161,8 @@ class TransitionReader(Section):
         if parameters.guard != AllOf(guards=()):
             written = _guard(parameters.guard)
             found |= written if isinstance(written, dict) else {"all": [written]}
-        if parameters.time_out_ticks is not None:
-            found["after_s"] = round(parameters.time_out_ticks * TICK, 3)
+        if parameters.timeout_ticks is not None:
+            found["after_s"] = round(parameters.timeout_ticks * TICK, 3)
         return found
 
 

@@ -13,7 +13,7 @@ from twin_gait.configuration.validation import quantity_of
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.registry import world_kinds, world_of
+from twin_gait.worlds.registry import world_kinds, find_world
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # Pattern of the text of a guard; the available signals depend on the table.
@@ -50,7 +50,7 @@ def _experiment() -> Any:
     """Return the model of an experiment with explicit sections for all parts that may be named instead."""
     name: Any = Annotated[str, Field(min_length=1)]
     person = create_model("Person", __base__=section_of(Patient), preset=(name, ""))
-    worlds = reduce(or_, (section_of(world_of(kind)) for kind in world_kinds()))
+    worlds = reduce(or_, (section_of(find_world(kind)) for kind in world_kinds()))
     return create_model(
         "Experiment",
         __base__=section_of(Experiment),

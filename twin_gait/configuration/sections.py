@@ -18,7 +18,7 @@ from twin_gait.configuration.validation import Count, Flag, Number, Strict, merg
 from twin_gait.docstrings import summary_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import quantities
-from twin_gait.parameters.quantities import Declaration, Parameters, Word, declarations, is_mapping
+from twin_gait.parameters.quantities import Declaration, Parameters, LiteralAlias, declarations, is_mapping
 
 _PLAIN = {float: Number, int: Count}
 
@@ -65,18 +65,18 @@ class Section(Strict):
         """Convert parameters to the mapping of a file, in SI; reading it gives the same."""
         found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if cls.parameters.kind else {}
         for item in declarations(cls.parameters):
-            value, word = getattr(parameters, item.name), item.mark(Word)
-            if item.mark(quantities.Inline):
-                found |= written(value, item)
+            value, word = getattr(parameters, item.name), item.find_annotation(LiteralAlias)
+            if item.find_annotation(quantities.Inline):
+                found |= to_yaml(value, item)
             elif word:
-                section = {"kind": word.kind, **written(value, item)} if value is not None else word.without
+                section = {"kind": word.kind, **to_yaml(value, item)} if value is not None else word.without
                 found[item.key] = section
-            elif value is not None and not item.mark(quantities.AsInFile):
-                found[next(iter(item.keys))] = written(value, item)
+            elif value is not None and not item.find_annotation(quantities.CustomSerialized):
+                found[next(iter(item.keys))] = to_yaml(value, item)
         return found
 
 
-def known_sections(data: Mapping[str, Any], like: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
+def known_sections(data: Mapping[str, Any], previous: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
     """Return the sections of a mapping that are identical objects in another one, in their converted form.
 
     ``like``: the other mapping; ``parameters``: the parameters that it was converted to, or such values by
@@ -85,13 +85,13 @@ def known_sections(data: Mapping[str, Any], like: Mapping[str, Any], parameters:
     """
     values = parameters
     if isinstance(parameters, Parameters):
-        if data.get(parameters.tag) != like.get(parameters.tag):
+        if data.get(parameters.tag) != previous.get(parameters.tag):
             return {}  # another kind has other sections
         named = ((item.key, item.name) for item in declarations(type(parameters)))
         values = {key: getattr(parameters, name) for key, name in named}
     found: dict[str, Any] = {}
     for key, section in data.items():
-        value, other = values.get(key), like.get(key)
+        value, other = values.get(key), previous.get(key)
         if isinstance(value, Parameters) and section is other:
             found[key] = value
         elif isinstance(value, (Parameters, dict)) and isinstance(section, dict) and isinstance(other, dict):
@@ -99,18 +99,18 @@ def known_sections(data: Mapping[str, Any], like: Mapping[str, Any], parameters:
     return found
 
 
-def written(value: Any, item: Declaration | None = None) -> Any:
+def to_yaml(value: Any, item: Declaration | None = None) -> Any:
     """Convert a value to its form in YAML, in SI; ``item``: its field, which may put units in inner keys."""
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
-        unit, found = item.unit if item is not None and item.mark(quantities.UnitInside) else None, {}
+        unit, found = item.unit if item is not None and item.find_annotation(quantities.UnitInKeys) else None, {}
         for name, inner in value.items():
             end = f"_{next(iter(unit.factors))}" if unit and not isinstance(inner, Mapping) else ""
-            found[f"{name}{end}"] = written(inner, item)
+            found[f"{name}{end}"] = to_yaml(inner, item)
         return found
     if isinstance(value, tuple):
-        return [written(one) for one in value]
+        return [to_yaml(one) for one in value]
     if isinstance(value, float) and math.isinf(value):
         return None  # YAML has no number for a time that never comes
     return value if value is None or type(value) in (bool, int, float) else str(value)
@@ -138,9 +138,9 @@ def _one_of(kinds: tuple[type[Any], ...]) -> Any:
     return Annotated[reduce(or_, map(section_of, kinds)), Field(discriminator=tag), WrapValidator(read)]
 
 
-def _section_or_word(parameters: type[Any], word: Word) -> Any:
+def _section_or_literal(parameters: type[Any], word: LiteralAlias) -> Any:
     """Return the type of a section, or of a word for its presence or absence (its ``kind``)."""
-    words: Any = Literal[word.without, word.kind]
+    words: Any = Literal[word.null_word, word.kind]
     model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=(words, word.kind))
 
     def read(value: Any, section: Callable[[Any], Any]) -> Any:
@@ -150,7 +150,7 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
         if found.kind == word.kind:
             return found.convert()
         if found.model_fields_set > {"kind"}:
-            raise ValueError(f"{word.without} has nothing to set; leave it out, or set kind to {word.kind}")
+            raise ValueError(f"{word.null_word} has nothing to set; leave it out, or set kind to {word.kind}")
         return None
 
     return Annotated[model | words, WrapValidator(read)]
@@ -158,24 +158,24 @@ def _section_or_word(parameters: type[Any], word: Word) -> Any:
 
 def _number(item: Declaration, kind: type[Any], factor: float) -> Any:
     """Return the type of a number in a unit, validated in SI."""
-    return Annotated[_PLAIN[kind], AfterValidator(partial(in_si, item, factor))]
+    return Annotated[_PLAIN[kind], AfterValidator(partial(to_si, item, factor))]
 
 
-def in_si(item: Declaration, factor: float, value: Any) -> Any:
+def to_si(item: Declaration, factor: float, value: Any) -> Any:
     """Convert a number in a unit to SI; raise ValueError if it is out of range."""
     found = value if factor == 1.0 else factor * value
-    if item.range is not None and not item.range.holds(found):
+    if item.range is not None and not item.range.contains(found):
         names = item.unit.factors.items() if item.unit and factor != 1.0 else ()
         unit = "".join(f" {end.replace('_per_', '/')}" for end, size in names if size == factor)
-        raise ValueError(f"expected {item.range.in_unit(factor).expected}, got {value:g}{unit}")
+        raise ValueError(f"expected {item.range.convert_unit(factor).expected}, got {value:g}{unit}")
     return found
 
 
-def _by_name(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any], Callable[[Any], Any]]:
+def _mapping_fields(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any], Callable[[Any], Any]]:
     """Return the fields of a mapping, each with its own unit if the mapping has none, and their reader."""
     names, inner = get_args(kind)
-    named = item.mark(quantities.Named)
-    inside = item.unit is not None and item.mark(quantities.UnitInside) and not is_mapping(inner)
+    named = item.find_annotation(quantities.AllowedKeys)
+    inside = item.unit is not None and item.find_annotation(quantities.UnitInKeys) and not is_mapping(inner)
     ends = item.unit.factors if item.unit is not None and inside else {"": factor}
     keys = {
         f"{name}_{end}" if end else str(name): (name, unit)
@@ -197,18 +197,18 @@ def _type(item: Declaration, kind: Any, factor: float) -> Any:
     while get_origin(kind) is Annotated:
         kind = get_args(kind)[0]
     if get_origin(kind) is tuple:
-        notation = item.mark(quantities.Notation)
+        notation = item.find_annotation(quantities.Notation)
         text: Any = Annotated[str, AfterValidator(notation.read)] if notation else str
         return tuple[text, ...]
     if get_origin(kind) in (Union, types.UnionType):
         return _one_of(get_args(kind))
     if is_mapping(kind):
-        fields, read = _by_name(item, kind, factor)
+        fields, read = _mapping_fields(item, kind, factor)
         model = create_model(f"{item.name}_by_name", __base__=Strict, **fields)
         return Annotated[model, AfterValidator(read)]
     if isinstance(kind, type) and issubclass(kind, Parameters):
-        word = item.mark(Word)
-        return _section_or_word(kind, word) if word else type_of(kind)
+        word = item.find_annotation(LiteralAlias)
+        return _section_or_literal(kind, word) if word else type_of(kind)
     if kind is bool:
         return Flag
     return _number(item, kind, factor) if kind in _PLAIN else kind
@@ -222,17 +222,17 @@ def _nullable(kind: Any, null: Any = MISSING) -> Any:
     ]
 
 
-def reads(parameters: type[Any]) -> Any:
+def register_section(parameters: type[Any]) -> Any:
     """Register a class as the base of the section of some parameters, for keys other than declared fields."""
 
     def register(section: type[Section]) -> type[Section]:
-        _readers[parameters] = section
+        _base_sections[parameters] = section
         return section
 
     return register
 
 
-_readers: dict[type[Any], type[Section]] = {}
+_base_sections: dict[type[Any], type[Section]] = {}
 _sections: dict[type[Any], Any] = {}
 
 
@@ -245,24 +245,24 @@ def section_of(parameters: type[Any]) -> Any:
 
 def _section(parameters: type[Any]) -> Any:
     """Create the section of a dataclass of parameters."""
-    base = next((_readers[kind] for kind in parameters.__mro__ if kind in _readers), Section)
+    base = next((_base_sections[kind] for kind in parameters.__mro__ if kind in _base_sections), Section)
     fields: dict[str, Any] = {}
     if parameters.kind:
         fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
     defaults, inline = {}, {}
     for item in declarations(parameters):
-        if item.mark(quantities.AsInFile) or item.key in base.model_fields:
+        if item.find_annotation(quantities.CustomSerialized) or item.key in base.model_fields:
             continue
-        if item.mark(quantities.Inline):
-            more, inline[item.name] = _by_name(item, item.kind, 1.0)
+        if item.find_annotation(quantities.Inline):
+            more, inline[item.name] = _mapping_fields(item, item.kind, 1.0)
             fields |= more
         else:
             fields |= {key: _field(item, factor) for key, factor in item.keys.items()}
-            if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.mark(Word):
-                defaults[next(iter(item.keys))] = written(item.default, item)
+            if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.find_annotation(LiteralAlias):
+                defaults[next(iter(item.keys))] = to_yaml(item.default, item)
     model: Any = create_model(parameters.__name__, __base__=base, **fields)
     model.parameters, model.defaults, model.inline = parameters, defaults, inline
-    declared = [item for item in declarations(parameters) if not item.mark(quantities.AsInFile)]
+    declared = [item for item in declarations(parameters) if not item.find_annotation(quantities.CustomSerialized)]
     model.keys = {key: item.name for item in declared for key in item.keys}
     without = [item for item in declarations(parameters) if item.default is MISSING]
     model.required = {item.name: next(iter(item.keys)) for item in without}
@@ -275,17 +275,17 @@ def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
     kind = _type(item, item.kind, factor)
     said: dict[str, Any] = {}
     if item.range is not None and item.kind in _PLAIN:
-        said = _limits(item.range.in_unit(factor))
+        said = _limits(item.range.convert_unit(factor))
     about: dict[str, Any] = {"description": item.meaning or None, "json_schema_extra": said or None}
     if item.default is MISSING and not item.optional and len(item.keys) == 1:
         return kind, Field(**about)
-    endless = item.range is not None and item.range.endless
+    endless = item.range is not None and item.range.allows_infinity
     return _nullable(kind, math.inf if endless else MISSING), Field(None, **about)
 
 
 def _limits(bounds: quantities.Range) -> dict[str, Any]:
     """Express a range in the keywords of JSON Schema."""
-    ends = {"exclusiveMinimum" if bounds.above else "minimum": bounds.least, "maximum": bounds.most}
+    ends = {"exclusiveMinimum" if bounds.exclusive_minimum else "minimum": bounds.minimum, "maximum": bounds.maximum}
     return {name: rounded(end) for name, end in ends.items() if math.isfinite(end)}
 
 

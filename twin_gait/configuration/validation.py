@@ -42,23 +42,23 @@ def quantity_of(key: str) -> str:
     return key
 
 
-def refuse_two_units(keys: Iterable[Any], place: str = "") -> None:
+def reject_duplicate_units(keys: Iterable[Any], prefix: str = "") -> None:
     """Raise ParameterError if keys at a place give one quantity in two units, which is ambiguous."""
     said: dict[str, str] = {}
     for key in keys:
         other = said.setdefault(quantity_of(str(key)), key)
         if other != key:
-            problem = f"{place}: expected exactly one of {other} or {key}, got both; leave one out"
+            problem = f"{prefix}: expected exactly one of {other} or {key}, got both; leave one out"
             raise ParameterError(problem.removeprefix(": "))
 
 
-def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Merge changes into a mapping; a quantity given in another unit replaces the old one.
 
     Neither mapping is modified; a value without a change is the same object in the result. Another friction
     law of a joint has other keys and replaces the old one.
     """
-    refuse_two_units(changes, place)
+    reject_duplicate_units(changes, prefix)
     merged = dict(base)
     # Most changes are of existing keys, whose quantities are not needed.
     same = {} if changes.keys() <= base.keys() else {quantity_of(name): name for name in base}
@@ -67,7 +67,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any], place: str = "") 
             merged.pop(same.get(quantity_of(key), key), None)
         old = merged.get(key)
         if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
-            merged[key] = merge(old, value, f"{place}.{key}".removeprefix("."))
+            merged[key] = merge(old, value, f"{prefix}.{key}".removeprefix("."))
         else:
             merged[key] = value if isinstance(value, Parameters) else copy.deepcopy(value)
     return merged
@@ -104,26 +104,26 @@ def parse_path(key: str, text: str) -> list[str | int]:
 def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
     """Split the assignments of one command line; the last one of equal keys counts."""
     assignments = [parse_assignment(text) for text in texts]
-    converting("--set", "", lambda: refuse_two_units(_dotted(path) for path, _ in assignments))
+    convert_with_context("--set", "", lambda: reject_duplicate_units(_dotted(path) for path, _ in assignments))
     return assignments
 
 
-def assign(place: Any, path: Sequence[str | int], value: Any, depth: int = 0) -> Any:
+def assign(container: Any, path: Sequence[str | int], value: Any, depth: int = 0) -> Any:
     """Return a mapping in which one value deep inside is replaced.
 
     ``place``: the mapping, or the value inside it at some ``depth`` of the path. Containers on the path are
     copied; all others are shared and not modified.
     """
     step, ends = path[depth], depth == len(path) - 1
-    if isinstance(step, str) and isinstance(place, dict):
+    if isinstance(step, str) and isinstance(container, dict):
         if ends:
-            return merge(place, {step: value})
-        inner = place.get(step)
+            return merge(container, {step: value})
+        inner = container.get(step)
         inner = inner if isinstance(inner, (dict, list)) else {}
-        return {**place, step: assign(inner, path, value, depth + 1)}
-    if isinstance(place, list) and isinstance(step, int) and step < len(place):
-        changed = list(place)
-        changed[step] = value if ends else assign(place[step], path, value, depth + 1)
+        return {**container, step: assign(inner, path, value, depth + 1)}
+    if isinstance(container, list) and isinstance(step, int) and step < len(container):
+        changed = list(container)
+        changed[step] = value if ends else assign(container[step], path, value, depth + 1)
         return changed
     raise ParameterError(f"--set {_dotted(path[: depth + 1])}: there is no such place")
 
@@ -155,7 +155,7 @@ class Strict(BaseModel):
                 problem = f"unknown key; {hint}allowed: {', '.join(known)}"
                 raise PydanticCustomError("unknown_key", "{problem}", {"problem": problem, "key": name})
         if len({quantities[name] for name in data}) < len(data):
-            refuse_two_units(data)
+            reject_duplicate_units(data)
         return data
 
 
@@ -232,7 +232,7 @@ def _loaded(text: str) -> Any:
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
     """Parse YAML text whose outermost element is a mapping."""
-    data = converting(source, "", lambda: _loaded(text))
+    data = convert_with_context(source, "", lambda: _loaded(text))
     if not isinstance(data, dict):
         got = "nothing" if data is None else short(data)
         raise ParameterFileError(source, "", f"expected keys and values, got {got}")
@@ -264,7 +264,7 @@ def descriptions(found: Mapping[str, Path]) -> dict[str, str]:
     return {name: _one_line(str(read_yaml(path).get("description", ""))) for name, path in found.items()}
 
 
-def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: str = "") -> _Model:
+def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: str = "") -> _Model:
     """Check a mapping against a schema; ``place``: key of the mapping in its file."""
     try:
         return model.model_validate(data)
@@ -273,7 +273,7 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
         # A misspelt key is usually a missing one as well; the message about the spelling helps more.
         first: Any = next((item for item in mistakes if item["type"] == "unknown_key"), mistakes[0])
         kind, problem, given = first["type"], first["msg"], short(first.get("input"))
-        location = _as_written(first["loc"], data)
+        location = _path_in_file(first["loc"], data)
         if kind == "unknown_key":
             location.append(first["ctx"]["key"])
         elif kind == "missing":
@@ -286,10 +286,10 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str, place: s
             problem = problem.replace("valid tuple", "valid list")
             problem = f"{problem[:1].lower()}{problem[1:]}, got {given}"
         where = _dotted([part if isinstance(part, int) else _short_name(part) for part in location])
-        raise ParameterFileError(source, f"{place}.{where}".strip("."), problem) from error
+        raise ParameterFileError(source, f"{prefix}.{where}".strip("."), problem) from error
 
 
-def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
+def convert_with_context(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
     """Run a conversion and add file and key to the beginning of its error messages."""
     try:
         return convert()
@@ -335,7 +335,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _models_in(inner)
 
 
-def _as_written(location: Sequence[Any], data: Any) -> list[Any]:
+def _path_in_file(location: Sequence[Any], data: Any) -> list[Any]:
     """Return the path of a mistake without the names of the variants of a section, which no file contains."""
     kept = []
     for part in location:

@@ -24,11 +24,11 @@ from twin_gait.vocabulary import JointName, Side
 TickFunction = Callable[[Any, Any, int, float], None]
 PATH_SAMPLES = 101  # Number of samples of a cycle: one for every percent.
 _TRAILING_START = 0.5  # Share of the cycle at which the trailing leg begins.
-_DEMANDED = ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target")
+_SETPOINT_FIELDS = ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target")
 
 
 @dataclass(slots=True)
-class Path:
+class ReferencePath:
     """A walk as a reference to be followed or for the tracking error; it may be a controller's memory."""
 
     # Angles over the cycle from foot contact in [rad], by sample (``PATH_SAMPLES``) and joint of a leg.
@@ -37,7 +37,7 @@ class Path:
     starts: list[float]  # Share of the cycle at which each leg begins.
 
 
-def cycle_place(progress: float, samples: int) -> tuple[int, float]:
+def find_cycle_interval(progress: float, samples: int) -> tuple[int, float]:
     """Find the samples of a closed path, evenly spaced over the gait cycle, between which an instant lies.
 
     ``progress``: the instant in cycles; whole cycles have no effect. ``samples``: number of samples; the last
@@ -62,7 +62,7 @@ class Plan:
     inertia: InertiaAt  # Effective inertia of a joint in [kg m²], from leg, posture and the joint's name.
 
     @property
-    def reference(self) -> Path:
+    def reference(self) -> ReferencePath:
         """Healthy walking at this speed and height (Koopman et al. 2014)."""
         # The import is local because it loads pandas, which is not needed to read an experiment.
         from twin_gait.measures.reference import reference_curve, reference_cycle_time
@@ -74,7 +74,7 @@ class Plan:
         ]
         starts = [0.0 if side is self.leading else _TRAILING_START for side in self.sides]
         cycle_ticks = round(reference_cycle_time(self.speed, self.height) / TICK)
-        return Path(np.array(angles).T.tolist(), cycle_ticks, starts)
+        return ReferencePath(np.array(angles).T.tolist(), cycle_ticks, starts)
 
 
 @dataclass(slots=True)
@@ -105,15 +105,15 @@ class Controller:
 
     mode = ""
     tick: TickFunction | None = None
-    by_phases = True
-    unprinted = ""
+    phase_driven = True
+    unprinted_reason = ""
 
     @property
     def name(self) -> str:
         """Name in messages."""
         return type(self).__name__
 
-    def refusal(self, joints: tuple[JointName, ...]) -> str:
+    def check_joints(self, joints: tuple[JointName, ...]) -> str:
         """Check whether the controller can drive some joints.
 
         Returns an error message with key and alternative; empty if it can.
@@ -128,23 +128,23 @@ class Controller:
         """
         return rows
 
-    def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
+    def initial_angles(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
         """Return the initial angles in [rad] of the joints of each leg; empty if the world sets them."""
         return {}
 
-    def walk(self, plan: Plan) -> Path:
+    def reference_path(self, plan: Plan) -> ReferencePath:
         """Return the walk against which adaptive assistance measures the tracking error."""
         return plan.reference
 
-    def memory(self, plan: Plan) -> Any:
+    def initial_memory(self, plan: Plan) -> Any:
         """Create the initial memory: a dataclass with slots, of numbers, such dataclasses and lists."""
         return NoMemory()
 
-    def constants(self) -> dict[str, int]:
+    def build_flags(self) -> dict[str, int]:
         """Return the build flags of a loop by name; code that they rule out is not compiled."""
         return {"CONTROLLED": self.tick is not None}
 
-    def functions(self) -> dict[str, TickFunction]:
+    def tick_functions(self) -> dict[str, TickFunction]:
         """Return the functions that a loop is specialized for, by name."""
         return {} if self.tick is None else {"controller_tick": self.tick}
 
@@ -153,7 +153,7 @@ class UncompiledControllerError(ParameterError):
     """Error that numba cannot compile the tick of a controller."""
 
 
-def mistake(name: str, expected: str, got: str) -> ParameterError:
+def controller_error(name: str, expected: str, got: str) -> ParameterError:
     """Create the error for a controller that does not fulfil the interface."""
     return ParameterError(f"controller {name!r}: expected {expected}, got {got}")
 
@@ -163,7 +163,7 @@ def require_controller(controller: Any) -> None:
     if not isinstance(controller, Controller):
         name = getattr(controller, "__name__", type(controller).__name__)
         got = f"the class itself; write {name}()" if isinstance(controller, type) else repr(type(controller))
-        raise mistake(
+        raise controller_error(
             name, "an instance of a class derived from twin_gait.control.controller.Controller", got
         )
     if controller.tick is None:
@@ -173,7 +173,7 @@ def require_controller(controller: Any) -> None:
         signature.bind(*expected)
     except TypeError as error:
         takes = f"a static method tick({', '.join(expected)})"
-        raise mistake(controller.name, takes, f"tick{signature}") from error
+        raise controller_error(controller.name, takes, f"tick{signature}") from error
 
 
 def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
@@ -185,11 +185,11 @@ def checked_setpoints(controller: Controller, plan: Plan, side: Side, rows: np.n
         found = np.empty(0)
     if found.shape != shape or not np.isfinite(found).all():
         expected = f"setpoints of finite numbers of shape {shape}"
-        raise mistake(controller.name, expected, " ".join(reprlib.repr(given).split()))
+        raise controller_error(controller.name, expected, " ".join(reprlib.repr(given).split()))
     return found
 
 
-def checked(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]) -> TickFunction:
+def wrap_checked_tick(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]) -> TickFunction:
     """Wrap a tick so that its demands and memory are checked.
 
     ``float_in``: function that returns the name of an integer field that holds a float, or None. The wrapper
@@ -198,26 +198,26 @@ def checked(name: str, tick: TickFunction, float_in: Callable[[Any], str | None]
     """
 
     def checked_tick(memory: Any, device: Any, number: int, period: float) -> None:
-        require_no_answer(name, tick(memory, device, number, period))  # type: ignore[func-returns-value]
+        require_no_result(name, tick(memory, device, number, period))  # type: ignore[func-returns-value]
         require_whole_numbers(name, float_in(memory))
         for joint in device.joints:
-            for key in _DEMANDED:
+            for key in _SETPOINT_FIELDS:
                 value = getattr(joint.demand, key)
                 if not isinstance(value, Real):
-                    raise mistake(name, f"a number in demand.{key}", reprlib.repr(value))
+                    raise controller_error(name, f"a number in demand.{key}", reprlib.repr(value))
 
     return checked_tick
 
 
-def require_no_answer(name: str, answer: Any) -> None:
+def require_no_result(name: str, result: Any) -> None:
     """Check that a tick returns None, because a result would not be used; raise ParameterError if not."""
-    if answer is not None:
+    if result is not None:
         expected = "a tick that changes demands in place and returns nothing"
-        raise mistake(name, expected, reprlib.repr(answer))
+        raise controller_error(name, expected, reprlib.repr(result))
 
 
 def require_whole_numbers(name: str, field: str | None) -> None:
     """Raise ParameterError for a float in an integer field of a memory; None means that there is none."""
     if field is not None:
         expected = f"a whole number in {field}, which its class declares as int"
-        raise mistake(name, expected, "a float; declare it as float")
+        raise controller_error(name, expected, "a float; declare it as float")

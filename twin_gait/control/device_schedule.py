@@ -6,44 +6,44 @@ units of the firmware are printed from it (:mod:`twin_gait.firmware.units`).
 
 from twin_gait.control import gait_controller
 from twin_gait.control.gait_controller import (
-    LEGS,
+    N_LEGS,
     ControlledLeg,
     ControllerState,
     begin_tick,
-    change_demands,
-    demand,
+    run_controller,
+    compute_setpoint,
     enter_phase,
     estimate_acceleration,
-    fade,
+    blend_parameters,
     has_cause,
-    pose,
-    sent_to,
-    supervise,
+    set_model_angle,
+    required_posture,
+    run_supervisor,
     trip,
     trip_on_causes,
-    wants_gravity,
-    watch_leg,
-    watch_supply,
+    needs_gravity,
+    monitor_leg,
+    monitor_supply,
     write_signals,
 )
 from twin_gait.control.joint_board import (
     BoardState,
     Limits,
-    Rates,
-    ask,
-    check,
-    copy_demand,
-    demand_rest,
-    model_friction,
+    SamplingConfig,
+    compute_torque,
+    check_command,
+    copy_joint_setpoint,
+    set_hold_setpoint,
+    update_model_friction,
     set_current,
-    sum_up,
-    watch_drive,
+    update_total_torque,
+    monitor_drive,
 )
 from twin_gait.control.supervisor import NO_POSTURE
-from twin_gait.core.control_tick import measure_angle, sample_slowly
+from twin_gait.core.control_tick import measure_angle, update_slow_velocity
 from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.core.schedule import joints, legs, one_by_one, rare, some, when
+from twin_gait.core.schedule import joints, legs, scalar_steps, scalar_branch, vector_branch, when
 
 # Build flags that conditions of this schedule may use.
 FLAGS = {
@@ -61,17 +61,17 @@ def control_inertia(q: list[float], a: list[float], bodies: list[float], torque:
     raise NotImplementedError
 
 
-def measure_position(board: BoardState, rates: Rates, reading: float, tick: int) -> None:
+def measure_position(board: BoardState, rates: SamplingConfig, reading: float, tick: int) -> None:
     """Measure the angle of a joint, and estimate its fast velocity."""
     measure_angle(board.encoder, tick == 0, reading, rates.period, rates.fast_gain)
 
 
-def sample_velocity(board: BoardState, rates: Rates, tick: int) -> None:
+def sample_velocity(board: BoardState, rates: SamplingConfig, tick: int) -> None:
     """Take a sample of the slow velocity of a joint."""
-    sample_slowly(board.encoder, tick // rates.decimation, rates.decimation * rates.period)
+    update_slow_velocity(board.encoder, tick // rates.decimation, rates.decimation * rates.period)
 
 
-def walks(controller: ControllerState) -> bool:
+def has_not_tripped(controller: ControllerState) -> bool:
     """Check that the monitor has not tripped."""
     return controller.trip.tick < 0
 
@@ -79,10 +79,10 @@ def walks(controller: ControllerState) -> bool:
 def choose_transition(controller: ControllerState, number: int) -> None:
     """Choose the transition that a leg takes in this tick."""
     leg, other_phase = controller.legs[number], -1
-    if LEGS == 2:
-        other_phase = controller.legs[1 - number].before
+    if N_LEGS == 2:
+        other_phase = controller.legs[1 - number].start_phase
     leg.chosen = next_transition(
-        controller.program, leg.before, leg.ticks, controller.signals, other_phase, leg.debounce
+        controller.program, leg.start_phase, leg.ticks, controller.signals, other_phase, leg.debounce
     )
 
 
@@ -91,27 +91,27 @@ def has_chosen(leg: ControlledLeg) -> bool:
     return leg.chosen != NO_TRANSITION
 
 
-def take_transition(controller: ControllerState, number: int, tick: int) -> None:
+def apply_transition(controller: ControllerState, number: int, tick: int) -> None:
     """Enter the phase to which the chosen transition of a leg leads."""
     chosen = controller.legs[number].chosen
     enter_phase(controller, number, controller.program.transitions[chosen].target, tick)
 
 
-def take_posture(controller: ControllerState, number: int, tick: int) -> None:
+def apply_posture(controller: ControllerState, number: int, tick: int) -> None:
     """Enter the phase of a leg that a new mode requires, if there is one."""
-    posture = sent_to(controller, number)
+    posture = required_posture(controller, number)
     if posture != NO_POSTURE:
         enter_phase(controller, number, posture, tick)
 
 
-def is_fading(leg: ControlledLeg, tick: int) -> bool:
+def is_blending(leg: ControlledLeg, tick: int) -> bool:
     """Check whether the parameters of a leg are still being blended into those of its phase."""
     return tick - leg.entry_tick <= leg.blend_ticks[leg.phase]
 
 
 def compute_gravity(controller: ControllerState) -> None:
     """Compute the gravity torques of the model."""
-    if wants_gravity(controller):
+    if needs_gravity(controller):
         model = controller.model
         control_gravity(model.q, model.bodies, model.gravity, model.gravity_torque)
 
@@ -122,9 +122,9 @@ def compute_inertia(controller: ControllerState) -> None:
     control_inertia(model.q, model.a, model.bodies, model.inertia_torque)
 
 
-def take_demand(controller: ControllerState, board: BoardState, number: int) -> None:
+def copy_setpoint_to_board(controller: ControllerState, board: BoardState, number: int) -> None:
     """Copy the gait controller's demand to the board of a joint."""
-    copy_demand(controller.joints[number].demand, board.demand)
+    copy_joint_setpoint(controller.joints[number].setpoint, board.setpoint)
 
 
 def is_implausible(board: BoardState) -> bool:
@@ -132,17 +132,17 @@ def is_implausible(board: BoardState) -> bool:
     return board.command.cause != NO_TRIP
 
 
-def hold_all(controller: ControllerState, board: BoardState, limits: Limits, number: int, tick: int) -> None:
+def hold_on_implausible_command(controller: ControllerState, board: BoardState, limits: Limits, number: int, tick: int) -> None:
     """Trip on an implausible command, and hold the joint instead.
 
     The demand of this tick was computed for walking, so no weight is carried in this tick.
     """
     joint = controller.joints[number]
     trip(controller, tick, board.command.cause, number)
-    demand_rest(joint.demand, limits, joint.hold_angle, 0.0, 0.0)
-    copy_demand(joint.demand, board.demand)
-    ask(board)
-    sum_up(board)
+    set_hold_setpoint(joint.setpoint, limits, joint.hold_angle, 0.0, 0.0)
+    copy_joint_setpoint(joint.setpoint, board.setpoint)
+    compute_torque(board)
+    update_total_torque(board)
 
 
 def command_current(board: BoardState, limits: Limits) -> None:
@@ -155,29 +155,29 @@ def command_current(board: BoardState, limits: Limits) -> None:
 # Board: angle and fast velocity, at the slow rate also the slow velocity and the friction model.
 MEASURE = (
     joints(measure_position),
-    when("tick % decimation == 0", joints(when("tick > 0", one_by_one(sample_velocity)), model_friction)),
+    when("tick % decimation == 0", joints(when("tick > 0", scalar_steps(sample_velocity)), update_model_friction)),
 )
 # Board: the monitor of joint and drive.
-WATCH_DRIVES = when("watching", joints(watch_drive))
+MONITOR_DRIVES = when("watching", joints(monitor_drive))
 # Gait controller: the monitor.
-WATCH = when("watching", watch_supply, legs(watch_leg), rare(has_cause, trip_on_causes))
+MONITOR = when("watching", monitor_supply, legs(monitor_leg), scalar_branch(has_cause, trip_on_causes))
 # Gait controller: the operating modes.
-SUPERVISE = when("SUPERVISED", one_by_one(supervise, legs(take_posture)))
+SUPERVISE = when("SUPERVISED", scalar_steps(run_supervisor, legs(apply_posture)))
 # Gait controller: the state machines of both legs on one snapshot, and the blending of their parameters.
-WALK = some(
-    walks,
+STATE_MACHINES = vector_branch(
+    has_not_tripped,
     legs(begin_tick),
-    legs(write_signals, choose_transition, rare(has_chosen, take_transition)),
-    legs(some(is_fading, fade)),
+    legs(write_signals, choose_transition, scalar_branch(has_chosen, apply_transition)),
+    legs(vector_branch(is_blending, blend_parameters)),
 )
 # Gait controller: torques of the model.
 FEED_FORWARD = (
-    some(wants_gravity, joints(pose), compute_gravity),
+    vector_branch(needs_gravity, joints(set_model_angle), compute_gravity),
     when("INERTIA_WANTED", joints(estimate_acceleration), compute_inertia),
 )
 # Gait controller: the controller that changes the demands.
-CHANGE = when("CONTROLLED", rare(walks, change_demands))
-DECIDE = (WATCH, SUPERVISE, WALK, *FEED_FORWARD, CHANGE)
+CHANGE = when("CONTROLLED", scalar_branch(has_not_tripped, run_controller))
+DECIDE = (MONITOR, SUPERVISE, STATE_MACHINES, *FEED_FORWARD, CHANGE)
 # Board and gait controller, joint after joint: a trip on one command takes effect before the next command.
-HOLD = rare(is_implausible, hold_all)
-COMMAND = (joints(demand, take_demand, ask, check, HOLD, command_current),)
+HOLD = scalar_branch(is_implausible, hold_on_implausible_command)
+COMMAND = (joints(compute_setpoint, copy_setpoint_to_board, compute_torque, check_command, HOLD, command_current),)

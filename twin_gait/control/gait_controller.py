@@ -8,21 +8,21 @@ functions in the order of :mod:`twin_gait.control.device_schedule`.
 
 from dataclasses import dataclass, field
 
-from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates, demand_rest
+from twin_gait.control.joint_board import JointSetpoint, Limits, Measurement, SamplingConfig, set_hold_setpoint
 from twin_gait.control.supervisor import NO_POSTURE, Supervisor, choose_mode
 from twin_gait.core.blending import blend, blend_share
-from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
+from twin_gait.core.control_tick import ImpedanceSetpoint, blend_setpoint, copy_setpoint
 from twin_gait.core.estimation import first_order_step
-from twin_gait.core.guards import NO_TRANSITION, GuardProgram, is_among
-from twin_gait.core.safety import BUS_TRIP, LOAD_TRIP, NO_TRIP, PHASE_TRIP, SUPPLY_TRIP, support_share
+from twin_gait.core.guards import NO_TRANSITION, GuardProgram, is_in_mask
+from twin_gait.core.safety import BUS_TRIP, LOAD_TRIP, NO_TRIP, PHASE_TRIP, SUPPLY_TRIP, hold_weight_share
 from twin_gait.gait import signals as declared
 from twin_gait.gait.signals import DEVICE_SIGNALS, JOINT_SIGNALS, LEG_SIGNALS
 
 # Build flags of the loop and of the firmware: number of legs, number of actuated joints of a leg, whether
 # inertia torques are used, whether the controller changes the demands in every tick, and whether there are
 # operating modes.
-LEGS, JOINTS_PER_LEG = 1, 2
-INERTIA_WANTED = CONTROLLED = SUPERVISED = False
+N_LEGS, N_JOINTS_PER_LEG = 1, 2
+WITH_INERTIA_COMPENSATION = WITH_CONTROLLER = WITH_SUPERVISOR = False
 
 # Indices in the list of signals: within those of a joint, of a leg (after its joints), of the device (after
 # both legs).
@@ -37,16 +37,16 @@ MODE_TIME, MODE_PITCH, LEGS_IN_SWING = range(len(declared.MODE_SIGNALS))  # Sign
 class ControlledJoint:
     """State of a joint in the gait controller."""
 
-    control_place: int  # Index in the coordinates of the controller's model.
-    setpoints: list[Setpoint]  # Setpoints of every phase.
-    blend_start: Setpoint  # Setpoint at the last phase switch.
-    blended: Setpoint  # Present setpoint.
+    model_index: int  # Index in the coordinates of the controller's model.
+    setpoints: list[ImpedanceSetpoint]  # Setpoints of every phase.
+    blend_start: ImpedanceSetpoint  # Setpoint at the last phase switch.
+    blended: ImpedanceSetpoint  # Present setpoint.
     target: float  # Torque that is added to the command, in [N m].
     measurement: Measurement = field(default_factory=Measurement)  # Last measurement received from its board.
-    demand: Demand = field(default_factory=Demand)  # Demand for its board.
+    setpoint: JointSetpoint = field(default_factory=JointSetpoint)  # Demand for its board.
     rate: float = 0.0  # Estimated acceleration in [rad] / [s²].
     hold_angle: float = 0.0  # Angle of the hold, measured before the trip, in [rad].
-    silent_ticks: int = 0  # Ticks since the last message of its board.
+    ticks_since_message: int = 0  # Ticks since the last message of its board.
 
 
 @dataclass(slots=True)
@@ -60,7 +60,7 @@ class ControlledLeg:
     gravity: float  # Present share.
     blend_ticks: list[int]  # Blending time of the parameters of each phase in ticks.
     frozen_speed: float  # Speed of the hip above which a constant load is a fault in [rad] / [s].
-    before: int = 0  # Phase at the start of the tick.
+    start_phase: int = 0  # Phase at the start of the tick.
     entry_tick: int = 0  # Tick in which the phase was entered.
     ticks: int = 0  # Number of ticks since the phase was entered.
     chosen: int = NO_TRANSITION  # Transition that the leg takes in this tick, -1 for none.
@@ -72,17 +72,17 @@ class ControlledLeg:
 
 
 @dataclass(slots=True)
-class Device:
+class DeviceSignals:
     """Signals of the device as a whole, for the guards of both legs."""
 
     # Pitch of the trunk from upright in [rad], positive forward.
-    trunk_pitch: float = declared.TRUNK_PITCH.first
-    walk: float = declared.WALK.first  # 1 to walk, 0 to stand.
-    step: float = declared.STEP.first  # 1 to take a step, 0 to wait for one.
+    trunk_pitch: float = declared.TRUNK_PITCH.initial_value
+    walk: float = declared.WALK.initial_value  # 1 to walk, 0 to stand.
+    step: float = declared.STEP.initial_value  # 1 to take a step, 0 to wait for one.
 
 
 @dataclass(slots=True)
-class WatchedSupply:
+class SupplyMonitor:
     """State of the monitor for the bus voltage."""
 
     voltage: float  # Measured voltage in [V].
@@ -93,7 +93,7 @@ class WatchedSupply:
 
 
 @dataclass(slots=True)
-class Trip:
+class TripState:
     """Trip of the safety monitor."""
 
     tick: int = -1  # Tick of the trip, -1 before it.
@@ -122,51 +122,51 @@ class ControllerState:
     legs: list[ControlledLeg]  # Left and right leg.
     program: GuardProgram  # Transitions of the gait table with their guards.
     signals: list[float]  # Signals that the guards read: of this leg, of the other, then of the device.
-    supply: WatchedSupply  # Monitor of the bus voltage.
+    supply: SupplyMonitor  # Monitor of the bus voltage.
     model: ControlModel  # Model for gravity and inertia torques.
     memory: object  # Memory of the controller, :mod:`twin_gait.control.controller`.
     supervisor: Supervisor  # Supervisor of the operating modes, if there are any.
-    common: Device = field(default_factory=Device)  # Received signals of the device as a whole.
-    trip: Trip = field(default_factory=Trip)  # Trip of the monitor.
-    last_rest: int = 0  # Last tick with the command to stand.
+    device_signals: DeviceSignals = field(default_factory=DeviceSignals)  # Received signals of the device as a whole.
+    trip: TripState = field(default_factory=TripState)  # Trip of the monitor.
+    last_stand_tick: int = 0  # Last tick with the command to stand.
 
 
-def hear_load(controller: ControllerState, number: int, load: float) -> None:
+def receive_load(controller: ControllerState, number: int, load: float) -> None:
     """Receive the load of a foot as a fraction of body weight."""
     leg = controller.legs[number]
     leg.last_load = leg.load
     leg.load = load
 
 
-def hear_board(controller: ControllerState, limits: Limits, number: int, heard: bool) -> None:
+def check_board_timeout(controller: ControllerState, limits: Limits, number: int, received: bool) -> None:
     """Check over a bus whether the messages of a board have timed out.
 
     ``heard``: whether a message has arrived in this tick.
     """
     joint = controller.joints[number]
-    joint.silent_ticks = 0 if heard else joint.silent_ticks + 1
-    if joint.silent_ticks > limits.board_silence and joint.measurement.cause == NO_TRIP:
+    joint.ticks_since_message = 0 if received else joint.ticks_since_message + 1
+    if joint.ticks_since_message > limits.board_timeout and joint.measurement.cause == NO_TRIP:
         joint.measurement.cause = BUS_TRIP
 
 
-def hear_device(controller: ControllerState, heard: Device, tick: int) -> None:
+def receive_device_signals(controller: ControllerState, received: DeviceSignals, tick: int) -> None:
     """Receive the signals of the device as a whole."""
-    controller.common.trunk_pitch = heard.trunk_pitch
-    controller.common.step = heard.step
-    hear_command(controller, heard.walk, tick)
+    controller.device_signals.trunk_pitch = received.trunk_pitch
+    controller.device_signals.step = received.step
+    receive_walk_command(controller, received.walk, tick)
 
 
-def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
+def receive_walk_command(controller: ControllerState, walk: float, tick: int) -> None:
     """Receive the command to walk, 1, or to stand, 0."""
-    controller.common.walk = walk
+    controller.device_signals.walk = walk
     if walk == 0.0:
-        controller.last_rest = tick
+        controller.last_stand_tick = tick
 
 
-def watch_leg(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
+def monitor_leg(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
     """Check whether a leg is in its phase for too long, or its load is constant while its hip turns."""
-    leg, proximal = controller.legs[number], controller.joints[number * JOINTS_PER_LEG]
-    late = tick - max(leg.entry_tick, controller.last_rest) > limits.phase_ticks
+    leg, proximal = controller.legs[number], controller.joints[number * N_JOINTS_PER_LEG]
+    late = tick - max(leg.entry_tick, controller.last_stand_tick) > limits.phase_ticks
     still = leg.load == leg.last_load and leg.load > 0.0
     turning = abs(proximal.measurement.motor_speed) > leg.frozen_speed
     leg.load_streak = leg.load_streak + 1 if still and turning else 0
@@ -174,7 +174,7 @@ def watch_leg(controller: ControllerState, limits: Limits, number: int, tick: in
     leg.cause = PHASE_TRIP if late else (LOAD_TRIP if frozen else NO_TRIP)
 
 
-def watch_supply(controller: ControllerState) -> None:
+def monitor_supply(controller: ControllerState) -> None:
     """Check whether the bus voltage has been too low for too long."""
     supply = controller.supply
     supply.low_streak = supply.low_streak + 1 if supply.voltage < supply.least_voltage else 0
@@ -213,29 +213,29 @@ def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
 def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
     """Store the phase of a leg at the start of the tick, which the guards of both legs read."""
     leg = controller.legs[number]
-    leg.ticks, leg.before = tick - leg.entry_tick, leg.phase
+    leg.ticks, leg.start_phase = tick - leg.entry_tick, leg.phase
 
 
-def write_signals(controller: ControllerState, rates: Rates, number: int) -> None:
+def write_signals(controller: ControllerState, rates: SamplingConfig, number: int) -> None:
     """Write all signals that the guards of a leg read: of itself, of the other leg, and of the device."""
     write_leg(controller, rates, number, 0, controller.signals)
-    other = PER_JOINT * JOINTS_PER_LEG + PER_LEG
-    if LEGS == 2:
+    other = PER_JOINT * N_JOINTS_PER_LEG + PER_LEG
+    if N_LEGS == 2:
         write_leg(controller, rates, 1 - number, other, controller.signals)
-    controller.signals[2 * other + TRUNK_PITCH] = controller.common.trunk_pitch
-    controller.signals[2 * other + WALK] = controller.common.walk
-    controller.signals[2 * other + STEP] = controller.common.step
+    controller.signals[2 * other + TRUNK_PITCH] = controller.device_signals.trunk_pitch
+    controller.signals[2 * other + WALK] = controller.device_signals.walk
+    controller.signals[2 * other + STEP] = controller.device_signals.step
 
 
-def write_leg(controller: ControllerState, rates: Rates, number: int, first: int, into: list[float]) -> None:
+def write_leg(controller: ControllerState, rates: SamplingConfig, number: int, first: int, target: list[float]) -> None:
     """Write the measured signals of a leg into a list of signals, from the index ``first`` on."""
-    leg, behind = controller.legs[number], first + PER_JOINT * JOINTS_PER_LEG
-    for position in range(JOINTS_PER_LEG):
-        measured = controller.joints[number * JOINTS_PER_LEG + position].measurement
-        into[first + PER_JOINT * position + ANGLE] = measured.angle
-        into[first + PER_JOINT * position + VELOCITY] = measured.velocity
-    into[behind + LOAD] = leg.load
-    into[behind + TIME_IN_PHASE] = leg.ticks * rates.period
+    leg, behind = controller.legs[number], first + PER_JOINT * N_JOINTS_PER_LEG
+    for position in range(N_JOINTS_PER_LEG):
+        measured = controller.joints[number * N_JOINTS_PER_LEG + position].measurement
+        target[first + PER_JOINT * position + ANGLE] = measured.angle
+        target[first + PER_JOINT * position + VELOCITY] = measured.velocity
+    target[behind + LOAD] = leg.load
+    target[behind + TIME_IN_PHASE] = leg.ticks * rates.period
 
 
 def enter_phase(controller: ControllerState, number: int, phase: int, tick: int) -> None:
@@ -245,71 +245,71 @@ def enter_phase(controller: ControllerState, number: int, phase: int, tick: int)
     leg.entry_tick = tick
     for index in range(len(leg.debounce)):
         leg.debounce[index] = 0
-    for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
+    for place in range(number * N_JOINTS_PER_LEG, (number + 1) * N_JOINTS_PER_LEG):
         copy_setpoint(controller.joints[place].blended, controller.joints[place].blend_start)
     leg.gravity_start = leg.gravity
 
 
-def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> None:
+def blend_parameters(controller: ControllerState, rates: SamplingConfig, number: int, tick: int) -> None:
     """Blend the parameters of a leg towards those of its phase, until the blending is complete."""
     leg = controller.legs[number]
     ticks, since = leg.blend_ticks[leg.phase], tick - leg.entry_tick
     if since <= ticks and controller.trip.tick < 0:
         share = blend_share(1.0 if ticks <= 0 else since / ticks, rates.blend_law)
-        for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
+        for place in range(number * N_JOINTS_PER_LEG, (number + 1) * N_JOINTS_PER_LEG):
             joint = controller.joints[place]
             blend_setpoint(joint.blend_start, joint.setpoints[leg.phase], share, joint.blended)
         leg.gravity = blend(leg.gravity_start, leg.gravity_shares[leg.phase], share)
 
 
-def supervise(controller: ControllerState, rates: Rates, tick: int) -> None:
+def run_supervisor(controller: ControllerState, rates: SamplingConfig, tick: int) -> None:
     """Choose the mode, and set its commands for the legs except its posture, see :func:`sent_to`."""
     supervisor, signals, behind = controller.supervisor, controller.supervisor.signals, 0
     swinging = 0
-    for number in range(LEGS):
+    for number in range(N_LEGS):
         begin_tick(controller, number, tick)
-        swinging += is_among(supervisor.swing, controller.legs[number].phase)
+        swinging += is_in_mask(supervisor.swing, controller.legs[number].phase)
         write_leg(controller, rates, number, behind, signals)
-        behind += PER_JOINT * JOINTS_PER_LEG + PER_LEG
+        behind += PER_JOINT * N_JOINTS_PER_LEG + PER_LEG
     signals[behind + MODE_TIME] = (tick - supervisor.entry_tick) * rates.period
-    signals[behind + MODE_PITCH] = controller.common.trunk_pitch
+    signals[behind + MODE_PITCH] = controller.device_signals.trunk_pitch
     signals[behind + LEGS_IN_SWING] = float(swinging)
     choose_mode(supervisor, tick, controller.trip.tick >= 0)
-    told = supervisor.modes[supervisor.mode]
-    hear_command(controller, told.walk, tick)
-    controller.common.step = told.step
-    if told.step == 0.0 and swinging == 0:
-        controller.last_rest = tick
+    command = supervisor.modes[supervisor.mode]
+    receive_walk_command(controller, command.walk, tick)
+    controller.device_signals.step = command.step
+    if command.step == 0.0 and swinging == 0:
+        controller.last_stand_tick = tick
 
 
-def sent_to(controller: ControllerState, number: int) -> int:
+def required_posture(controller: ControllerState, number: int) -> int:
     """Return the phase that a new mode requires of a leg; ``NO_POSTURE`` if none, or if it is in it."""
     supervisor = controller.supervisor
     posture = supervisor.modes[supervisor.mode].posture
     return posture if supervisor.entered and posture != controller.legs[number].phase else NO_POSTURE
 
 
-def wants_gravity(controller: ControllerState) -> bool:
+def needs_gravity(controller: ControllerState) -> bool:
     """Check whether the weight of a leg is compensated, or carried in the hold."""
-    wanted = INERTIA_WANTED or controller.trip.tick >= 0
+    wanted = WITH_INERTIA_COMPENSATION or controller.trip.tick >= 0
     for leg in controller.legs:
         wanted = wanted or leg.gravity != 0.0
     return wanted
 
 
-def pose(controller: ControllerState, number: int) -> None:
+def set_model_angle(controller: ControllerState, number: int) -> None:
     """Set a joint of the model to its measured angle, or to the angle at which the monitor tripped."""
     joint = controller.joints[number]
     angle = joint.hold_angle if controller.trip.tick >= 0 else joint.measurement.angle
-    controller.model.q[joint.control_place] = angle
+    controller.model.q[joint.model_index] = angle
 
 
-def estimate_acceleration(controller: ControllerState, rates: Rates, number: int) -> None:
+def estimate_acceleration(controller: ControllerState, rates: SamplingConfig, number: int) -> None:
     """Estimate the acceleration of a joint from the change of its fast velocity."""
     joint = controller.joints[number]
     rate = (joint.measurement.velocity - joint.measurement.last_velocity) / rates.period
     joint.rate = first_order_step(joint.rate, rate, rates.fast_gain)
-    controller.model.a[joint.control_place] = joint.rate
+    controller.model.a[joint.model_index] = joint.rate
 
 
 def controller_tick(memory: object, device: ControllerState, tick: int, period: float) -> None:
@@ -317,31 +317,31 @@ def controller_tick(memory: object, device: ControllerState, tick: int, period: 
     raise NotImplementedError
 
 
-def change_demands(controller: ControllerState, rates: Rates, tick: int) -> None:
+def run_controller(controller: ControllerState, rates: SamplingConfig, tick: int) -> None:
     """Run the controller, which changes the demands of the phases."""
     for number in range(len(controller.joints)):
-        demand_setpoint(controller, number)
+        set_phase_setpoint(controller, number)
     controller_tick(controller.memory, controller, tick, rates.period)
 
 
-def demand(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
+def compute_setpoint(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
     """Set the demand of a board: that of the phase or controller, or to hold its joint after a trip."""
     joint = controller.joints[number]
     if controller.trip.tick >= 0:
-        share = support_share(tick - controller.trip.tick, limits.lowering_ticks)
-        weight = controller.model.gravity_torque[joint.control_place]
-        demand_rest(joint.demand, limits, joint.hold_angle, share, weight)
-    elif not CONTROLLED:
-        demand_setpoint(controller, number)
+        share = hold_weight_share(tick - controller.trip.tick, limits.lowering_ticks)
+        weight = controller.model.gravity_torque[joint.model_index]
+        set_hold_setpoint(joint.setpoint, limits, joint.hold_angle, share, weight)
+    elif not WITH_CONTROLLER:
+        set_phase_setpoint(controller, number)
 
 
-def demand_setpoint(controller: ControllerState, number: int) -> None:
+def set_phase_setpoint(controller: ControllerState, number: int) -> None:
     """Set the demand of a board to the present setpoint and the feed-forward torques."""
-    joint, leg = controller.joints[number], controller.legs[number // JOINTS_PER_LEG]
-    asked, setpoint, place = joint.demand, joint.blended, joint.control_place
+    joint, leg = controller.joints[number], controller.legs[number // N_JOINTS_PER_LEG]
+    target, setpoint, place = joint.setpoint, joint.blended, joint.model_index
     weight, inertia = controller.model.gravity_torque[place], controller.model.inertia_torque[place]
-    asked.stiffness, asked.damping = setpoint.stiffness, setpoint.damping
-    asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
-    asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
-    asked.inertia = controller.model.inertia_gain * inertia
-    asked.target = joint.target
+    target.stiffness, target.damping = setpoint.stiffness, setpoint.damping
+    target.equilibrium, target.gain = setpoint.equilibrium, setpoint.gain
+    target.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
+    target.inertia = controller.model.inertia_gain * inertia
+    target.target = joint.target

@@ -17,18 +17,18 @@ from twin_gait.core.safety import (
     COMMAND_TRIP,
     NO_TRIP,
     Bounds,
-    Watched,
+    MonitorState,
     command_is_plausible,
     hold_torque,
     motor_speed,
-    support_share,
-    watch_joint,
+    hold_weight_share,
+    monitor_joint,
 )
 from twin_gait.parameters.friction import FrictionParameters
 
 
 @dataclass(slots=True)
-class Rates:
+class SamplingConfig:
     """Sampling configuration of the firmware."""
 
     period: float  # Length of a tick in [s].
@@ -45,8 +45,8 @@ class Limits:
     current: float  # Limit of the drives in [A].
     phase_ticks: int  # Longest time in a phase in ticks.
     frozen_load_ticks: int  # Longest time in ticks for which a load may be constant while the hip turns.
-    controller_silence: int  # Timeout in ticks for messages of the gait controller at a board.
-    board_silence: int  # Timeout in ticks for messages of a board at the gait controller.
+    controller_timeout: int  # Timeout in ticks for messages of the gait controller at a board.
+    board_timeout: int  # Timeout in ticks for messages of a board at the gait controller.
     lowering_ticks: int  # Number of ticks in which a held leg is lowered.
     hold_damping: float  # Damping of a held joint in [N m s] / [rad].
 
@@ -64,7 +64,7 @@ class Measurement:
 
 
 @dataclass(slots=True)
-class Demand:
+class JointSetpoint:
     """Demand of the gait controller for a board."""
 
     stiffness: float = 0.0  # k in [N m] / [rad].
@@ -98,18 +98,18 @@ class BoardState:
     motor: Motor  # Motor and gear as modelled in the board.
     friction_model: FrictionParameters  # Friction model of the compensator.
     bounds: Bounds  # Bounds of the monitor.
-    watched: Watched = field(default_factory=Watched)  # State of the monitor.
-    demand: Demand = field(default_factory=Demand)  # Last demand received from the gait controller.
+    monitor: MonitorState = field(default_factory=MonitorState)  # State of the monitor.
+    setpoint: JointSetpoint = field(default_factory=JointSetpoint)  # Last demand received from the gait controller.
     command: Command = field(default_factory=Command)  # Command of this tick.
     model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N m].
     cause: int = NO_TRIP  # First cause of a trip that the board has found itself.
     # Ticks for which it has held its joint without the gait controller; this is never reset.
-    alone_ticks: int = 0
-    carried: float = 0.0  # Gravity torque in [N m] at the start of that hold.
-    silent_ticks: int = 0  # Ticks since the last message of the gait controller.
+    hold_ticks: int = 0
+    hold_gravity_torque: float = 0.0  # Gravity torque in [N m] at the start of that hold.
+    ticks_since_message: int = 0  # Ticks since the last message of the gait controller.
 
 
-def model_friction(board: BoardState) -> None:
+def update_model_friction(board: BoardState) -> None:
     """Update the torque of the compensator's friction model, which changes only with the slow velocity."""
     velocity, law = board.encoder.velocity_slow, board.friction_model
     board.model_friction = rotational_friction_torque(
@@ -117,14 +117,14 @@ def model_friction(board: BoardState) -> None:
     )
 
 
-def watch_drive(board: BoardState, rates: Rates) -> None:
+def monitor_drive(board: BoardState, rates: SamplingConfig) -> None:
     """Store the cause of a trip found on joint and drive; switch off a drive that ignores its target."""
     deviation, gain = command_deviation(board), board.bounds.command_gain
-    board.watched.command_deviation = first_order_step(board.watched.command_deviation, deviation, gain)
-    cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
+    board.monitor.command_deviation = first_order_step(board.monitor.command_deviation, deviation, gain)
+    cause = monitor_joint(board.bounds, board.monitor, board.encoder, rates.period)
     board.cause = cause if board.cause == NO_TRIP else board.cause
     # This is independent of any cause found earlier.
-    broken = board.watched.drive_streak >= board.bounds.drive_ticks
+    broken = board.monitor.drive_streak >= board.bounds.drive_ticks
     board.command.drive_off = board.command.drive_off or broken
 
 
@@ -136,20 +136,20 @@ def command_deviation(board: BoardState) -> float:
     by ΔT adds at most ΔT times ``command_gain`` to the filtered deviation. A held joint has no setpoint, and
     a deviation of 0.
     """
-    if board.demand.held:
+    if board.setpoint.held:
         return 0.0
-    friction = board.demand.gain * board.model_friction
-    return board.watched.commanded - total_torque(board.demand, spring_torque(board), friction)
+    friction = board.setpoint.gain * board.model_friction
+    return board.monitor.last_command - total_torque(board.setpoint, spring_torque(board), friction)
 
 
-def report(board: BoardState, measurement: Measurement) -> None:
+def write_measurement(board: BoardState, measurement: Measurement) -> None:
     """Write the measurements and the first cause of a trip to ``measurement``, in place."""
     encoder = board.encoder
     measurement.angle = encoder.angle
     measurement.last_angle = encoder.last_angle
     measurement.velocity = encoder.velocity_fast
     measurement.last_velocity = encoder.last_fast
-    measurement.motor_speed = board.watched.motor_speed
+    measurement.motor_speed = board.monitor.motor_speed
     measurement.cause = board.cause
 
 
@@ -163,7 +163,7 @@ def copy_measurement(source: Measurement, target: Measurement) -> None:
     target.cause = source.cause
 
 
-def copy_demand(source: Demand, target: Demand) -> None:
+def copy_joint_setpoint(source: JointSetpoint, target: JointSetpoint) -> None:
     """Copy the values of a demand to ``target``."""
     target.stiffness = source.stiffness
     target.damping = source.damping
@@ -187,94 +187,94 @@ def copy_command(source: Command, target: Command) -> None:
 
 def spring_torque(board: BoardState) -> float:
     """Compute the torque of the demanded spring and damper at the present measurement in [N m]."""
-    encoder, demand = board.encoder, board.demand
+    encoder, demand = board.encoder, board.setpoint
     return impedance_torque(
         encoder.angle, encoder.velocity_fast, demand.stiffness, demand.damping, demand.equilibrium
     )
 
 
-def total_torque(demand: Demand, impedance: float, friction: float) -> float:
+def total_torque(setpoint: JointSetpoint, impedance: float, friction: float) -> float:
     """Compute the sum of two torques of a board and of the feed-forward torques, all in [N m]."""
-    return impedance + friction + demand.gravity + demand.inertia + demand.target
+    return impedance + friction + setpoint.gravity + setpoint.inertia + setpoint.target
 
 
-def ask(board: BoardState) -> None:
+def compute_torque(board: BoardState) -> None:
     """Compute impedance torque and friction compensation of the command, or the brake of a held joint."""
-    asked, demand = board.command, board.demand
+    command, demand = board.command, board.setpoint
     if demand.held:
-        asked.impedance, asked.friction = hold_torque(board.watched.motor_speed, demand.damping), 0.0
+        command.impedance, command.friction = hold_torque(board.monitor.motor_speed, demand.damping), 0.0
     else:
-        asked.impedance = spring_torque(board)
-        asked.friction = demand.gain * board.model_friction
+        command.impedance = spring_torque(board)
+        command.friction = demand.gain * board.model_friction
 
 
-def sum_up(board: BoardState) -> None:
+def update_total_torque(board: BoardState) -> None:
     """Compute the total torque of the command."""
     asked = board.command
-    asked.torque = total_torque(board.demand, asked.impedance, asked.friction)
+    asked.torque = total_torque(board.setpoint, asked.impedance, asked.friction)
 
 
-def check(board: BoardState, watching: bool) -> None:
+def check_command(board: BoardState, watching: bool) -> None:
     """Compute the total torque of the command, and set the cause of a trip if it is implausible."""
-    sum_up(board)
+    update_total_torque(board)
     asked = board.command
-    wild = watching and not board.demand.held
+    wild = watching and not board.setpoint.held
     wild = wild and not command_is_plausible(asked.torque, board.bounds.highest_command)
     asked.cause = COMMAND_TRIP if wild else NO_TRIP
 
 
-def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None:
+def receive(board: BoardState, limits: Limits, setpoint: JointSetpoint, received: bool) -> None:
     """Receive a demand of the gait controller over the bus; hold the joint alone after a timeout or trip.
 
     ``demand``: demand of the last message. ``heard``: whether a message has arrived in this tick.
     """
-    board.silent_ticks = 0 if heard else board.silent_ticks + 1
-    if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
+    board.ticks_since_message = 0 if received else board.ticks_since_message + 1
+    if board.ticks_since_message > limits.controller_timeout and board.cause == NO_TRIP:
         board.cause = BUS_TRIP  # The cause also stops the gait controller if it receives it.
     if board.cause != NO_TRIP:
-        hold_alone(board, limits)
-    elif heard:
-        copy_demand(demand, board.demand)
+        hold_joint(board, limits)
+    elif received:
+        copy_joint_setpoint(setpoint, board.setpoint)
 
 
-def obey(board: BoardState, limits: Limits, watching: bool) -> None:
+def execute(board: BoardState, limits: Limits, watching: bool) -> None:
     """Compute the command from the demand; hold the joint at once if the command is implausible."""
-    ask(board)
-    check(board, watching)
+    compute_torque(board)
+    check_command(board, watching)
     if board.command.cause != NO_TRIP:
-        refuse(board, limits)
+        reject_command(board, limits)
 
 
-def refuse(board: BoardState, limits: Limits) -> None:
+def reject_command(board: BoardState, limits: Limits) -> None:
     """Hold the joint alone instead of an implausible command, without a weight that is implausible itself."""
     board.cause = board.command.cause
-    if not command_is_plausible(board.demand.gravity, board.bounds.highest_command):
-        board.demand.gravity = 0.0
-    hold_alone(board, limits)
-    ask(board)
-    sum_up(board)
+    if not command_is_plausible(board.setpoint.gravity, board.bounds.highest_command):
+        board.setpoint.gravity = 0.0
+    hold_joint(board, limits)
+    compute_torque(board)
+    update_total_torque(board)
 
 
-def hold_alone(board: BoardState, limits: Limits) -> None:
+def hold_joint(board: BoardState, limits: Limits) -> None:
     """Set the board's own demand: brake, and carry a decreasing share of the last gravity torque."""
-    if board.alone_ticks == 0:
-        board.carried = board.demand.gravity
-    share = support_share(board.alone_ticks, limits.lowering_ticks)
-    demand_rest(board.demand, limits, board.encoder.angle, share, board.carried)
-    board.alone_ticks += 1
+    if board.hold_ticks == 0:
+        board.hold_gravity_torque = board.setpoint.gravity
+    share = hold_weight_share(board.hold_ticks, limits.lowering_ticks)
+    set_hold_setpoint(board.setpoint, limits, board.encoder.angle, share, board.hold_gravity_torque)
+    board.hold_ticks += 1
 
 
-def demand_rest(demand: Demand, limits: Limits, angle: float, support: float, weight: float) -> None:
+def set_hold_setpoint(setpoint: JointSetpoint, limits: Limits, angle: float, support: float, weight: float) -> None:
     """Set a demand to brake a joint and lower it slowly.
 
     ``angle``: angle at which the joint is held, in [rad]. ``support``: share of the weight that is still
     carried. ``weight``: torque in [N m].
     """
-    demand.stiffness, demand.damping, demand.gain = 0.0, limits.hold_damping, 0.0
-    demand.equilibrium = angle
-    demand.gravity = support * weight if support != 0.0 else 0.0
-    demand.inertia, demand.target = 0.0, 0.0
-    demand.held = True
+    setpoint.stiffness, setpoint.damping, setpoint.gain = 0.0, limits.hold_damping, 0.0
+    setpoint.equilibrium = angle
+    setpoint.gravity = support * weight if support != 0.0 else 0.0
+    setpoint.inertia, setpoint.target = 0.0, 0.0
+    setpoint.held = True
 
 
 def set_current(board: BoardState, limits: Limits, torque: float) -> None:
@@ -283,14 +283,14 @@ def set_current(board: BoardState, limits: Limits, torque: float) -> None:
     board.command.target_current = 0.0 if board.command.drive_off or torque != torque else current
 
 
-def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:
+def store_drive_state(board: BoardState, voltage: float, current: float, deviation: float) -> None:
     """Store the state of the drive in this tick for the monitor.
 
     ``voltage`` of the winding in [V], ``current`` in [A], and ``deviation`` of the current from its expected
     value in [A].
     """
-    watched, bounds = board.watched, board.bounds
-    watched.commanded = board.command.torque
+    watched, bounds = board.monitor, board.bounds
+    watched.last_command = board.command.torque
     watched.motor_current = current
     watched.current_deviation = deviation
     watched.motor_speed = motor_speed(voltage, current, bounds.emf_constant, bounds.model_resistance)

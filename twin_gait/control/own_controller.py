@@ -28,7 +28,7 @@ _TUPLE, _ARRAY = "__tuple__", "__array__"  # Keys for types that YAML does not h
 
 
 @dataclass(frozen=True, kw_only=True)
-class OwnController:
+class UserController:
     """Record of a controller that was passed to ``simulate``."""
 
     name: str  # Name in messages.
@@ -49,7 +49,7 @@ class OwnController:
         return {**about, "source_sha256": self.source_sha256}
 
 
-def record_of(controller: Controller) -> OwnController:
+def record_controller(controller: Controller) -> UserController:
     """Record the present state of a controller, before a run."""
     kind, modules = type(controller), _modules_of(controller)
     attributes, digest = None, ""
@@ -58,7 +58,7 @@ def record_of(controller: Controller) -> OwnController:
     except TypeError:
         digest = _state_hash(controller)
     source = _joined({name: _loaded_text(name) for name in modules}) or _text_of_methods(kind)
-    return OwnController(
+    return UserController(
         name=controller.name,
         module=modules[0],
         class_name=kind.__qualname__,
@@ -71,7 +71,7 @@ def record_of(controller: Controller) -> OwnController:
     )
 
 
-def restored(record: OwnController) -> Controller:
+def restore_controller(record: UserController) -> Controller:
     """Import the class of a record and create the controller again.
 
     Raises ParameterError if the class cannot be imported, has another source, or cannot be created with
@@ -80,28 +80,28 @@ def restored(record: OwnController) -> Controller:
     modules = (record.module, *record.other_modules)
     if record.module == "__main__" or "<locals>" in record.class_name:
         where = "a function" if "<locals>" in record.class_name else "a script or notebook"
-        _refuse(record, f"was defined in {where}, from which it cannot be imported; define it in a module")
+        _reject(record, f"was defined in {where}, from which it cannot be imported; define it in a module")
     texts = {name: _found_text(record, name) for name in modules}
     if _sha256(_joined(texts)) != record.source_sha256:
-        _refuse(record, f"the source of {' or '.join(modules)} has changed since; restore it")
+        _reject(record, f"the source of {' or '.join(modules)} has changed since; restore it")
     try:
         found: Any = importlib.import_module(record.module)
         for part in record.class_name.split("."):
             found = getattr(found, part)
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        _refuse(record, f"cannot be imported from {record.module} ({reason[:200]})")
+        _reject(record, f"cannot be imported from {record.module} ({reason[:200]})")
     if not (isinstance(found, type) and issubclass(found, Controller)):
-        _refuse(record, f"{record.module}.{record.class_name} is no class derived from Controller")
+        _reject(record, f"{record.module}.{record.class_name} is no class derived from Controller")
     constants = _constants(found, modules)
     for name in sorted({*constants, *record.constants}):
         then, now = (item.get(name, "not set") for item in (record.constants, constants))
         if then != now:
-            _refuse(record, f"{name} was {then} in the run and is {now} now; restore it")
+            _reject(record, f"{name} was {then} in the run and is {now} now; restore it")
     return _remade(found, record)
 
 
-def _remade(kind: type[Controller], record: OwnController) -> Controller:
+def _remade(kind: type[Controller], record: UserController) -> Controller:
     """Return an instance with the attributes of the record."""
     if record.attributes is not None:
         made = object.__new__(kind)
@@ -111,13 +111,13 @@ def _remade(kind: type[Controller], record: OwnController) -> Controller:
     try:
         made = kind()
     except TypeError:
-        _refuse(record, "was made with arguments that a file cannot hold")
+        _reject(record, "was made with arguments that a file cannot hold")
     if not record.attributes_sha256 or _state_hash(made) != record.attributes_sha256:
-        _refuse(record, "has attributes that a file cannot hold, other than those of a new instance")
+        _reject(record, "has attributes that a file cannot hold, other than those of a new instance")
     return made
 
 
-def _refuse(record: OwnController, problem: str) -> NoReturn:
+def _reject(record: UserController, problem: str) -> NoReturn:
     call = f"simulate(load_experiment(RUN).experiment, controller={record.class_name.split('.')[-1]}(…))"
     way_out = f"pass it in Python: {call}, or set controller=null to run control.mode"
     raise ParameterError(f"controller {record.name!r}: {problem}; or {way_out}")
@@ -129,7 +129,7 @@ def _refuse(record: OwnController, problem: str) -> NoReturn:
 def _modules_of(controller: Controller) -> tuple[str, ...]:
     """Return the module of the class, and the user's modules of its bases and functions."""
     bases = (base.__module__ for base in _own_classes(type(controller)))
-    functions = (getattr(item, "__module__", None) or _PACKAGE for item in controller.functions().values())
+    functions = (getattr(item, "__module__", None) or _PACKAGE for item in controller.tick_functions().values())
     others = (name for name in (*bases, *functions) if name.partition(".")[0] != _PACKAGE)
     return tuple(dict.fromkeys((type(controller).__module__, *others)))
 
@@ -183,7 +183,7 @@ def _text_of_methods(kind: type[Any]) -> str:
     return "\n".join(found)
 
 
-def _found_text(record: OwnController, name: str) -> str:
+def _found_text(record: UserController, name: str) -> str:
     """Find a module on the path and return its source text, without executing it or a package around it."""
     spec, places = None, None
     try:
@@ -195,10 +195,10 @@ def _found_text(record: OwnController, name: str) -> str:
         spec = None
     text = _text_of(spec)
     if spec is None or not text:
-        _refuse(record, f"module {name} is not found; put its folder on PYTHONPATH")
+        _reject(record, f"module {name} is not found; put its folder on PYTHONPATH")
     for folder in Path(spec.origin or "").resolve().parents:
         if all((folder / file).is_file() for file in _RUN_FILES):
-            _refuse(record, f"module {name} lies in the run folder {folder}, whose code is never executed")
+            _reject(record, f"module {name} lies in the run folder {folder}, whose code is never executed")
     return text
 
 

@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 from twin_gait.gait.table import TICK
-from twin_gait.vocabulary import Coded, JointName, Side
+from twin_gait.vocabulary import CodedEnum, JointName, Side
 
 
-class TripCause(Coded):
+class TripCause(CodedEnum):
     """Cause of a trip of the monitor; ``code`` is also its number in :mod:`twin_gait.core.safety`."""
 
     NONE = "none"
@@ -21,7 +21,7 @@ class TripCause(Coded):
     CURRENT = "current"
     WINDING_HEAT = "winding_heat"
     DRIVE = "drive"
-    PHASE_TIME_OUT = "phase_time_out"
+    PHASE_TIMEOUT = "phase_time_out"
     FOOT_LOAD_FROZEN = "foot_load_frozen"
     SUPPLY = "supply"
     OPERATOR = "operator"
@@ -29,7 +29,7 @@ class TripCause(Coded):
     SETPOINT = "command_against_setpoint"
 
 
-class SafetyState(Coded):
+class SafetyState(CodedEnum):
     """State of the monitor."""
 
     WATCHING = "watching"
@@ -53,7 +53,7 @@ class Trip(NamedTuple):
         return self.tick * TICK
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Origin in words: ``left knee``, ``right leg``, ``supply``, ``operator`` or ``gait controller``."""
         if self.side is None:
             return _ELSEWHERE.get(self.cause, "supply")
@@ -62,4 +62,4 @@ class Trip(NamedTuple):
     @property
     def text(self) -> str:
         """Cause and origin in words: ``encoder frozen, left knee``, or ``operator``, which is both in one."""
-        return ", ".join(dict.fromkeys((str(self.cause).replace("_", " "), self.place)))
+        return ", ".join(dict.fromkeys((str(self.cause).replace("_", " "), self.location)))

@@ -7,7 +7,7 @@ or marks the request as rejected. After a trip of the safety monitor it is in th
 
 from dataclasses import dataclass
 
-from twin_gait.core.guards import NO_TRANSITION, GuardProgram, guard_holds, next_transition
+from twin_gait.core.guards import NO_TRANSITION, GuardProgram, evaluate_guard, next_transition
 
 NO_REQUEST = 0  # Code for no request; the codes of requests count from 1.
 NO_POSTURE = -1
@@ -36,13 +36,13 @@ class Supervisor:
     mode: int = 0  # Index of the present mode.
     entry_tick: int = 0  # Tick in which the mode was entered.
     request: int = NO_REQUEST  # Request in this tick, ``NO_REQUEST`` for none.
-    refused: int = NO_REQUEST  # Request that was rejected in this tick, ``NO_REQUEST`` for none.
+    rejected: int = NO_REQUEST  # Request that was rejected in this tick, ``NO_REQUEST`` for none.
     entered: bool = False  # Whether a mode has been entered in this tick.
 
 
 def choose_mode(supervisor: Supervisor, tick: int, tripped: bool) -> None:
     """Change to another mode if a transition is due, or to the hold; mark a request that is rejected."""
-    supervisor.refused = supervisor.request
+    supervisor.rejected = supervisor.request
     supervisor.entered = False
     if tripped:
         if supervisor.mode != supervisor.hold:
@@ -53,14 +53,14 @@ def choose_mode(supervisor: Supervisor, tick: int, tripped: bool) -> None:
 
 def advance_mode(supervisor: Supervisor, tick: int) -> None:
     """Take the transition that is due, if there is one."""
-    program, signals, asked = supervisor.program, supervisor.signals, supervisor.request - 1
+    program, signals, request_index = supervisor.program, supervisor.signals, supervisor.request - 1
     ticks = tick - supervisor.entry_tick
-    chosen = next_transition(program, supervisor.mode, ticks, signals, asked, supervisor.debounce)
+    chosen = next_transition(program, supervisor.mode, ticks, signals, request_index, supervisor.debounce)
     if chosen != NO_TRANSITION:
         rule = program.transitions[chosen]
         # A transition that would also have been taken without the request does not count as its result.
-        if not guard_holds(program, rule.first_node, rule.end_node, signals, NO_REQUEST - 1):
-            supervisor.refused = NO_REQUEST
+        if not evaluate_guard(program, rule.first_node, rule.end_node, signals, NO_REQUEST - 1):
+            supervisor.rejected = NO_REQUEST
         enter_mode(supervisor, rule.target, tick)
 
 

@@ -16,7 +16,7 @@ force acts on the trunk on a line through the tip, which is equivalent to :math:
 import math
 from dataclasses import dataclass, field
 
-from twin_gait.core.contact import Point
+from twin_gait.core.contact import ContactState
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import DelayLine
 
@@ -43,14 +43,14 @@ class Grip:
         turning_damping: β at the tip in [N s] / [m].
     """
 
-    push: float
-    turn: float
+    axial_force: float
+    shoulder_moment: float
     length: float
     angle: float
     stiffness: float
     damping: float
-    turning_stiffness: float
-    turning_damping: float
+    transverse_stiffness: float
+    transverse_damping: float
     sine: float = 0.0
     cosine: float = 1.0
 
@@ -87,39 +87,39 @@ class Arm:
         felt_load: Delayed load on the tip, as the person perceives it.
     """
 
-    place: int
+    index: int
     mass: float
     push_limit: float
     pull_limit: float
     moment_limit: float
     grip: Grip
-    felt_ahead: DelayLine
-    felt_load: DelayLine
-    longest: float = math.inf
+    distance_delay: DelayLine
+    load_delay: DelayLine
+    max_length: float = math.inf
     straight_stiffness: float = 0.0
     tip_stiffness: float = 1.0
     tip_damping: float = 0.0
     anchor: float = 0.0
     length: float = 0.0
-    aside: float = 0.0
-    push: float = 0.0
+    transverse_deflection: float = 0.0
+    axial_force: float = 0.0
     moment: float = 0.0
     power: float = 0.0
-    doing: int = 0
-    since: int = 0
+    phase: int = 0
+    phase_ticks: int = 0
     first_angle: float = 0.0
     reach: float = 0.0
     first_length: float = 0.0
-    felt: float = 0.0
-    tip: Point = field(default_factory=Point)
+    perceived_chair_state: float = 0.0
+    tip: ContactState = field(default_factory=ContactState)
 
 
-def held(value: float, low: float, high: float) -> float:
+def clamp(value: float, low: float, high: float) -> float:
     """Limit a value to the bounds ``low`` and ``high``."""
     return min(max(value, low), high)
 
 
-def turn_grip(grip: Grip, angle: float) -> None:
+def set_grip_angle(grip: Grip, angle: float) -> None:
     """Set the angle of the grip against the trunk in [rad]."""
     grip.angle = angle
     grip.sine, grip.cosine = sine_cosine(angle)
@@ -149,20 +149,20 @@ def arm_force(
     wanted_x, wanted_z = (cosine * grip.sine - sine * grip.cosine, -(sine * grip.sine + cosine * grip.cosine))
     aside = grip.length * (wanted_z * ex - wanted_x * ez)
     along_speed, aside_speed = forward * ex + upward * ez, upward * ex - forward * ez
-    push = grip.push + grip.stiffness * (grip.length - length) - grip.damping * along_speed
-    turning = grip.turning_stiffness * aside - grip.turning_damping * aside_speed
-    arm.length, arm.aside = length, aside
-    arm.push = held(push, -arm.pull_limit, arm.push_limit)
-    if length > arm.longest:
-        arm.push -= arm.straight_stiffness * (length - arm.longest)
-    arm.moment = held(grip.turn + turning * length, -arm.moment_limit, arm.moment_limit)
+    push = grip.axial_force + grip.stiffness * (grip.length - length) - grip.damping * along_speed
+    turning = grip.transverse_stiffness * aside - grip.transverse_damping * aside_speed
+    arm.length, arm.transverse_deflection = length, aside
+    arm.axial_force = clamp(push, -arm.pull_limit, arm.push_limit)
+    if length > arm.max_length:
+        arm.axial_force -= arm.straight_stiffness * (length - arm.max_length)
+    arm.moment = clamp(grip.shoulder_moment + turning * length, -arm.moment_limit, arm.moment_limit)
     across = arm.moment / length
-    arm.power = arm.push * along_speed + across * aside_speed
-    return arm.push * ex - across * ez, arm.push * ez + across * ex
+    arm.power = arm.axial_force * along_speed + across * aside_speed
+    return arm.axial_force * ex - across * ez, arm.axial_force * ez + across * ex
 
 
 def anchored_friction_force(
-    arm: Arm, place: float, slip_velocity: float, normal_force: float, friction_coefficient: float
+    arm: Arm, position: float, slip_velocity: float, normal_force: float, friction_coefficient: float
 ) -> float:
     r"""Compute the Coulomb friction of a tip that can stick, as a spring to its anchor.
 
@@ -179,15 +179,15 @@ def anchored_friction_force(
     Returns:
         Force on the tip in [N], against stretch and slip.
     """
-    sheared = -arm.tip_stiffness * (place - arm.anchor) - arm.tip_damping * slip_velocity
+    sheared = -arm.tip_stiffness * (position - arm.anchor) - arm.tip_damping * slip_velocity
     most = friction_coefficient * normal_force
-    return held(sheared, -most, most)
+    return clamp(sheared, -most, most)
 
 
-def dragged_anchor(arm: Arm, place: float, normal_force: float, friction_coefficient: float) -> float:
+def anchor_position(arm: Arm, position: float, normal_force: float, friction_coefficient: float) -> float:
     """Compute the anchor after the tip has moved: at most as far away as friction can hold the tip.
 
     ``place``: position of the tip in [m]; without a normal force in [N] the anchor is this position.
     """
     reach = friction_coefficient * normal_force / arm.tip_stiffness
-    return held(arm.anchor, place - reach, place + reach)
+    return clamp(arm.anchor, position - reach, position + reach)

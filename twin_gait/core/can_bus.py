@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 from twin_gait.core.can_frame import Header, frame_bits
 
 NEVER = 1 << 60  # Time in [ps] that is never reached.
-NOBODY = -1  # No frame on the wire, or all nodes of an outage.
-EVERYTHING = 1 << 32  # Full scale of shares and random numbers.
+NO_INDEX = -1  # No frame on the wire, or all nodes of an outage.
+FULL_SCALE = 1 << 32  # Full scale of shares and random numbers.
 SILENCE, REBOOT, BUS_OFF = range(3)  # Kinds of outages.
 
 _ERROR_BITS = 31  # Flags, delimiter and interframe space at most (Tindell and Burns 1994).
@@ -70,12 +70,12 @@ class Node:
     """The CAN controller of the central unit or of a board."""
 
     transmit_errors: int = 0  # Transmit error counter (TEC): 8 more for an error, 1 less for a success.
-    back: int = 0  # Time in [ps] from which the node is on the bus; in the past if it is.
+    online_time: int = 0  # Time in [ps] from which the node is on the bus; in the past if it is.
     bus_offs: int = 0  # Number of times that the node went bus-off.
 
 
 @dataclass(slots=True)
-class Outage:
+class OutageRecord:
     """Event that keeps a node, or all nodes, off the bus."""
 
     # ``SILENCE`` of a broken wire, during which a node keeps running and after which it continues;
@@ -98,16 +98,16 @@ class Bus:
     recovers: bool  # Whether a node that went bus-off recovers, or stays off.
     frames: list[Frame]  # Frames sorted by identifier, the lowest first.
     nodes: list[Node]  # The central unit and the boards.
-    outages: list[Outage]  # Outages sorted by their start; the last one never starts.
+    outages: list[OutageRecord]  # Outages sorted by their start; the last one never starts.
     next_outage: int = 0  # Index of the first outage that has not begun.
     free: int = 0  # Time in [ps] from which another frame may begin.
-    on_wire: int = NOBODY  # Index of the frame that is being sent, or ``NOBODY``.
-    wire: Payload = field(default_factory=Payload)  # Data of the frame that is being sent.
-    broken: bool = False  # Whether an error destroys the frame that is being sent.
+    current_frame: int = NO_INDEX  # Index of the frame that is being sent, or ``NOBODY``.
+    current_payload: Payload = field(default_factory=Payload)  # Data of the frame that is being sent.
+    corrupted: bool = False  # Whether an error destroys the frame that is being sent.
     busy: int = 0  # Total time in [ps] in which the bus was in use.
 
 
-def mixed(number: int) -> int:
+def mix_bits(number: int) -> int:
     """Mix the bits of a number of 32 bits so that each depends on all: Thomas Mueller's hash."""
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
     number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
@@ -117,10 +117,10 @@ def mixed(number: int) -> int:
 def draw(frame: Frame) -> int:
     """Draw the next random number of a frame, 0 to ``EVERYTHING`` - 1: a hash of its key and its count."""
     frame.drawn += 1
-    return mixed(mixed(frame.drawn & _WORD) ^ frame.key)
+    return mix_bits(mix_bits(frame.drawn & _WORD) ^ frame.key)
 
 
-def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
+def is_release_due(bus: Bus, frame: Frame, tick: int) -> bool:
     """Check whether a frame is released in a tick, so that its data have to be written before."""
     return frame.release < (tick + 1) * bus.tick
 
@@ -130,16 +130,16 @@ def advance(bus: Bus, tick: int) -> None:
     end = (tick + 1) * bus.tick
     while bus.outages[bus.next_outage].start < end:
         outage = bus.outages[bus.next_outage]
-        _carry(bus, tick, outage.start)
-        _break(bus, outage)
+        _transmit_until(bus, tick, outage.start)
+        _start_outage(bus, outage)
         bus.next_outage += 1
-    _carry(bus, tick, end)
+    _transmit_until(bus, tick, end)
 
 
-def _carry(bus: Bus, tick: int, until: int) -> None:
+def _transmit_until(bus: Bus, tick: int, until: int) -> None:
     """Transmit waiting frames until a time in [ps]; a frame that ends exactly then has arrived."""
     while bus.free <= until:
-        if bus.on_wire != NOBODY:
+        if bus.current_frame != NO_INDEX:
             _finish(bus, tick)
         elif bus.free == until:
             break
@@ -152,19 +152,19 @@ def _carry(bus: Bus, tick: int, until: int) -> None:
 
 def _begin(bus: Bus, tick: int, until: int) -> None:
     """Start the transmission of the frame that wins the arbitration, or wait for the next event."""
-    now, winner, following = bus.free, NOBODY, until
+    now, winner, following = bus.free, NO_INDEX, until
     for number in range(len(bus.frames)):
         frame = bus.frames[number]
         while frame.release <= now:
             _queue(frame, tick)
         following = min(following, frame.release)
-        if frame.waiting and winner == NOBODY:
-            back = bus.nodes[frame.sender].back
+        if frame.waiting and winner == NO_INDEX:
+            back = bus.nodes[frame.sender].online_time
             if back > now:
                 following = min(following, back)
             else:
                 winner = number
-    if winner == NOBODY:
+    if winner == NO_INDEX:
         bus.free = following
     else:
         _send(bus, winner)
@@ -193,27 +193,27 @@ def _schedule(frame: Frame, event: int) -> None:
 
 def _send(bus: Bus, number: int) -> None:
     frame = bus.frames[number]
-    bus.on_wire, frame.waiting, bus.broken = number, False, False
-    _copy(frame.mailbox, bus.wire)
-    bits = frame_bits(frame.header, bus.wire.halves)
+    bus.current_frame, frame.waiting, bus.corrupted = number, False, False
+    _copy(frame.mailbox, bus.current_payload)
+    bits = frame_bits(frame.header, bus.current_payload.halves)
     if bus.error_share > 0:
         drawn = draw(frame)
         if drawn < bus.error_share:  # The error occurs at a uniformly distributed bit.
-            bus.broken = True
+            bus.corrupted = True
             bits = 1 + drawn * bits // bus.error_share + _ERROR_BITS
     bus.free += bits * bus.bit
     bus.busy += bits * bus.bit
 
 
 def _finish(bus: Bus, tick: int) -> None:
-    frame = bus.frames[bus.on_wire]
+    frame = bus.frames[bus.current_frame]
     sender = bus.nodes[frame.sender]
-    bus.on_wire = NOBODY
-    if bus.broken:
+    bus.current_frame = NO_INDEX
+    if bus.corrupted:
         _send_again(frame)
         sender.transmit_errors += _ERROR_STEP
         if sender.transmit_errors > _HIGHEST_ERRORS:
-            _go_off(bus, frame.sender, bus.free)
+            _set_bus_off(bus, frame.sender, bus.free)
     else:
         frame.sent += 1
         sender.transmit_errors = max(sender.transmit_errors - 1, 0)
@@ -230,48 +230,48 @@ def _send_again(frame: Frame) -> None:
 
 def _deliver(bus: Bus, frame: Frame, tick: int) -> None:
     """Deliver the frame on the wire, unless its receiver is off the bus or the frame is lost."""
-    away = bus.nodes[frame.receiver].back > bus.free
+    away = bus.nodes[frame.receiver].online_time > bus.free
     if away or (bus.loss_share > 0 and draw(frame) < bus.loss_share):
         frame.lost += 1
     else:
-        _copy(bus.wire, frame.received)
+        _copy(bus.current_payload, frame.received)
         frame.arrived = tick + 1
-        frame.worst_response = max(frame.worst_response, bus.free - bus.wire.event)
+        frame.worst_response = max(frame.worst_response, bus.free - bus.current_payload.event)
 
 
-def _go_off(bus: Bus, number: int, now: int) -> None:
+def _set_bus_off(bus: Bus, number: int, now: int) -> None:
     """Set a node bus-off, for the time of its recovery or permanently."""
     node = bus.nodes[number]
     node.bus_offs += 1
-    back = max(node.back, now + _RECOVERY_BITS * bus.bit) if bus.recovers else NEVER
-    _leave(bus, number, back)
+    back = max(node.online_time, now + _RECOVERY_BITS * bus.bit) if bus.recovers else NEVER
+    _take_offline(bus, number, back)
 
 
-def _leave(bus: Bus, number: int, back: int) -> None:
+def _take_offline(bus: Bus, number: int, back: int) -> None:
     """Take a node off the bus until a time; reset its error counter and discard its waiting frames."""
     node = bus.nodes[number]
-    node.back, node.transmit_errors = back, 0
+    node.online_time, node.transmit_errors = back, 0
     for frame in bus.frames:
         if frame.sender == number:
             frame.waiting = False
 
 
-def _break(bus: Bus, outage: Outage) -> None:
-    everybody = outage.node == NOBODY
-    if bus.on_wire != NOBODY:
-        frame = bus.frames[bus.on_wire]
+def _start_outage(bus: Bus, outage: OutageRecord) -> None:
+    everybody = outage.node == NO_INDEX
+    if bus.current_frame != NO_INDEX:
+        frame = bus.frames[bus.current_frame]
         if everybody or frame.sender == outage.node:
             _send_again(frame)
-            bus.on_wire, bus.free = NOBODY, outage.start + _ERROR_BITS * bus.bit
+            bus.current_frame, bus.free = NO_INDEX, outage.start + _ERROR_BITS * bus.bit
     if everybody:
         bus.free = max(bus.free, outage.end)
     elif outage.kind == BUS_OFF:
-        _go_off(bus, outage.node, outage.start)
+        _set_bus_off(bus, outage.node, outage.start)
     elif outage.kind == REBOOT:
-        _leave(bus, outage.node, outage.end)
+        _take_offline(bus, outage.node, outage.end)
         for frame in bus.frames:
             if frame.sender == outage.node:
                 _schedule(frame, outage.end)  # The clock of the node restarts.
     else:
         node = bus.nodes[outage.node]
-        node.back = max(node.back, outage.end)
+        node.online_time = max(node.online_time, outage.end)

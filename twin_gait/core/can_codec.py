@@ -27,7 +27,7 @@ class SignalLayout:
     highest: float  # Largest code of a number, a whole number.
 
 
-def signal_code(signal: SignalLayout, value: float) -> int:
+def encode_signal(signal: SignalLayout, value: float) -> int:
     r"""Encode a number as the nearest code within the range of the signal.
 
     :math:`c = \left\lfloor \frac{x - x_0}{s} + \frac{1}{2} \right\rfloor`
@@ -45,7 +45,7 @@ def signal_code(signal: SignalLayout, value: float) -> int:
     return int(math.floor(steps + 0.5))  # noqa: RUF046  # In C the result of floor is not an integer.
 
 
-def signal_value(signal: SignalLayout, code: int) -> float:
+def decode_signal(signal: SignalLayout, code: int) -> float:
     """Decode a code to the number :math:`x = s c + x_0`.
 
     Returns x in the unit of the signal; NaN for a code outside its range.
@@ -63,7 +63,7 @@ def pack_frame(signals: Sequence[SignalLayout], values: Sequence[float], halves:
     halves[0] = 0
     halves[1] = 0
     for index, signal in enumerate(signals):
-        halves[signal.half] += (signal_code(signal, values[index]) & signal.mask) << signal.start
+        halves[signal.half] += (encode_signal(signal, values[index]) & signal.mask) << signal.start
 
 
 def unpack_frame(signals: Sequence[SignalLayout], halves: Sequence[int], values: list[float]) -> None:
@@ -73,4 +73,4 @@ def unpack_frame(signals: Sequence[SignalLayout], halves: Sequence[int], values:
     """
     for index, signal in enumerate(signals):
         bits = (halves[signal.half] >> signal.start) & signal.mask
-        values[index] = signal_value(signal, (bits ^ signal.sign) - signal.sign)
+        values[index] = decode_signal(signal, (bits ^ signal.sign) - signal.sign)

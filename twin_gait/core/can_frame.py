@@ -107,11 +107,11 @@ def frame_bits(header: Header, halves: Sequence[int]) -> int:
     return _HEADER_BITS + 8 * header.length + _CRC_BITS + stuffed + _UNSTUFFED_BITS
 
 
-def most_stuff_bits(length: int) -> int:
+def max_stuff_bits(length: int) -> int:
     r"""Compute the maximum stuff bits of a frame with n bytes: :math:`\lfloor (34 + 8n - 1) / 4 \rfloor`."""
     return (_HEADER_BITS + _CRC_BITS + 8 * length - 1) // (_LONGEST_RUN - 1)
 
 
-def most_frame_bits(length: int) -> int:
+def max_frame_bits(length: int) -> int:
     """Count the bits of the longest frame with ``length`` bytes of data, interframe space included."""
-    return _HEADER_BITS + 8 * length + _CRC_BITS + most_stuff_bits(length) + _UNSTUFFED_BITS
+    return _HEADER_BITS + 8 * length + _CRC_BITS + max_stuff_bits(length) + _UNSTUFFED_BITS

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from twin_gait.core.elementary import hyperbolic_tangent
 
-LEAST_FORCE = 1e-6  # Normal force in [N] below which a contact has no centre of pressure.
+MIN_NORMAL_FORCE = 1e-6  # Normal force in [N] below which a contact has no centre of pressure.
 Pair = tuple[float, float]  # Forward and upward components.
 
 
@@ -125,7 +125,7 @@ class Ground:
 
 
 @dataclass(slots=True)
-class Point:
+class ContactState:
     """A contact point of a sole.
 
     Attributes:
@@ -164,7 +164,7 @@ def ground_contact_force(
     return friction, normal
 
 
-def along_slope(sine: float, cosine: float, forward: float, upward: float) -> tuple[float, float]:
+def resolve_along_slope(sine: float, cosine: float, forward: float, upward: float) -> tuple[float, float]:
     r"""Resolve a vector into components along a plane that rises forwards by α, and perpendicular to it.
 
     .. math::
@@ -184,7 +184,7 @@ def along_slope(sine: float, cosine: float, forward: float, upward: float) -> tu
 
 
 def sloped_contact_force(
-    sine: float, cosine: float, place: Pair, velocity: Pair, press: Callable[[float, float, float], Pair]
+    sine: float, cosine: float, position: Pair, velocity: Pair, contact_law: Callable[[float, float, float], Pair]
 ) -> tuple[float, float, float]:
     """Compute the force of a plane through the origin, or a belt along it, on a point of the sole.
 
@@ -200,6 +200,6 @@ def sloped_contact_force(
     Returns:
         Forward and upward force on the point in [N], and its height above the plane in [m].
     """
-    _, height = along_slope(sine, cosine, *place)
-    friction, normal = press(height, *along_slope(sine, cosine, *velocity))
-    return (*along_slope(-sine, cosine, friction, normal), height)
+    _, height = resolve_along_slope(sine, cosine, *position)
+    friction, normal = contact_law(height, *resolve_along_slope(sine, cosine, *velocity))
+    return (*resolve_along_slope(-sine, cosine, friction, normal), height)

@@ -22,7 +22,7 @@ from twin_gait.core.estimation import first_order_step, quantise
 # compensation.
 STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
 COLUMNS_PER_JOINT = 4
-_ROOM = 16  # The ring is a multiple of this, so that windows up to the next multiple share a compiled loop.
+_CAPACITY_STEP = 16  # The ring is a multiple of this, so that windows up to the next multiple share a compiled loop.
 
 
 @dataclass(slots=True)
@@ -42,7 +42,7 @@ class Encoder:
 
 def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
     """Create an encoder at rest that is referenced at an angle; the resolution of an ideal encoder is 0."""
-    room = -(-window // _ROOM) * _ROOM
+    room = -(-window // _CAPACITY_STEP) * _CAPACITY_STEP
     return Encoder(resolution, angle, 0.0, 0.0, 0.0, 0.0, 0.0, window, [0.0] * room)
 
 
@@ -57,7 +57,7 @@ def measure_joint(
     """
     measure_angle(encoder, tick == 0, reading, period, fast_gain)
     if tick > 0 and tick % decimation == 0:
-        sample_slowly(encoder, tick // decimation, decimation * period)
+        update_slow_velocity(encoder, tick // decimation, decimation * period)
 
 
 def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, fast_gain: float) -> None:
@@ -78,7 +78,7 @@ def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, 
     encoder.angle = angle
 
 
-def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
+def update_slow_velocity(encoder: Encoder, number: int, interval: float) -> None:
     """Take a sample of the slow velocity estimate and average over the window; ``interval`` in [s]."""
     sample = (encoder.angle - encoder.decimated_angle) / interval
     encoder.decimated_angle = encoder.angle
@@ -91,7 +91,7 @@ def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
 
 
 @dataclass(slots=True)
-class Setpoint:
+class ImpedanceSetpoint:
     """Setpoint of a joint from a gait table."""
 
     stiffness: float  # k in [N m] / [rad].
@@ -100,7 +100,7 @@ class Setpoint:
     gain: float  # G, gain of the friction compensation.
 
 
-def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Setpoint) -> None:
+def blend_setpoint(start: ImpedanceSetpoint, target: ImpedanceSetpoint, share: float, blended: ImpedanceSetpoint) -> None:
     """Blend the setpoint of a joint from its value at the phase switch to that of the new phase.
 
     ``share``: from :func:`~twin_gait.core.blending.blend_share`. ``blended`` is changed in place.
@@ -111,7 +111,7 @@ def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Set
     blended.gain = blend(start.gain, target.gain, share)
 
 
-def copy_setpoint(source: Setpoint, target: Setpoint) -> None:
+def copy_setpoint(source: ImpedanceSetpoint, target: ImpedanceSetpoint) -> None:
     """Copy the values of a setpoint to ``target``."""
     target.stiffness = source.stiffness
     target.damping = source.damping
@@ -129,7 +129,7 @@ def target_current(motor: Motor, command: float, torque_limit: float, current_li
     return saturate(wanted, current_limit)
 
 
-def driven_motor(
+def drive_motor(
     motor: Motor, current: float, joint_velocity: float, bus_voltage: float
 ) -> tuple[float, float]:
     """Compute current and torque of a motor for a target current, limited by the bus voltage at this speed.

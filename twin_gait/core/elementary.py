@@ -24,7 +24,7 @@ _PER_LN2 = 1.4426950408889634
 # ln 2 in two parts. The first has 33 bits: its product with a whole number of up to 20 bits is exact.
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 # Arguments at which the power of two is 0, and at which it is infinite.
-_LEAST, _MOST = -709.0, 709.8
+_MIN_ARGUMENT, _MAX_ARGUMENT = -709.0, 709.8
 _FINITE = 709.4
 # Polynomial for (e^r - 1 - r - r²/2 - r³/6) / r⁴, fitted at the outer eight of eleven Chebyshev nodes of
 # |r| <= 1.0005 ln(2)/2; with it, the relative error of e^r is below 1e-17.
@@ -98,8 +98,8 @@ def exponential(x: float) -> float:
     ``x``: any number; NaN gives NaN. Returns :math:`e^x`; 0 below -708.74, where it would be less than
     1.6e-308, and infinity above 709.43, where it would be more than 1.2e308.
     """
-    x = _LEAST if x < _LEAST else x
-    x = _MOST if x > _MOST else x
+    x = _MIN_ARGUMENT if x < _MIN_ARGUMENT else x
+    x = _MAX_ARGUMENT if x > _MAX_ARGUMENT else x
     growth, scale = _grown(x)
     return (1.0 + growth) * scale
 
@@ -111,7 +111,7 @@ def settled_share(x: float) -> float:
     unit in the last place, and within 2 where it is negative; it is constant at -1.2e308 below -709.4.
     """
     x = -_FINITE if x < -_FINITE else x
-    x = -_LEAST if x > -_LEAST else x
+    x = -_MIN_ARGUMENT if x > -_MIN_ARGUMENT else x
     growth, scale = _grown(-x)
     return (1.0 - scale) - scale * growth
 

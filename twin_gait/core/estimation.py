@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from twin_gait.core.elementary import settled_share
 
-_ROOM = 16  # The buffer is a multiple of this, so that delays up to the next multiple share a compiled loop.
+_CAPACITY_STEP = 16  # The buffer is a multiple of this, so that delays up to the next multiple share a compiled loop.
 
 
 def quantise(angle: float, resolution: float) -> float:
@@ -43,7 +43,7 @@ class DelayLine:
 
 def new_delay_line(delay: int, first: float = 0.0) -> DelayLine:
     """Create a delay line of the given delay in samples, 0 or more, filled with one value."""
-    return DelayLine(delay, [first] * ((delay // _ROOM + 1) * _ROOM))
+    return DelayLine(delay, [first] * ((delay // _CAPACITY_STEP + 1) * _CAPACITY_STEP))
 
 
 def delayed_sample(line: DelayLine, number: int, sample: float) -> float:

@@ -14,15 +14,15 @@ MOTOR_DEAD, MOTOR_STUCK, CONTROLLER_RUNAWAY, FOOT_LOAD_STUCK, SUPPLY_DIP = range
 NO_FAULT = -1
 JUMP_TICKS = 5  # Length of a jump, which is a glitch; a lasting error is an offset.
 DIP_TICKS = 500  # Length of a dip of the supply.
-LEAST_BUS_VOLTAGE = 1.0  # Lower limit in [V]; the capacitors of the bus are never completely empty.
+MIN_BUS_VOLTAGE = 1.0  # Lower limit in [V]; the capacitors of the bus are never completely empty.
 
 
 @dataclass(slots=True)
-class Fault:
+class FaultRecord:
     """A fault of an episode."""
 
     kind: int  # One of the kinds above.
-    place: int  # Index of the joint or leg; without meaning for the supply.
+    index: int  # Index of the joint or leg; without meaning for the supply.
     start_tick: int  # First tick with the fault.
     # Magnitude in SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque in
     # [N m] of a stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
@@ -30,7 +30,7 @@ class Fault:
 
 
 def faulty_angle(
-    joint: int, tick: int, period: float, faults: list[Fault], reading: float, last_reading: float
+    joint: int, tick: int, period: float, faults: list[FaultRecord], reading: float, last_reading: float
 ) -> float:
     """Compute the reading of a joint's encoder in [rad] under its faults; NaN if it is missing.
 
@@ -39,7 +39,7 @@ def faulty_angle(
     """
     for fault in faults:
         elapsed = tick - fault.start_tick
-        if elapsed < 0 or fault.kind > ENCODER_OFFSET or fault.place != joint:
+        if elapsed < 0 or fault.kind > ENCODER_OFFSET or fault.index != joint:
             continue
         if fault.kind == ENCODER_FREEZE:
             reading = last_reading
@@ -52,39 +52,39 @@ def faulty_angle(
     return reading
 
 
-def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load: float) -> float:
+def faulty_load(leg: int, tick: int, faults: list[FaultRecord], load: float, last_load: float) -> float:
     """Compute the reading of a foot's load sensor under its faults, in the unit of the load.
 
     ``load``: reading of the healthy sensor. ``last_load``: reading of the tick before, faults included.
     """
     for fault in faults:
-        stuck = fault.kind == FOOT_LOAD_STUCK and fault.place == leg
+        stuck = fault.kind == FOOT_LOAD_STUCK and fault.index == leg
         if stuck and tick >= fault.start_tick:
             load = last_load
     return load
 
 
-def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) -> float:
+def runaway_torque(joint: int, tick: int, period: float, faults: list[FaultRecord]) -> float:
     """Compute the torque in [N m] that a defective controller adds: a ramp."""
     torque = 0.0
     for fault in faults:
         elapsed = tick - fault.start_tick
-        if fault.kind == CONTROLLER_RUNAWAY and fault.place == joint and elapsed >= 0:
+        if fault.kind == CONTROLLER_RUNAWAY and fault.index == joint and elapsed >= 0:
             torque += fault.magnitude * (elapsed * period)
     return torque
 
 
-def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
+def drive_fault(joint: int, tick: int, faults: list[FaultRecord]) -> int:
     """Find the index of the active fault of a joint's drive, the first of several, or return ``NO_FAULT``."""
     for row in range(len(faults)):
         fault = faults[row]
         broken = fault.kind == MOTOR_DEAD or fault.kind == MOTOR_STUCK
-        if broken and fault.place == joint and tick >= fault.start_tick:
+        if broken and fault.index == joint and tick >= fault.start_tick:
             return row
     return NO_FAULT
 
 
-def supply_drop(tick: int, faults: list[Fault]) -> float:
+def supply_drop(tick: int, faults: list[FaultRecord]) -> float:
     """Compute the voltage in [V] by which the faults reduce the supply; 0 without a dip."""
     drop = 0.0
     for fault in faults:
@@ -101,4 +101,4 @@ def dipped_bus_voltage(voltage: float, drop: float, highest_back_emf: float) -> 
     highest back-EMF of all motors. The supply is cut off, so only the capacitors of the bus absorb that
     current.
     """
-    return max(voltage - drop, highest_back_emf, LEAST_BUS_VOLTAGE)
+    return max(voltage - drop, highest_back_emf, MIN_BUS_VOLTAGE)

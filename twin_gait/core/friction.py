@@ -19,7 +19,7 @@ _SQRT_2E = math.sqrt(2.0 * math.e)
 # Laws of a :class:`PlantFriction`.
 FRICTIONLESS, ROTATIONAL, ASYMMETRIC, BRISTLE = range(4)
 # Whether there may be others than the first two; a loop whose plant has none is bound to False.
-OTHER_LAWS = True
+WITH_OTHER_FRICTION_LAWS = True
 
 
 @dataclass(slots=True)
@@ -133,7 +133,7 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
     ``ASYMMETRIC``, of the others a tenth of ``stribeck_velocity``.
     """
     rotational = rotational_torque(friction, velocity, load)
-    return whole_friction_torque(friction, rotational, velocity, deflection, load)
+    return total_friction_torque(friction, rotational, velocity, deflection, load)
 
 
 def rotational_torque(friction: PlantFriction, velocity: float, load: float) -> float:
@@ -151,11 +151,11 @@ def rotational_torque(friction: PlantFriction, velocity: float, load: float) -> 
     )
 
 
-def whole_friction_torque(
+def total_friction_torque(
     friction: PlantFriction, rotational: float, velocity: float, deflection: float, load: float
 ) -> float:
     """As :func:`friction_torque`, with the torque of :func:`rotational_torque` given, 0 without friction."""
-    if OTHER_LAWS:
+    if WITH_OTHER_FRICTION_LAWS:
         if friction.law > ROTATIONAL:
             return _directional_torque(friction, velocity, deflection, load)
     return rotational
@@ -177,7 +177,7 @@ def _directional_torque(law: PlantFriction, velocity: float, deflection: float, 
     return loss + bristles + law.offset + viscous
 
 
-def advanced_deflection(
+def advance_deflection(
     friction: PlantFriction, displacement: float, velocity: float, deflection: float
 ) -> float:
     """Deflection in [rad] of the bristles after a small displacement of the joint in [rad].

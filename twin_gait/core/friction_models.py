@@ -20,14 +20,14 @@ _SQRT_2E = math.sqrt(2.0 * math.e)
 REFERENCE_TEMPERATURE = 25.0  # Temperature in [°C] for which motor data sheets state their values.
 
 
-def chosen(condition: bool, one: float, other: float) -> float:
+def where(condition: bool, one: float, other: float) -> float:
     """Return one number if a condition is true, else the other; over arrays it is :func:`numpy.where`."""
     return one if condition else other
 
 
 def sign_of(velocity: float) -> float:
     """Return the sign of a velocity: 1, -1, or 0 at rest."""
-    return chosen(velocity > 0.0, 1.0, chosen(velocity < 0.0, -1.0, 0.0))
+    return where(velocity > 0.0, 1.0, where(velocity < 0.0, -1.0, 0.0))
 
 
 def coulomb_viscous_torque(velocity: float, coulomb: float, viscous: float) -> float:
@@ -75,7 +75,7 @@ def two_velocity_torque(
     return bump + coulomb * hyperbolic_tangent(velocity / velocity_2) + viscous * velocity
 
 
-def conditioned_torque(
+def load_and_temperature_torque(
     velocity: float,
     load: float,
     temperature: float,
@@ -110,7 +110,7 @@ def directional_viscous_torque(velocity: float, forward: float, backward: float,
     below 1.
     """
     power = abs(velocity) ** exponent
-    return chosen(velocity > 0.0, forward * power, -backward * power)
+    return where(velocity > 0.0, forward * power, -backward * power)
 
 
 def asymmetric_torque(

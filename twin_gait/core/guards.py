@@ -26,7 +26,7 @@ class GuardNode:
 
 
 @dataclass(slots=True)
-class Comparison:
+class CompiledComparison:
     """The inequality ``factor_a x[signal_a] + factor_b x[signal_b] > threshold`` of signals x in SI units."""
 
     signal_a: int  # Index of the first signal.
@@ -45,7 +45,7 @@ class TransitionRule:
     first_node: int  # First node of the guard.
     end_node: int  # Index after the last node of the guard.
     debounce_ticks: int  # Number of consecutive ticks of 1 [ms] for which the guard has to be true.
-    time_out_ticks: int  # Number of ticks that the phase has to last; negative without a timeout.
+    timeout_ticks: int  # Number of ticks that the phase has to last; negative without a timeout.
 
 
 @dataclass(slots=True)
@@ -56,10 +56,10 @@ class GuardProgram:
     minimum_ticks: list[int]  # Minimum duration of each phase in ticks of 1 [ms], before it may be left.
     transitions: list[TransitionRule]  # Transitions in the order of the table, which is their priority.
     nodes: list[GuardNode]  # Nodes of all guards, each guard in postfix order.
-    comparisons: list[Comparison]  # Comparisons of all guards, at least one.
+    comparisons: list[CompiledComparison]  # Comparisons of all guards, at least one.
 
 
-def guard_holds(
+def evaluate_guard(
     program: GuardProgram, first: int, end: int, signals: Sequence[float], other_phase: int
 ) -> bool:
     """Evaluate a guard, nodes ``first`` to ``end`` - 1 of a program, for a set of measured signals.
@@ -89,11 +89,11 @@ def evaluate_node(
     if operation == OP_COMPARE:
         return (results << 1) | is_above(comparison, first, second)
     if operation == OP_PHASE:
-        return (results << 1) | is_among(operand, other_phase)
-    return joined(results, operation, operand)
+        return (results << 1) | is_in_mask(operand, other_phase)
+    return combine_results(results, operation, operand)
 
 
-def is_above(comparison: Comparison, first: float, second: float) -> bool:
+def is_above(comparison: CompiledComparison, first: float, second: float) -> bool:
     """Check whether a comparison is true for its two signals; with NaN it is false."""
     value = comparison.factor_a * first
     if comparison.factor_b != 0.0:
@@ -101,12 +101,12 @@ def is_above(comparison: Comparison, first: float, second: float) -> bool:
     return value > comparison.threshold
 
 
-def is_among(phases: int, phase: int) -> bool:
+def is_in_mask(phases: int, phase: int) -> bool:
     """Check whether a phase is in a bit mask of phases; a negative number is in none."""
     return phase >= 0 and (phases >> phase) & 1 == 1
 
 
-def joined(results: int, operation: int, count: int) -> int:
+def combine_results(results: int, operation: int, count: int) -> int:
     """Combine the last ``count`` results of the stack into one; each is a bit, the last one lowest."""
     mask = (1 << count) - 1
     found = results & mask
@@ -114,13 +114,13 @@ def joined(results: int, operation: int, count: int) -> int:
     return ((results >> count) << 1) | true
 
 
-def least_ticks_of(program: GuardProgram, index: int) -> int:
+def min_transition_ticks(program: GuardProgram, index: int) -> int:
     """Return the minimum ticks before a transition is taken: the larger of minimum duration and timeout."""
     rule = program.transitions[index]
-    return max(rule.time_out_ticks, program.minimum_ticks[rule.source])
+    return max(rule.timeout_ticks, program.minimum_ticks[rule.source])
 
 
-def is_due(open_ticks: int, debounce_ticks: int, ticks_in_phase: int, least_ticks: int) -> bool:
+def is_transition_due(open_ticks: int, debounce_ticks: int, ticks_in_phase: int, least_ticks: int) -> bool:
     """Check whether a transition with a true guard may be taken.
 
     ``open_ticks``: consecutive ticks with a true guard, this one included.
@@ -149,20 +149,20 @@ def next_transition(
     for index in range(transitions):
         rule = program.transitions[index]
         first, end = rule.first_node, rule.end_node
-        is_open = rule.source == phase and guard_holds(program, first, end, signals, other_phase)
-        chosen = count_open_ticks(program, index, is_open, ticks_in_phase, debounce, chosen)
+        is_open = rule.source == phase and evaluate_guard(program, first, end, signals, other_phase)
+        chosen = update_debounce(program, index, is_open, ticks_in_phase, debounce, chosen)
     return chosen
 
 
-def count_open_ticks(
+def update_debounce(
     program: GuardProgram, index: int, is_open: bool, ticks_in_phase: int, debounce: list[int], chosen: int
 ) -> int:
     """Count the consecutive ticks for which the guard of a transition has been true, in ``debounce``.
 
     Returns this transition if it is the first one that is due, else ``chosen``.
     """
-    debounce_ticks, least_ticks = program.transitions[index].debounce_ticks, least_ticks_of(program, index)
+    debounce_ticks, least_ticks = program.transitions[index].debounce_ticks, min_transition_ticks(program, index)
     open_ticks = debounce[index] + 1 if is_open else 0
     debounce[index] = open_ticks
-    due = is_open and is_due(open_ticks, debounce_ticks, ticks_in_phase, least_ticks)
+    due = is_open and is_transition_due(open_ticks, debounce_ticks, ticks_in_phase, least_ticks)
     return index if due and chosen == NO_TRANSITION else chosen

@@ -25,6 +25,6 @@ def damping_from_ratio(damping_ratio: float, stiffness: float, inertia: float) -
     return 2.0 * damping_ratio * math.sqrt(stiffness * inertia)
 
 
-def damping_ratio_of(damping: float, stiffness: float, inertia: float) -> float:
+def ratio_from_damping(damping: float, stiffness: float, inertia: float) -> float:
     r"""Compute the damping ratio :math:`\zeta = b / (2\sqrt{k I})`, the inverse of the above."""
     return damping / (2.0 * math.sqrt(stiffness * inertia))

@@ -67,7 +67,7 @@ def trunk_specific_force(
     )
 
 
-def follow_pitch(unit: TrunkUnit, rate: float, ahead: float, up: float, period: float) -> None:
+def update_pitch_estimate(unit: TrunkUnit, rate: float, ahead: float, up: float, period: float) -> None:
     r"""Update the pitch estimate by one step of the complementary filter.
 
     The filter integrates the gyroscope and corrects the estimate towards the measured direction of gravity:

@@ -12,15 +12,15 @@ from twin_gait.core.contact import contact_friction_force, mechanical_stop_torqu
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.friction import (
     FRICTIONLESS,
-    OTHER_LAWS,
+    WITH_OTHER_FRICTION_LAWS,
     PlantFriction,
-    advanced_deflection,
-    whole_friction_torque,
+    advance_deflection,
+    total_friction_torque,
 )
 
 
 @dataclass(slots=True)
-class Stop:
+class MechanicalStop:
     """Mechanical stops of a coordinate."""
 
     lower: float = 0.0  # Lower stop in [rad] or [m].
@@ -43,7 +43,7 @@ class Plant:
     """Passive torques on a coordinate: their parameters, none by default, and what they came to last."""
 
     friction: PlantFriction = field(default_factory=PlantFriction)  # Of motor and gear.
-    stop: Stop = field(default_factory=Stop)  # Mechanical stops.
+    stop: MechanicalStop = field(default_factory=MechanicalStop)  # Mechanical stops.
     spring: Spring = field(default_factory=Spring)  # Orthosis, or support of the pelvis.
     armature: float = 0.0  # Inertia of rotor and wave generator seen at the joint in [kg m²].
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].
@@ -64,7 +64,7 @@ def gear_load(plant: Plant, motor: float, acceleration: float) -> float:
     return motor - plant.armature * acceleration
 
 
-def passive_torque(
+def plant_torque(
     plant: Plant, rotational: float, q: float, v: float, load: float, displacement: float
 ) -> float:
     """Friction, stop and spring torque on one coordinate, in [N m] or [N]; the plant keeps each of them.
@@ -76,9 +76,9 @@ def passive_torque(
     friction, stop = 0.0, 0.0
     if law.law != FRICTIONLESS:
         deflection = plant.deflection
-        if OTHER_LAWS:
-            deflection = advanced_deflection(law, displacement, v, deflection)
-        friction = -whole_friction_torque(law, rotational, v, deflection, load)
+        if WITH_OTHER_FRICTION_LAWS:
+            deflection = advance_deflection(law, displacement, v, deflection)
+        friction = -total_friction_torque(law, rotational, v, deflection, load)
     if limits.stiffness != 0.0:
         stop = mechanical_stop_torque(q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation)
     plant.friction_torque = friction
@@ -111,7 +111,7 @@ def brace_torque(
 class ImposedMotion:
     """A spring and damper that lead a coordinate along a cosine path until they let go."""
 
-    place: int = -1  # The coordinate; -1 for none.
+    index: int = -1  # The coordinate; -1 for none.
     start_angle: float = 0.0  # Where the path begins in [rad].
     amplitude: float = 0.0  # From end to end of the path in [rad].
     frequency: float = 0.0  # In [Hz].
@@ -144,7 +144,7 @@ class Harness:
     height: float  # Of the attachment above the hips, along the trunk, in [m].
     force: float  # Of body-weight support in [N].
     damping: float  # Of the rope's winch in [N s] / [m].
-    stop: Stop = field(default_factory=Stop)  # What locks at a trip, from below.
+    stop: MechanicalStop = field(default_factory=MechanicalStop)  # What locks at a trip, from below.
     pull: float = 0.0  # On the trunk in [N], upwards, as it was last.
 
 
@@ -206,7 +206,7 @@ class Seat:
     """
 
     height: float  # Over the ground in [m].
-    forward: float  # Place of its front edge in [m].
+    front_edge: float  # Place of its front edge in [m].
     depth: float  # From there to its rear edge in [m].
     rounding: float  # Way behind an edge over which the seat comes to bear, in [m].
     friction_coefficient: float  # Coulomb coefficient.
@@ -218,12 +218,12 @@ class Seat:
     friction: float = 0.0  # Of the forces along the seat, forwards positive; likewise.
     power: float = 0.0  # Of all of them in [W]; likewise.
     # Way of its front edge behind the hips where it is put for a standing wearer, in [m].
-    behind: float = 0.0
+    standing_distance: float = 0.0
 
 
-def bearing_share(seat: Seat, forward: float) -> float:
+def edge_stiffness_share(seat: Seat, forward: float) -> float:
     """Share of its stiffness that the seat has at a place in [m]: 0 beyond its edges, then a ramp to 1."""
-    inside = min(seat.forward - forward, forward - (seat.forward - seat.depth))
+    inside = min(seat.front_edge - forward, forward - (seat.front_edge - seat.depth))
     return min(max(inside / seat.rounding, 0.0), 1.0)
 
 
@@ -237,7 +237,7 @@ def seat_force(
     Force and power are added to the sums of the seat. Place and height are those of the pad's skin,
     uncompressed, in [m]; ``speed`` forwards and ``rise`` in [m] / [s].
     """
-    share = bearing_share(seat, forward)
+    share = edge_stiffness_share(seat, forward)
     normal = share * mechanical_stop_torque(height, rise, seat.height, height, pad.stiffness, pad.dissipation)
     friction = contact_friction_force(speed, normal, seat.friction_coefficient, seat.transition_velocity)
     seat.normal += normal
@@ -246,7 +246,7 @@ def seat_force(
     return friction, normal
 
 
-def seat_the_hips(
+def seat_force_on_buttocks(
     seat: Seat, forward: float, height: float, speed: float, rise: float, pitching: float
 ) -> tuple[float, float, float]:
     """Force of the seat on the buttocks; the sums of the seat begin with it.
@@ -260,7 +260,7 @@ def seat_the_hips(
     return fx, fz, -below * fx
 
 
-def seat_the_thigh(
+def seat_force_on_thigh(
     seat: Seat,
     sine: float,
     cosine: float,

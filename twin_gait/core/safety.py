@@ -47,7 +47,7 @@ class Bounds:
 
 
 @dataclass(slots=True)
-class Watched:
+class MonitorState:
     """State of the monitor for a joint and its drive."""
 
     motor_speed: float = 0.0  # Joint speed that the drive infers in [rad] / [s].
@@ -55,7 +55,7 @@ class Watched:
     heat: float = 0.0  # Heat of the winding; see :func:`winding_heat`.
     motor_current: float = 0.0  # Measured current in [A].
     current_deviation: float = 0.0  # Measured minus expected current of the drive in [A].
-    commanded: float = 0.0  # Command of the last tick in [N m].
+    last_command: float = 0.0  # Command of the last tick in [N m].
     command_deviation: float = 0.0  # Filtered deviation of the commands from their setpoints in [N m].
     frozen_streak: int = 0  # Consecutive ticks with a constant encoder reading while the motor turned.
     torque_streak: int = 0  # Consecutive ticks with a command above the limit.
@@ -102,30 +102,30 @@ def winding_heat(heat: float, current: float, heating: float, cooling: float) ->
     return heat + (heating * current * current - cooling * heat)
 
 
-def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: float) -> int:
+def monitor_joint(bounds: Bounds, monitor: MonitorState, encoder: Encoder, period: float) -> int:
     """Compare the measurements of one joint with its bounds; return the cause of a trip or ``NO_TRIP``.
 
     The commands, currents and speeds in ``watched`` are those of the tick before. NaN is outside every bound.
     Residual, heat and streaks in ``watched`` are changed in place.
     """
     angle, velocity = encoder.angle, encoder.velocity_fast
-    speed, current = watched.motor_speed, watched.motor_current
+    speed, current = monitor.motor_speed, monitor.motor_current
     change = angle - encoder.last_angle
-    residual = model_residual(watched.residual, change, speed, period, bounds.model_gain)
-    heat = winding_heat(watched.heat, current, bounds.heating, bounds.cooling)
+    residual = model_residual(monitor.residual, change, speed, period, bounds.model_gain)
+    heat = winding_heat(monitor.heat, current, bounds.heating, bounds.cooling)
     stop = stopping_angle(angle, velocity, bounds.stop_distance_factor)
-    watched.residual = residual
-    watched.heat = heat
+    monitor.residual = residual
+    monitor.heat = heat
     frozen = change == 0.0 and abs(speed) > bounds.frozen_speed
-    watched.frozen_streak = watched.frozen_streak + 1 if frozen else 0
-    high = abs(watched.commanded) > bounds.highest_torque
-    watched.torque_streak = watched.torque_streak + 1 if high else 0
-    deviates = abs(watched.current_deviation) > bounds.drive_deviation
-    watched.drive_streak = watched.drive_streak + 1 if deviates else 0
+    monitor.frozen_streak = monitor.frozen_streak + 1 if frozen else 0
+    high = abs(monitor.last_command) > bounds.highest_torque
+    monitor.torque_streak = monitor.torque_streak + 1 if high else 0
+    deviates = abs(monitor.current_deviation) > bounds.drive_deviation
+    monitor.drive_streak = monitor.drive_streak + 1 if deviates else 0
     cause = NO_TRIP
     if not abs(change) <= bounds.angle_step:
         cause = JUMP_TRIP if math.isfinite(angle) else MISSING_TRIP
-    elif watched.frozen_streak >= bounds.frozen_ticks:
+    elif monitor.frozen_streak >= bounds.frozen_ticks:
         cause = FROZEN_TRIP
     elif not abs(residual) <= bounds.model_deviation:
         cause = MODEL_TRIP
@@ -133,15 +133,15 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
         cause = SPEED_TRIP
     elif stop < bounds.lower or stop > bounds.upper:
         cause = RANGE_TRIP
-    elif watched.torque_streak >= bounds.torque_ticks:
+    elif monitor.torque_streak >= bounds.torque_ticks:
         cause = TORQUE_TRIP
     elif abs(current) > bounds.highest_current:
         cause = CURRENT_TRIP
     elif heat > 1.0:
         cause = HEAT_TRIP
-    elif not abs(watched.command_deviation) <= bounds.command_deviation:
+    elif not abs(monitor.command_deviation) <= bounds.command_deviation:
         cause = SETPOINT_TRIP
-    elif watched.drive_streak >= bounds.drive_ticks:
+    elif monitor.drive_streak >= bounds.drive_ticks:
         cause = DRIVE_TRIP
     return cause
 
@@ -156,7 +156,7 @@ def hold_torque(speed: float, damping: float) -> float:
     return -damping * speed
 
 
-def support_share(ticks: int, lowering_ticks: int) -> float:
+def hold_weight_share(ticks: int, lowering_ticks: int) -> float:
     """Compute the share of the leg's weight that the hold carries, a number of ticks after the trip.
 
     The share decreases linearly from 1 to 0 over ``lowering_ticks``.

@@ -14,7 +14,7 @@ Schedule: TypeAlias = tuple[Any, ...]  # Steps, groups, and other schedules.
 
 
 @dataclass(frozen=True)
-class Over:
+class ForEach:
     """Steps of every joint, leg, sole or limb, one after the other."""
 
     parts: str  # Name of the parts, such as ``joints``.
@@ -31,7 +31,7 @@ class When:
 
 
 @dataclass(frozen=True)
-class Some:
+class VectorBranch:
     """Steps that run for all episodes if a test is true for any of them; no effect in the other episodes."""
 
     test: Step
@@ -39,7 +39,7 @@ class Some:
 
 
 @dataclass(frozen=True)
-class Rare:
+class ScalarBranch:
     """Steps for the episodes for which a test is true, one episode after the other."""
 
     test: Step
@@ -47,37 +47,37 @@ class Rare:
 
 
 @dataclass(frozen=True)
-class OneByOne:
+class ScalarSteps:
     """Steps that cannot become vector code and run one episode after the other."""
 
     steps: Schedule
 
 
 @dataclass(frozen=True)
-class Block:
+class BlockStep:
     """A function of all episodes at once, with its own loops over them."""
 
     function: Step
 
 
-def joints(*steps: Any) -> Over:
+def joints(*steps: Any) -> ForEach:
     """Group steps that run over the joints."""
-    return Over("joints", steps)
+    return ForEach("joints", steps)
 
 
-def legs(*steps: Any) -> Over:
+def legs(*steps: Any) -> ForEach:
     """Group steps that run over the legs."""
-    return Over("legs", steps)
+    return ForEach("legs", steps)
 
 
-def soles(*steps: Any) -> Over:
+def feet(*steps: Any) -> ForEach:
     """Group steps that run over the soles."""
-    return Over("soles", steps)
+    return ForEach("soles", steps)
 
 
-def limbs(*steps: Any) -> Over:
+def limbs(*steps: Any) -> ForEach:
     """Group steps that run over hips and knees of the wearer."""
-    return Over("limbs", steps)
+    return ForEach("limbs", steps)
 
 
 def when(condition: str, *steps: Any, otherwise: Schedule = ()) -> When:
@@ -85,22 +85,22 @@ def when(condition: str, *steps: Any, otherwise: Schedule = ()) -> When:
     return When(condition, steps, otherwise)
 
 
-def some(test: Step, *steps: Any) -> Some:
+def vector_branch(test: Step, *steps: Any) -> VectorBranch:
     """Group steps that run for all episodes if a test is true for any of them."""
-    return Some(test, steps)
+    return VectorBranch(test, steps)
 
 
-def rare(test: Step, *steps: Any) -> Rare:
+def scalar_branch(test: Step, *steps: Any) -> ScalarBranch:
     """Group steps that run for the few episodes for which a test is true."""
-    return Rare(test, steps)
+    return ScalarBranch(test, steps)
 
 
-def one_by_one(*steps: Any) -> OneByOne:
+def scalar_steps(*steps: Any) -> ScalarSteps:
     """Group steps that cannot become vector code."""
-    return OneByOne(steps)
+    return ScalarSteps(steps)
 
 
-def replaced(schedule: Schedule, replacements: Mapping[Any, Any]) -> Schedule:
+def replace_steps(schedule: Schedule, replacements: Mapping[Any, Any]) -> Schedule:
     """Return a schedule with other steps in place of some of its steps or groups.
 
     Raises KeyError for something that the schedule does not contain.
@@ -114,16 +114,16 @@ def replaced(schedule: Schedule, replacements: Mapping[Any, Any]) -> Schedule:
         match item:
             case tuple():
                 return tuple(map(replace, item))
-            case Over(parts, steps):
-                return Over(parts, replace(steps))
+            case ForEach(parts, steps):
+                return ForEach(parts, replace(steps))
             case When(condition, steps, otherwise):
                 return When(condition, replace(steps), replace(otherwise))
-            case Some(test, steps):
-                return Some(test, replace(steps))
-            case Rare(test, steps):
-                return Rare(test, replace(steps))
-            case OneByOne(steps):
-                return OneByOne(replace(steps))
+            case VectorBranch(test, steps):
+                return VectorBranch(test, replace(steps))
+            case ScalarBranch(test, steps):
+                return ScalarBranch(test, replace(steps))
+            case ScalarSteps(steps):
+                return ScalarSteps(replace(steps))
         return item
 
     made: Schedule = replace(schedule)

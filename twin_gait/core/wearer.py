@@ -60,7 +60,7 @@ def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float
     return -gain * excess if velocity > 0.0 else gain * excess
 
 
-def posture_place(angle: float, lowest: float, step: float, entries: int) -> tuple[int, float]:
+def find_grid_interval(angle: float, lowest: float, step: float, entries: int) -> tuple[int, float]:
     """Find the grid interval of an angle on an even grid, for linear interpolation; constant beyond its ends.
 
     Returns the index of the entry below, and the share of the next one.

@@ -9,7 +9,7 @@ from twin_gait.control.controller import Controller
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
 from twin_gait.control.controllers.position import PathParameters
-from twin_gait.core.plant import Plant, Spring, Stop
+from twin_gait.core.plant import Plant, Spring, MechanicalStop
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.leg_model import LegModel
@@ -76,14 +76,14 @@ class ControlParameters(quantities.Parameters):
         whole = abs(self.delay - self.delay_ticks * TICK) < 1e-9
         quantities.require(whole, "delay", DELAYS.expected, self.delay)
 
-    def controller(self, own: Controller | None = None) -> Controller:
+    def controller(self, user_controller: Controller | None = None) -> Controller:
         """Create the controller of the mode, or use one of the user's own, with its assistance.
 
         The fields of a shipped controller are initialized with the parameters of the same name here.
         """
         kind = CONTROLLERS[self.mode]
         settings = {name: getattr(self, name) for name in getattr(kind, "__dataclass_fields__", ())}
-        acting = kind(**settings) if own is None else own
+        acting = kind(**settings) if user_controller is None else user_controller
         return acting if self.assistance.is_full else Assistance(self.assistance, acting)
 
     @property
@@ -136,13 +136,13 @@ class PlantParameters(quantities.Parameters):
         for side, leg in model.legs.items():
             for joint, _ in leg.items():
                 row, actuator = found[model.index(side, joint)], self.actuators.get(joint)
-                row.stop = Stop(
+                row.stop = MechanicalStop(
                     *model.position_limits(side, joint), self.stops.stiffness, self.stops.dissipation
                 )
                 if joint is JointName.ANKLE:
                     row.spring = Spring(stiffness, ankle.damping, stiffness * ankle.rest)
                 if actuator is not None:
-                    row.friction = friction[joint].in_plant(actuator.gear_efficiency)
+                    row.friction = friction[joint].to_plant_friction(actuator.gear_efficiency)
                     row.armature = actuator.armature
         return found
 

@@ -6,24 +6,24 @@ from enum import StrEnum
 from functools import cached_property
 from typing import Annotated, Any
 
-from twin_gait.control.own_controller import OwnController
+from twin_gait.control.own_controller import UserController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlParameters, PlantParameters
 from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
 from twin_gait.gait.modes import ModeTable, TimedRequest, check_requests, parse_request
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.leg_model.joints import Bodies
+from twin_gait.leg_model.joints import BodySelection
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf_document import UrdfWarning
 from twin_gait.parameters.drives import SensorParameters
 from twin_gait.parameters.network import NetworkParameters
-from twin_gait.parameters.quantities import SEEDS, AsInFile, Notation, Parameters, Range, Time, Word, require
+from twin_gait.parameters.quantities import SEEDS, CustomSerialized, Notation, Parameters, Range, Time, LiteralAlias, require
 from twin_gait.parameters.surroundings import BraceParameters
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide
-from twin_gait.worlds.bracing import brace_world, carries
+from twin_gait.worlds.bracing import brace_world, is_step_stable
 from twin_gait.worlds.faults import Fault, FaultKind, parse_fault
-from twin_gait.worlds.registry import built
+from twin_gait.worlds.registry import build_world
 from twin_gait.worlds.world import LegSource, Scenario, World
 
 
@@ -122,7 +122,7 @@ class Experiment(Parameters):
     name: str
     scenario: Scenario
     leg: LegSource
-    table: Annotated[GaitTable, AsInFile()]
+    table: Annotated[GaitTable, CustomSerialized()]
     duration: Annotated[Time, DURATIONS] = 20.0
     patient: Patient | None = field(default_factory=Patient)
     control: ControlParameters = field(default_factory=ControlParameters)
@@ -132,13 +132,13 @@ class Experiment(Parameters):
     engine: Engine = Engine.COMPILED
     seed: Annotated[int, SEEDS] = 0
     faults: Annotated[tuple[Fault, ...], Notation(parse_fault)] = ()
-    interface: Annotated[BraceParameters | None, Word("rigid", "brace")] = None
-    network: Annotated[NetworkParameters | None, Word("ideal", "can")] = None
-    modes: Annotated[ModeTable | None, AsInFile()] = None
+    interface: Annotated[BraceParameters | None, LiteralAlias("rigid", "brace")] = None
+    network: Annotated[NetworkParameters | None, LiteralAlias("ideal", "can")] = None
+    modes: Annotated[ModeTable | None, CustomSerialized()] = None
     initial_mode: str | None = None
     requests: Annotated[tuple[TimedRequest, ...], Notation(parse_request)] = ()
-    controller: Annotated[OwnController | None, AsInFile()] = None
-    events: Annotated[tuple[Event, ...], AsInFile()] = ()
+    controller: Annotated[UserController | None, CustomSerialized()] = None
+    events: Annotated[tuple[Event, ...], CustomSerialized()] = ()
 
     def __post_init__(self) -> None:
         """Check the ranges, the joints of the table and the faults."""
@@ -212,7 +212,7 @@ class Experiment(Parameters):
             for key, given in needed.items():
                 if joint not in given:
                     raise ParameterError(f"{key}.{joint}: is missing, and {table} controls the {joint}")
-        refused = self.control.controller().refusal(self.joints)
+        refused = self.control.controller().check_joints(self.joints)
         if refused:
             raise ParameterError(f"{refused}; {table} controls {names}")
 
@@ -222,12 +222,12 @@ class Experiment(Parameters):
         return tuple(JointName(name) for name in self.table.joints)
 
     @property
-    def known_patient(self) -> Patient | None:
+    def assumed_patient(self) -> Patient | None:
         """Wearer that the controller assumes."""
         return self.control.patient or self.patient
 
     @property
-    def stepping(self) -> Integration:
+    def resolved_integration(self) -> Integration:
         """Integrator and step of the run."""
         braced = self.interface is not None
         return self.integration or default_integration(self.engine, self.scenario, braced=braced)
@@ -243,12 +243,12 @@ class Experiment(Parameters):
         require(pelvis in list(PelvisGuide), f"world {self.scenario.kind!r}: pelvis", "a PelvisGuide", pelvis)
         model = self.leg_model(self.patient, pelvis)
         self._compare_effort_limits(model)
-        world = built(
+        world = build_world(
             self.scenario, model, plant=plant.rows(model), ankle_rest=plant.ankle.rest, gravity=plant.gravity
         )
         if self.interface is not None:
             device, wearer = (
-                self.leg_model(self.patient, pelvis, bodies) for bodies in (Bodies.DEVICE, Bodies.WEARER)
+                self.leg_model(self.patient, pelvis, bodies) for bodies in (BodySelection.DEVICE, BodySelection.WEARER)
             )
             world = brace_world(world, device, wearer, self.interface)
         stiff = {} if self.interface is None else {"interface": "braces"}
@@ -272,7 +272,7 @@ class Experiment(Parameters):
                     warnings.warn(f"{self.leg.urdf}: {text}", UrdfWarning, stacklevel=3)
 
     def leg_model(
-        self, patient: Patient | None, pelvis: PelvisGuide, bodies: Bodies = Bodies.BOTH
+        self, patient: Patient | None, pelvis: PelvisGuide, bodies: BodySelection = BodySelection.BOTH
     ) -> LegModel:
         """Build the rigid bodies of the legs with a wearer, or None, and a guide of the pelvis."""
         return LegModel(
@@ -289,17 +289,17 @@ class Experiment(Parameters):
 
     def _require_step_for(self, world: World, keys: str, what: str) -> None:
         """Raise ParameterError if the step is too large for stable braces or bristles."""
-        step, runge_kutta = self.stepping.step, self.stepping.method is IntegrationMethod.RK4
-        if carries(world, step, runge_kutta=runge_kutta):
+        step, runge_kutta = self.resolved_integration.step, self.resolved_integration.method is IntegrationMethod.RK4
+        if is_step_stable(world, step, runge_kutta=runge_kutta):
             return
-        finer = (TICK / self.stepping.substeps / factor for factor in (2, 5, 10, 20, 50, 100))
-        enough = next((item for item in finer if carries(world, item, runge_kutta=runge_kutta)), None)
+        finer = (TICK / self.resolved_integration.substeps / factor for factor in (2, 5, 10, 20, 50, 100))
+        enough = next((item for item in finer if is_step_stable(world, item, runge_kutta=runge_kutta)), None)
         way_out = "take" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or take"
         raise ParameterError(
             f"{keys}: the {what} are too stiff or too strongly damped for a step of "
-            f"{1e3 * step:g} ms ({self.stepping.method}); {way_out} softer {what}"
+            f"{1e3 * step:g} ms ({self.resolved_integration.method}); {way_out} softer {what}"
         )
 
     def build_control_model(self) -> LegModel:
         """Build the model of the controller: pelvis fixed, with the wearer that the controller assumes."""
-        return self.leg_model(self.known_patient, PelvisGuide.FIXED)
+        return self.leg_model(self.assumed_patient, PelvisGuide.FIXED)

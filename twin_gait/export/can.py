@@ -38,7 +38,7 @@ class BusFrame(NamedTuple):
     data: bytes  # payload
 
 
-def messages_of(experiment: Experiment) -> dict[str, Message]:
+def network_messages(experiment: Experiment) -> dict[str, Message]:
     """Return the messages of the network of an experiment, at its cycle.
 
     Without a network, these are the messages of the packaged file.
@@ -73,7 +73,7 @@ def bus_frames(
     ticks = first + np.arange(len(rows["safety_state"]))
     found: list[BusFrame] = []
     for message in messages.values():
-        values = _values_of(message, rows, body_weight, tripped)
+        values = _signal_values(message, rows, body_weight, tripped)
         if not values:
             continue
         period = max(1, round(message.cycle / TICK))
@@ -95,7 +95,7 @@ _SETPOINT = {
     "equilibrium": "equilibrium_rad",
     "gain": "friction_compensation_gain",
 }
-_FED_FORWARD = ("gravity_compensation", "inertia_compensation", "target")
+_FEED_FORWARD_TERMS = ("gravity_compensation", "inertia_compensation", "target")
 _MEASUREMENT = {
     "angle": "measured_angle_rad",
     "velocity": "velocity_fast_rad_per_s",
@@ -103,7 +103,7 @@ _MEASUREMENT = {
 }
 
 
-def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -> dict[str, Any]:
+def _signal_values(message: Message, rows: Rows, body_weight: float, tripped: str) -> dict[str, Any]:
     """Return the values of the signals by name, without counter and time; empty if no node sends them."""
     board, _, kind = message.name.rpartition("_")
     if board in BOARDS and (kind == "command" or f"{board}_measured_angle_rad" not in rows):
@@ -112,7 +112,7 @@ def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -
         states = np.array([CODES["state"].index(name) for name in ("run", "hold")])
         return {
             **{name: rows[f"{board}_{column}"] for name, column in _SETPOINT.items()},
-            "torque": sum(rows[f"{board}_{name}_torque_Nm"] for name in _FED_FORWARD),
+            "torque": sum(rows[f"{board}_{name}_torque_Nm"] for name in _FEED_FORWARD_TERMS),
             "state": states[rows["safety_state"].astype(int)],
         }
     if kind == "measurement":

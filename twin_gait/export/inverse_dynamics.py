@@ -27,9 +27,9 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from twin_gait.conventions import DEGREES, Convention
-from twin_gait.core.contact import LEAST_FORCE, Point
+from twin_gait.core.contact import MIN_NORMAL_FORCE, ContactState
 from twin_gait.core.friction import rotational_torque
-from twin_gait.core.plant import passive_torque
+from twin_gait.core.plant import plant_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
 from twin_gait.files import write_atomically
@@ -39,7 +39,7 @@ from twin_gait.leg_model.bodies import BodyArrays, export_bodies
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.run import Run
-from twin_gait.templates import templates_in
+from twin_gait.templates import make_template_environment
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import World
 
@@ -98,7 +98,7 @@ def export_inverse_dynamics(
         in_degrees = file == MOTION_FILE
         write_storage(Path(folder) / file, {"time": time, **columns}, in_degrees=in_degrees)
     # The files have the format version that every OpenSim 4 reads.
-    templates = templates_in(Path(__file__).with_name("templates"), autoescape=True)
+    templates = make_template_environment(Path(__file__).with_name("templates"), autoescape=True)
     templates.filters["numbers"] = _numbers
     for file in pages:
         text = templates.get_template(file).render(content, bodies=_bodies(bodies, convention))
@@ -109,7 +109,7 @@ def _external_loads(
     run: Run, world: World, pelvis: Mapping[str, np.ndarray], device: bool
 ) -> list[ExternalLoad]:
     """Compute the loads of ground, support and guide on the bodies that are written."""
-    turn = _to_opensim(world.model.up_axis)
+    turn = _opensim_rotation(world.model.up_axis)
     loads = [_pelvis_load(run, world, pelvis, device)]
     if run.experiment.scenario.walking is not None and not (device and world.braces is not None):
         belt = turn @ _belt_axes(world)
@@ -136,7 +136,7 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     therefore corresponds approximately to the mean force at both speeds.
     """
     contacts, ground, axes = GroundContacts(world), world.ground(), _belt_axes(world)
-    points = [Point() for foot in contacts.feet.values() for _ in foot.points]
+    points = [ContactState() for foot in contacts.feet.values() for _ in foot.points]
     columns = state_columns(world.model, wearer=world.braces is not None)
     q, v = (run.log[names].to_numpy(dtype=float) for names in columns)
     found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
@@ -155,7 +155,7 @@ def _centres_of_pressure(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
     In the air, the last point on the ground is repeated, or the next one if there is none.
     """
-    loaded = force[:, 2] > LEAST_FORCE
+    loaded = force[:, 2] > MIN_NORMAL_FORCE
     point = np.full(force.shape, np.nan)
     point[loaded, 0] = -moment[loaded, 1] / force[loaded, 2]
     point[loaded, 1] = moment[loaded, 0] / force[loaded, 2]
@@ -172,7 +172,7 @@ def _pelvis_load(run: Run, world: World, pelvis: Mapping[str, np.ndarray], devic
         pushing = log.get("pelvis_forward_brace_force_N")
         along = zero if pushing is None else -pushing if device else along + pushing
     _, forward, height = pelvis.values()
-    turn = _to_opensim(world.model.up_axis)
+    turn = _opensim_rotation(world.model.up_axis)
     rows = ((along, zero, up), (forward, zero, height), (zero, moment, zero))
     return ExternalLoad("harness", PELVIS, *(np.column_stack(parts) @ turn.T for parts in rows))
 
@@ -216,7 +216,7 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         plant = world.plant[world.model.index(side, joint)]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
         moved = ((rotational_torque(plant.friction, speed, 0.0), angle, speed) for angle, speed in states)
-        return np.array([passive_torque(plant, *state, 0.0, 0.0) for state in moved])
+        return np.array([plant_torque(plant, *state, 0.0, 0.0) for state in moved])
     # The logged motor torque acts from its tick on; an acceleration at a tick is the mean over both sides.
     motor = log[f"{name}_motor_torque_Nm"]
     held = 0.5 * (motor + motor.shift().fillna(motor))
@@ -239,7 +239,7 @@ def _body_name(side: Side, joint: JointName) -> str:
     return f"{_BODIES[joint]}_{str(side)[0]}"
 
 
-def _to_opensim(up_axis: str) -> np.ndarray:
+def _opensim_rotation(up_axis: str) -> np.ndarray:
     """Return the rotation from the axes of a URDF to those of OpenSim."""
     return np.eye(3) if up_axis == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
@@ -262,7 +262,7 @@ def _bodies(model: LegModel, convention: Convention) -> list[dict[str, Any]]:
             index = model.index(side, joint)
             names[index] = _body_name(side, joint)
             coordinates[index] = (convention.columns[side, joint],), convention.signs.get(joint, 1.0)
-    turn, written = _to_opensim(model.up_axis), []
+    turn, written = _opensim_rotation(model.up_axis), []
     for index, body in enumerate(bodies):
         if index != model.forward_index:  # the planar joint of the pelvis represents both guides
             grounded = body.parent < 0 or body.parent == model.forward_index

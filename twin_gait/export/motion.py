@@ -47,7 +47,7 @@ def joint_angles(
     for (side, joint), name in convention.columns.items():
         column = wearer_column(own, side, joint, "angle_rad")
         if column in log:
-            angle = convention.turned(joint, log[column].to_numpy(dtype=float))
+            angle = convention.convert_angle(joint, log[column].to_numpy(dtype=float))
             if unit == DEGREES:  # a name that contains a unit contains the written one
                 name, angle = re.sub("_rad$", "_deg", name), np.degrees(angle)
             columns[name] = angle

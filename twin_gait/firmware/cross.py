@@ -18,7 +18,7 @@ _CAUSE = re.compile("error|undefined reference|overflowed")  # later lines are c
 
 
 @dataclass(frozen=True)
-class Unit:
+class UnitSources:
     """C of a unit in a folder: ``<name>.c``, and ``<name>.h`` with its record, ``init`` and ``step``."""
 
     # Prefix of its functions, such as ``exoskeleton``; its records are then ``Exoskeleton``,
@@ -29,7 +29,7 @@ class Unit:
     header: str = ""  # Header with record, ``init`` and ``step``, if it is not ``<name>.h``.
 
     @property
-    def words(self) -> list[str]:
+    def compiler_arguments(self) -> list[str]:
         """Arguments of the compiler for the unit: its names, and its source."""
         record = "".join(word.capitalize() for word in self.name.split("_"))
         names = [
@@ -50,28 +50,28 @@ def find_tool(name: str) -> str:
     return path
 
 
-def build_object(unit: Unit, folder: Path) -> Path:
+def build_object(unit: UnitSources, folder: Path) -> Path:
     """Compile a unit for the Cortex-M4F into an object file in an existing folder."""
     path = folder / f"{unit.name}.o"
-    _run("arm-none-eabi-gcc", [*FLAGS, *CORTEX_M4F, *unit.words, "-c", "-o", path])
+    _run("arm-none-eabi-gcc", [*FLAGS, *CORTEX_M4F, *unit.compiler_arguments, "-c", "-o", path])
     return path
 
 
-def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
+def build_image(unit: UnitSources, path: Path, *, flags: Sequence[str] = ()) -> Path:
     """Link a unit with main loop and start-up code of QEMU's mps2-an386 into an ELF file, without libm.
 
     Raises FirmwareError: there is no cross compiler, or it rejects a source.
     """
     harness = [TARGET / name for name in ("main.c", "cortex_m4.c", "clock.S")]
     script = ["-nostartfiles", "--specs=nano.specs", "-T", TARGET / "mps2_an386.ld"]
-    words = [*FLAGS, *CORTEX_M4F, *flags, *script, *unit.words, *harness, "-o", path]
+    words = [*FLAGS, *CORTEX_M4F, *flags, *script, *unit.compiler_arguments, *harness, "-o", path]
     _run("arm-none-eabi-gcc", words)
     return path
 
 
-def build_host(unit: Unit, path: Path, *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
+def build_host(unit: UnitSources, path: Path, *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
     """Link a unit with the same main loop into a program of this machine, by ``gcc`` or ``clang``."""
-    _run(compiler, [*FLAGS, *flags, *unit.words, TARGET / "main.c", TARGET / "host.c", "-o", path])
+    _run(compiler, [*FLAGS, *flags, *unit.compiler_arguments, TARGET / "main.c", TARGET / "host.c", "-o", path])
     return path
 
 

@@ -98,11 +98,11 @@ class UnitProcess:
                 raise FirmwareError(f"{self._name} has not answered within {self._timeout:g} s")
             part = os.read(process.stdout.fileno(), size - len(content))
             if not part:
-                raise FirmwareError(f"{self._name} has ended: {self._last_words(process)}")
+                raise FirmwareError(f"{self._name} has ended: {self._failure_text(process)}")
             content += part
         return content
 
-    def _last_words(self, process: Popen[bytes]) -> str:
+    def _failure_text(self, process: Popen[bytes]) -> str:
         assert process.stderr is not None  # __enter__ opens it
         said = process.stderr.read().decode(errors="replace").splitlines()
         status = process.wait()

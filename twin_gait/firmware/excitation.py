@@ -11,14 +11,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from twin_gait.control.joint_board import Limits
-from twin_gait.core.guards import guard_holds
+from twin_gait.core.guards import evaluate_guard
 from twin_gait.core.safety import SPEED_TRIP, Bounds
 from twin_gait.firmware.can_codec import CanMessage
 from twin_gait.gait.signals import DEVICE_SIGNALS
 
 Rows: TypeAlias = np.ndarray  # Inputs of a unit, shape ``(ticks,)``, from its tick 0 on.
 Values: TypeAlias = np.ndarray  # Signals of all legs and of the device, shape ``(signals,)``, in SI units.
-BESIDE = 0.003  # Distance from a bound or a threshold, as a share of it.
+THRESHOLD_MARGIN = 0.003  # Distance from a bound or a threshold, as a share of it.
 HEAT = 12.0  # Heat to which the winding tends while the heat model is excited; the monitor trips at 1.
 LONG = 1000.0  # Time in a phase in [s] that opens every guard on it.
 SEED = 48
@@ -31,26 +31,26 @@ def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterat
     """
     settings, bounds = unit.settings, unit.state.bounds
     rows = BoardInputs(bounds, settings.rates.period, dtype)
-    deaf = rows.travelling(0.3 * bounds.highest_speed, rows.middle, 16)
+    deaf = rows.rows_at_speed(0.3 * bounds.highest_speed, rows.middle, 16)
     deaf["heard"] = False
     yield deaf
     if repeated:
         return
-    yield from rows.monitored()
-    yield from rows.heated()
+    yield from rows.monitor_bound_rows()
+    yield from rows.heating_rows()
     limits: Limits = settings.limits
-    for side in (1.0 - BESIDE, 1.0 + BESIDE):
-        yield rows.held(bounds.torque_ticks + 3, target=side * bounds.highest_torque)
-        yield rows.held(3, target=-side * bounds.highest_command)
-        yield rows.held(3, target=side * limits.torque)
-    yield from rows.against_setpoint()
-    silent = rows.held(limits.controller_silence + limits.lowering_ticks + 9, speed=0.1)
+    for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
+        yield rows.rows_at_rest(bounds.torque_ticks + 3, target=side * bounds.highest_torque)
+        yield rows.rows_at_rest(3, target=-side * bounds.highest_command)
+        yield rows.rows_at_rest(3, target=side * limits.torque)
+    yield from rows.command_lag_rows()
+    silent = rows.rows_at_rest(limits.controller_timeout + limits.lowering_ticks + 9, speed=0.1)
     silent["demand"]["gravity"], silent["heard"][4:] = 5.0, False
     yield silent
-    held = rows.held(9, speed=0.2)
+    held = rows.rows_at_rest(9, speed=0.2)
     held["demand"]["held"], held["demand"]["damping"] = True, 40.0
     yield held
-    yield rows.wandering(np.random.default_rng(SEED))
+    yield rows.random_motion_rows(np.random.default_rng(SEED))
 
 
 class BoardInputs:
@@ -63,7 +63,7 @@ class BoardInputs:
         self.bounds, self.period, self.dtype = bounds, period, dtype
         self.middle = 0.5 * (bounds.lower + bounds.upper) if middle is None else middle
 
-    def moving(self, angles: np.ndarray, current: float = 0.0) -> Rows:
+    def rows_along(self, angles: np.ndarray, current: float = 0.0) -> Rows:
         """Return rows with angles in [rad], and the voltage of a motor that turns with them."""
         rows = np.zeros(len(angles), self.dtype)
         speed = np.diff(angles, prepend=angles[:1]) / self.period
@@ -71,70 +71,70 @@ class BoardInputs:
         rows["voltage"] = self.bounds.emf_constant * speed + self.bounds.model_resistance * current
         return rows
 
-    def held(
+    def rows_at_rest(
         self, ticks: int, *, speed: float = 0.0, current: float = 0.0, deviation: float = 0.0,
         target: float = 0.0,
     ) -> Rows:  # fmt: skip
         """Return rows with a joint at rest, and a motor with a speed, a current and a demand."""
-        rows = self.moving(np.full(ticks + 2, self.middle))
+        rows = self.rows_along(np.full(ticks + 2, self.middle))
         rows["current"][2:], rows["current_deviation"][2:] = current, deviation
         rows["voltage"][2:] = self.bounds.emf_constant * speed + self.bounds.model_resistance * current
         rows["demand"]["target"][2:] = target
         return rows
 
-    def travelling(self, speed: float, end: float, ticks: int = 120) -> Rows:
+    def rows_at_speed(self, speed: float, end: float, ticks: int = 120) -> Rows:
         """Return rows with a joint that moves at a speed in [rad] / [s] to an angle in [rad]."""
-        return self.moving(end + speed * self.period * np.minimum(np.arange(-ticks, 4), 0))
+        return self.rows_along(end + speed * self.period * np.minimum(np.arange(-ticks, 4), 0))
 
-    def monitored(self) -> Iterator[Rows]:
+    def monitor_bound_rows(self) -> Iterator[Rows]:
         """Yield rows on both sides of each bound of the monitor that the drive or the encoder can meet."""
         bounds = self.bounds
-        for side in (1.0 - BESIDE, 1.0 + BESIDE):
-            yield self.travelling(side * bounds.highest_speed, self.middle)
+        for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
+            yield self.rows_at_speed(side * bounds.highest_speed, self.middle)
             jump = np.full(4, self.middle)
             jump[2:] += side * bounds.angle_step
-            yield self.moving(jump)
-            yield self.held(bounds.frozen_ticks + 3, speed=side * bounds.frozen_speed)
-            yield self.held(3, current=side * bounds.highest_current)
-            yield self.held(bounds.drive_ticks + 3, deviation=-side * bounds.drive_deviation)
+            yield self.rows_along(jump)
+            yield self.rows_at_rest(bounds.frozen_ticks + 3, speed=side * bounds.frozen_speed)
+            yield self.rows_at_rest(3, current=side * bounds.highest_current)
+            yield self.rows_at_rest(bounds.drive_ticks + 3, deviation=-side * bounds.drive_deviation)
             speed = 0.8 * bounds.highest_speed
             stop = (1.0 - 0.1 * (side - 1.0)) * bounds.stop_distance_factor * speed * speed
-            yield self.travelling(speed, bounds.upper - stop)
-            yield self.travelling(-speed, bounds.lower + stop)
+            yield self.rows_at_speed(speed, bounds.upper - stop)
+            yield self.rows_at_speed(-speed, bounds.lower + stop)
         residual = 1.1 * bounds.model_deviation * bounds.model_gain / self.period
-        yield self.held(900, speed=min(residual, 0.95 * bounds.frozen_speed))
+        yield self.rows_at_rest(900, speed=min(residual, 0.95 * bounds.frozen_speed))
         missing = np.full(4, self.middle)
         missing[2:] = math.nan
-        yield self.moving(missing)
+        yield self.rows_along(missing)
 
-    def heated(self) -> Iterator[Rows]:
+    def heating_rows(self) -> Iterator[Rows]:
         """Yield rows with a current that heats the winding until the monitor trips, if there is one."""
         bounds = self.bounds
         current = min(math.sqrt(HEAT * bounds.cooling / bounds.heating), 0.99 * bounds.highest_current)
         final = bounds.heating * current * current / bounds.cooling
         if final > 1.02:
-            yield self.held(
+            yield self.rows_at_rest(
                 3 + math.ceil(math.log(1.0 - 1.0 / final) / math.log(1.0 - bounds.cooling)), current=current
             )
 
-    def against_setpoint(self) -> Iterator[Rows]:
+    def command_lag_rows(self) -> Iterator[Rows]:
         """Yield rows with a spring so stiff that the command lags behind its set point, around the bound."""
         bounds = self.bounds
         speed = 0.6 * bounds.highest_speed
-        for side in (1.0 - BESIDE, 1.0 + BESIDE):
-            rows = self.travelling(speed, self.middle, 220)
+        for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
+            rows = self.rows_at_speed(speed, self.middle, 220)
             rows["demand"]["stiffness"] = side * bounds.command_deviation / (speed * self.period)
             rows["demand"]["equilibrium"] = rows["angle"]
             yield rows
 
-    def wandering(self, random: np.random.Generator, ticks: int = 1500) -> Rows:
+    def random_motion_rows(self, random: np.random.Generator, ticks: int = 1500) -> Rows:
         """Return rows with smooth motions of all speeds, and demands that change."""
         times, bounds = np.arange(ticks) * self.period, self.bounds
         angles = np.full(ticks, self.middle)
         for part in (0.3, 0.15, 0.05):
             speed = part * bounds.highest_speed
             angles += speed * np.sin((rate := random.uniform(3.0, 12.0)) * times) / rate
-        rows = self.moving(angles, 1.5)
+        rows = self.rows_along(angles, 1.5)
         for name, most in (
             ("stiffness", 50.0),
             ("damping", 5.0),
@@ -151,32 +151,32 @@ def controller_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
     """Yield inputs of the gait controller that excite its time-outs, and what it watches."""
     limits, state = unit.settings.limits, unit.state
     supply, per_leg = state.supply, len(state.joints) // len(state.legs)
-    for side in (1.0 - BESIDE, 1.0 + BESIDE):
-        low = standing(supply.low_ticks + 4, state, dtype)
+    for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
+        low = standing_rows(supply.low_ticks + 4, state, dtype)
         low["surroundings"]["bus_voltage"][2:] = supply.least_voltage * side
         yield low
         for number, leg in enumerate(state.legs):
-            frozen = standing(limits.frozen_load_ticks + 6, state, dtype)
+            frozen = standing_rows(limits.frozen_load_ticks + 6, state, dtype)
             frozen["surroundings"]["loads"][:, number] = 0.5
             frozen["measurements"]["motor_speed"][:, number * per_leg] = leg.frozen_speed * side
             yield frozen
     for number in range(len(state.joints)):
-        silent = standing(limits.board_silence + 6, state, dtype)
+        silent = standing_rows(limits.board_silence + 6, state, dtype)
         silent["heard"][2:, number] = False
         yield silent
-    deaf = standing(limits.board_silence + 6, state, dtype)
+    deaf = standing_rows(limits.board_silence + 6, state, dtype)
     deaf["heard"] = False
     yield deaf
-    tripped = standing(limits.lowering_ticks + 50, state, dtype)
+    tripped = standing_rows(limits.lowering_ticks + 50, state, dtype)
     tripped["measurements"]["cause"][40:, 0] = SPEED_TRIP
     tripped["measurements"]["angle"] = tripped["measurements"]["last_angle"] = 0.3
     yield tripped
-    late = standing(limits.phase_ticks + 3, state, dtype)
+    late = standing_rows(limits.phase_ticks + 3, state, dtype)
     late["measurements"]["angle"], late["surroundings"]["loads"] = closing_angles(state, 1.0), math.nan
     yield late
 
 
-def standing(ticks: int, state: Any, dtype: np.dtype[Any]) -> Rows:
+def standing_rows(ticks: int, state: Any, dtype: np.dtype[Any]) -> Rows:
     """Return rows of the gait controller or the exoskeleton with joints at their first equilibrium angles."""
     rows, per_leg = np.zeros(ticks, dtype), len(state.joints) // len(state.legs)
     around = rows["surroundings"]
@@ -245,7 +245,7 @@ def closing_angles(state: Any, command: float) -> Values:
         own = [[*chain(*((angle, 0.0) for angle in row)), math.nan, LONG] for row in angles]
         if not any(
             rule.source == leg.phase
-            and guard_holds(
+            and evaluate_guard(
                 program, rule.first_node, rule.end_node, [*own[k], *own[k - 1], *device], legs[k - 1].phase
             )
             for k, leg in enumerate(legs)

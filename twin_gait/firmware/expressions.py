@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.kinds import BOOL, INT, REAL, SCALARS, Kind, ListKind, Scalar, joined
-from twin_gait.firmware.layout import TAKEN, identifier
+from twin_gait.firmware.layout import RESERVED_WORDS, identifier
 from twin_gait.firmware.source import Source
 from twin_gait.firmware.values import (
     AND,
@@ -60,7 +60,7 @@ BUILT_IN = {"abs": 1, "max": 2, "min": 2, "len": 1, "float": 1, "int": 1}  # num
 class Expressions:
     """Analyses and prints the expressions of one function."""
 
-    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = TAKEN) -> None:
+    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = RESERVED_WORDS) -> None:
         """Store the analysed function, and names that are not available for its variables."""
         self.functions, self.function, self.source = functions, function, function.source
         self.taken = taken
@@ -70,7 +70,7 @@ class Expressions:
         """Return the name in C of an argument or a variable of the function."""
         return identifier(name, self.taken)
 
-    def known(self, name: str) -> Kind:
+    def kind_of_name(self, name: str) -> Kind:
         """Return the kind of an argument or a variable of the function; None for any other name."""
         return self.function.params.get(name) or self.function.locals.get(name)
 
@@ -79,25 +79,25 @@ class Expressions:
         kind = value.kind
         widened = (kind in (INT, BOOL) and wanted is REAL) or (kind is BOOL and wanted is INT)
         if kind != wanted and not widened and joined(kind, wanted) is None:
-            raise self.source.refused(node, f"is {kind} where {wanted} is expected")
+            raise self.source.print_error(node, f"is {kind} where {wanted} is expected")
         return value.in_kind(wanted)
 
     def expect(self, node: ast.expr, wanted: Kind) -> Value:
         """Return an expression of a given kind."""
         return self.fit(node, self.value(node), wanted)
 
-    def wrote(self, value: Value) -> None:
+    def mark_written(self, value: Value) -> None:
         """Record that a record or list is written to, and so all records through which it is reached."""
         self.functions.mutable.update(field for field in value.fields if field is not None)
         if value.name not in self.function.written:
             self.function.written.add(value.name)
             for other in self.function.aliases.get(value.name, ()):
-                self.wrote(other)
+                self.mark_written(other)
 
     def length(self, node: ast.AST, value: Value) -> int:
         """Return the length of a list and record that it is relevant; raise FirmwareError if unknown."""
         if not isinstance(value.kind, ListKind) or value.kind.length is None:
-            raise self.source.refused(node, "is no list of one known length")
+            raise self.source.print_error(node, "is no list of one known length")
         self._note_length(value)
         return value.kind.length
 
@@ -113,10 +113,10 @@ class Expressions:
         kinds = [value.kind for value in values]
         for node, kind in zip(nodes, kinds, strict=True):
             if not isinstance(kind, Scalar):
-                raise self.source.refused(node, "is no number")
+                raise self.source.print_error(node, "is no number")
         return values, REAL if REAL in kinds else INT if INT in kinds else BOOL
 
-    def whole(self, node: ast.expr) -> Value:
+    def statement_value(self, node: ast.expr) -> Value:
         """Return an expression that is a whole statement, in which it may change records."""
         self.alone = node
         return self.value(node)
@@ -127,8 +127,8 @@ class Expressions:
             case ast.Constant(value=bool() | int() | float() as value):
                 kind = SCALARS[type(value)]
                 return Value(kind, number(value, kind))
-            case ast.Name(id=name) if self.known(name) is not None:
-                return Value(self.known(name), self.local(name), is_address=True, name=name)
+            case ast.Name(id=name) if self.kind_of_name(name) is not None:
+                return Value(self.kind_of_name(name), self.local(name), is_address=True, name=name)
             case ast.Name():
                 return self._constant(node)
             case ast.Attribute(value=ast.Name(id="math"), attr=name):
@@ -157,17 +157,17 @@ class Expressions:
                 return Value(kind, f"{given} ? {yes} : {no}", CHOICE)
             case ast.Call():
                 return self.call(node)
-        raise self.source.refused(node, "an expression that is not printed")
+        raise self.source.print_error(node, "an expression that is not printed")
 
     def _field(self, node: ast.Attribute) -> Value:
         """Return a field of a record, which may be written to."""
         record = self.value(node.value)
         if not isinstance(record.kind, type):
-            raise self.source.refused(node, "is no field of a record")
+            raise self.source.print_error(node, "is no field of a record")
         field = (record.kind, node.attr)
         kind = self.functions.shapes.fields.get(field[0], {}).get(node.attr)
         if kind is None:
-            raise self.source.refused(node, f"no sample of {field[0].__name__} has {node.attr}")
+            raise self.source.print_error(node, f"no sample of {field[0].__name__} has {node.attr}")
         self.functions.used.add(field)
         text = f"{record.text}{'->' if record.is_address else '.'}{identifier(node.attr)}"
         reached, address = (*record.fields, field), field not in self.functions.mutable
@@ -177,15 +177,15 @@ class Expressions:
         """Return an entry of a list, which may be written to."""
         items, at = self.value(node.value), self.expect(node.slice, INT)
         if not isinstance(items.kind, ListKind) or isinstance(node.slice, ast.UnaryOp):
-            raise self.source.refused(node, "is no entry of a list, counted from its beginning")
+            raise self.source.print_error(node, "is no entry of a list, counted from its beginning")
         kind, text, reached = items.kind.item, f"{items.text}[{at.text}]", (*items.fields, None)
         return replace(items, kind=kind, text=text, is_address=False, fields=reached)
 
     def _constant(self, node: ast.Name) -> Value:
-        value = self.functions.sources.found(node.id, self.source.scope)
+        value = self.functions.sources.resolve(node.id, self.source.scope)
         kind = SCALARS.get(type(value))
         if kind is None:
-            raise self.source.refused(node, "is no constant number")
+            raise self.source.print_error(node, "is no constant number")
         self.function.constants[node.id] = value
         return Value(kind, identifier(node.id))
 
@@ -193,7 +193,7 @@ class Expressions:
         (inner,), kind = self.numbers([node.operand])
         sign, kinds = SIGNS.get(type(node.op), ("", ()))
         if kind not in kinds:
-            raise self.source.refused(node, f"a sign that {kind} does not take")
+            raise self.source.print_error(node, f"a sign that {kind} does not take")
         text = inner.inside(UNARY)
         text = f"{sign}({text})" if text[0] == sign == "-" else sign + text
         return Value(inner.kind, text, UNARY)
@@ -203,7 +203,7 @@ class Expressions:
         kind = REAL if isinstance(node.op, ast.Div) else kind
         sign, binds, kinds = OPERATORS.get(type(node.op), ("", PRIMARY, ()))
         if kind not in kinds:
-            raise self.source.refused(node, "arithmetic that is not printed")
+            raise self.source.print_error(node, "arithmetic that is not printed")
         left, right = (operand.in_kind(kind) for operand in operands)
         if binds == PRIMARY:
             return Value(kind, f"{sign}({left.text}, {right.text})")
@@ -217,7 +217,7 @@ class Expressions:
         parts, binds = [], AND
         for left, op, right in zip(items, node.ops, items[1:], strict=False):
             if type(op) not in RELATIONS:
-                raise self.source.refused(node, "a comparison that is not printed")
+                raise self.source.print_error(node, "a comparison that is not printed")
             sign, binds = RELATIONS[type(op)]
             kind = REAL if REAL in (left.kind, right.kind) else INT
             parts.append(f"{left.in_kind(kind).inside(SHIFT)} {sign} {right.in_kind(kind).inside(SHIFT)}")
@@ -227,7 +227,7 @@ class Expressions:
         """Return a call of a function of real.h or of a printed function."""
         match node:
             case ast.Call(keywords=[_, *_]):
-                raise self.source.refused(node, "arguments are given by place")
+                raise self.source.print_error(node, "arguments are given by place")
             case ast.Call(func=ast.Name(id="int"), args=[ast.Call(ast.Attribute(attr="floor")) as inner]):
                 floor = self.call(inner)
                 return replace(floor, kind=INT, text=floor.text.replace("real", "int", 1))
@@ -237,19 +237,19 @@ class Expressions:
                 given = self.expect(node.args[0], REAL)
                 return Value(REAL if name == "floor" else BOOL, f"real_{name}({given.text})")
             case ast.Call(func=ast.Name(id=name)):
-                source = self.functions.sources.found(name, self.source.scope)
+                source = self.functions.sources.resolve(name, self.source.scope)
                 if isinstance(source, Source):
                     return self._call_of(node, source)
-        raise self.source.refused(node, "a function that is not printed")
+        raise self.source.print_error(node, "a function that is not printed")
 
     def _built_in(self, node: ast.Call, name: str) -> Value:
         if len(node.args) != BUILT_IN[name]:
-            raise self.source.refused(node, "a function that is not printed")
+            raise self.source.print_error(node, "a function that is not printed")
         if name == "len":
             return Value(INT, str(self.length(node.args[0], self.value(node.args[0]))))
         values, kind = self.numbers(node.args)
         if (name == "int" and kind is REAL) or (name == "abs" and kind is BOOL):
-            raise self.source.refused(node, "a function that is not printed")
+            raise self.source.print_error(node, "a function that is not printed")
         kind = {"float": REAL, "int": INT}.get(name, INT if kind is BOOL else kind)
         called = f"({kind})" if name in ("float", "int") else f"{'real' if kind is REAL else 'int'}_{name}"
         return Value(kind, f"{called}({', '.join(value.in_kind(kind).text for value in values)})")
@@ -263,9 +263,9 @@ class Expressions:
         for item, value, (name, wanted) in zip(node.args, given, called.params.items(), strict=True):
             texts.append(self.fit(item, value, wanted).text)
             if name in called.written:
-                self.wrote(value)
+                self.mark_written(value)
             if name in called.lengths:
                 self.length(item, value)
         if called.writes and node is not self.alone:  # C may evaluate other operands before or after it
-            raise self.source.refused(node, "changes records beside what else is read; name its result")
+            raise self.source.print_error(node, "changes records beside what else is read; name its result")
         return Value(called.returns, f"{called.name}({', '.join(texts)})")

@@ -13,7 +13,7 @@ from twin_gait.firmware.values import Value
 
 ELEMENTARY = "twin_gait.core.elementary"
 # Functions on the bits of a number, which real.h contains.
-BY_HAND = {(ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")}
+HANDWRITTEN = {(ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")}
 
 
 @dataclass(slots=True, eq=False)
@@ -77,13 +77,13 @@ class Functions:
             try:
                 kinds.append(kind_of_hint(source.hints.get(item.arg, item.arg)))
             except TypeError:
-                raise source.refused(source.tree.args, f"{item.arg} is of no kind that C knows") from None
+                raise source.print_error(source.tree.args, f"{item.arg} is of no kind that C knows") from None
         return self.called(source, kinds)
 
     def called(self, source: Source, given: Sequence[Kind]) -> Function:
         """Analyse a function for arguments of given kinds."""
         if source in self._open:
-            raise source.refused(source.tree.args, "recursion, which has no bounded stack")
+            raise source.print_error(source.tree.args, "recursion, which has no bounded stack")
         names = [item.arg for item in source.tree.args.args]
         params: dict[str, Kind] = {}
         for name, kind in zip(names, given, strict=True):
@@ -92,7 +92,7 @@ class Functions:
         known = self._found.get(source)
         if known is None:
             known = self._found[source] = Function(source, params, kind_of_hint(source.hints.get("return")))
-            if (source.module, source.name) not in BY_HAND:
+            if (source.module, source.name) not in HANDWRITTEN:
                 self._open.append(source)
                 # Its writes are complete after its last line only, so that it is printed in a second pass.
                 self._read(self, known)
@@ -102,6 +102,6 @@ class Functions:
         for name, kind in params.items():
             before, both = known.params[name], joined(known.params[name], kind)
             if (both is None and kind is not None) or (both != before and name in known.lengths):
-                raise source.refused(source.tree.args, f"{name} is of two kinds in two calls")
+                raise source.print_error(source.tree.args, f"{name} is of two kinds in two calls")
             known.params[name] = both
         return known

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from twin_gait.control.gait_controller import PER_JOINT, PER_LEG
-from twin_gait.core.guards import OP_COMPARE, Comparison
+from twin_gait.core.guards import OP_COMPARE, CompiledComparison
 from twin_gait.core.safety import Bounds
 from twin_gait.firmware.excitation import (
-    BESIDE,
+    THRESHOLD_MARGIN,
     SEED,
     BoardInputs,
     Rows,
@@ -23,7 +23,7 @@ from twin_gait.firmware.excitation import (
     closing_angles,
     device_inputs,
     field_names,
-    standing,
+    standing_rows,
 )
 from twin_gait.firmware.python_unit import PythonUnit
 from twin_gait.gait.signals import DEVICE_SIGNALS
@@ -83,8 +83,8 @@ class Guards:
         nodes = range(rule.first_node, rule.end_node)
         self._put(leg, nodes, 1.0, low)
         high, ticks = low.copy(), rule.debounce_ticks + 2
-        self._put(leg, [chosen], -BESIDE, low)
-        self._put(leg, [chosen], BESIDE, high)
+        self._put(leg, [chosen], -THRESHOLD_MARGIN, low)
+        self._put(leg, [chosen], THRESHOLD_MARGIN, high)
         for item in self._comparisons(nodes):
             is_time_in_phase = item.factor_b == 0.0 and item.signal_a % self.block == self.block - 1
             if is_time_in_phase:
@@ -94,7 +94,7 @@ class Guards:
         last = self.random.choice([ticks, 150], p=[0.9, 0.1])  # Some last until parameters have faded.
         return np.concatenate([self._rows(low, first), self._rows(high, int(last))])
 
-    def _comparisons(self, nodes: Iterable[int]) -> list[Comparison]:
+    def _comparisons(self, nodes: Iterable[int]) -> list[CompiledComparison]:
         program = self.state.program
         compared = (program.nodes[k] for k in nodes if program.nodes[k].operation == OP_COMPARE)
         return [program.comparisons[node.operand] for node in compared]
@@ -126,11 +126,11 @@ class Guards:
             start, self.angles = self.angles, np.clip(angles, lowest + 0.2, highest - 0.2)
             count = max(1, math.ceil(np.max(np.abs(self.angles - start) / most)))
             path = start + (self.angles - start) * np.minimum(np.arange(count + ticks) / count, 1.0)[:, None]
-            rows = standing(len(path) - 1, self.state, self.dtype)
+            rows = standing_rows(len(path) - 1, self.state, self.dtype)
             for place, board in enumerate(self.boards):
-                rows["boards"][:, place] = board.moving(path[:, place])[1:]
+                rows["boards"][:, place] = board.rows_along(path[:, place])[1:]
         else:
-            rows = standing(ticks, self.state, self.dtype)
+            rows = standing_rows(ticks, self.state, self.dtype)
             measured = rows["measurements"]
             measured["angle"] = measured["last_angle"] = angles
             measured["velocity"] = own[:, 1:joints:PER_JOINT].ravel()
@@ -155,22 +155,22 @@ def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) ->
         if own.bounds in seen:  # Equal bounds are printed as one table.
             continue
         seen.append(own.bounds)
-        for used, episodes in ((boards, own.monitored()), (resting, resting[number].heated())):
+        for used, episodes in ((boards, own.monitor_bound_rows()), (resting, resting[number].heating_rows())):
             for one in episodes:
-                rows = standing(len(one), state, dtype)
+                rows = standing_rows(len(one), state, dtype)
                 for place, other in enumerate(used):
-                    rows["boards"][:, place] = one if place == number else other.held(len(one) - 2)
+                    rows["boards"][:, place] = one if place == number else other.rows_at_rest(len(one) - 2)
                 if used is resting:
                     rows["surroundings"]["loads"] = math.nan
                     for name in field_names(device_inputs(rows)):
                         device_inputs(rows)[name] = 0.0
                 with unit:
                     yield rows, unit.exchange(rows)
-    for side in (1.0 - BESIDE, 1.0 + BESIDE):
-        turning = boards[0].travelling(side * state.legs[0].frozen_speed, boards[0].middle)
-        rows = standing(len(turning), state, dtype)
+    for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
+        turning = boards[0].rows_at_speed(side * state.legs[0].frozen_speed, boards[0].middle)
+        rows = standing_rows(len(turning), state, dtype)
         for place, other in enumerate(boards):
-            rows["boards"][:, place] = turning if place == 0 else other.held(len(rows) - 2)
+            rows["boards"][:, place] = turning if place == 0 else other.rows_at_rest(len(rows) - 2)
         rows["surroundings"]["loads"] = 0.4
         rows["surroundings"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
         with unit:

@@ -12,7 +12,7 @@ from enum import StrEnum
 from typing import Any, TypeAlias, get_args, get_origin
 
 from twin_gait.exceptions import FirmwareError
-from twin_gait.simulation.record import ABSENT, kinds_of
+from twin_gait.simulation.record import ABSENT, field_types
 
 
 class Scalar(StrEnum):
@@ -83,7 +83,7 @@ class Shapes:
             return
         self._visited.add(id(record))
         known = self.fields.setdefault(kind, {})
-        for name, entry in kinds_of(kind):
+        for name, entry in field_types(kind):
             value = getattr(record, name)
             if value is not ABSENT and value != [] and value != ():
                 found = self._kind(value, entry)

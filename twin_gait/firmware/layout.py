@@ -9,20 +9,20 @@ from twin_gait.docstrings import docstring_of
 WIDTH = 100
 INDENT = 4
 # Words of C99, of its headers and of this package's headers that are not available as names.
-TAKEN = frozenset(
+RESERVED_WORDS = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int "
     "long register restrict return short signed sizeof static struct switch typedef union unsigned void "
     "volatile while asm bool true false real NULL INFINITY NAN main".split()
 )
 
 
-def identifier(name: str, taken: frozenset[str] | set[str] = TAKEN) -> str:
+def identifier(name: str, taken: frozenset[str] | set[str] = RESERVED_WORDS) -> str:
     """Convert a name of Python to C: without leading underscores, and another one if it is taken."""
     short = name.lstrip("_") or "unused"
     return f"{short}_" if short in taken else short
 
 
-def plain(text: str) -> str:
+def strip_markup(text: str) -> str:
     """Return a line of a docstring without its markup."""
     text = re.sub(r":\w+:`~?(?:[\w.]*\.)?([^`]+)`", r"\1", text)
     text = re.sub(r"\\[ ,;]", " ", text.replace("``", "").replace(r"\le ", "<= "))
@@ -32,7 +32,7 @@ def plain(text: str) -> str:
 
 def comment(text: str, indent: int = 0) -> list[str]:
     """Return a comment, on one line if it fits."""
-    lines = textwrap.wrap(plain(text), WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(strip_markup(text), WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False)
     if not lines:
         return []
     pad = " " * indent

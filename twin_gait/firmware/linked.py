@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pandas as pd
 
-from twin_gait.control.joint_board import Command, Demand
+from twin_gait.control.joint_board import Command, JointSetpoint
 from twin_gait.core.guards import GuardProgram
 from twin_gait.exceptions import FirmwareError
 from twin_gait.experiment.experiment import Experiment
@@ -16,9 +16,9 @@ from twin_gait.firmware import units
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK
-from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
-from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_merged_functions
+from twin_gait.simulation.compiled_engine import CompiledEngine, assemble
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
 from twin_gait.worlds.faults import FaultKind
@@ -43,7 +43,7 @@ SENSORS = {
     "surroundings.request": "controller.supervisor.request",
 }
 # Outputs of the unit, and their fields in the record of an engine, valid at the end of a tick.
-ANSWERS = {
+OUTPUT_FIELDS = {
     "demands": "joints.board.demand",
     "commands": "joints.board.command",
     "decision.phases": "controller.legs.phase",
@@ -55,55 +55,55 @@ ANSWERS = {
 }
 
 
-class LinkedUnit(NamedTuple):
+class ExoskeletonUnit(NamedTuple):
     """The data from which the unit of an experiment is printed, and to which it is bound."""
 
     record: units.Exoskeleton  # state at tick 0
     inputs: units.ExoskeletonInputs  # inputs of a tick; only their shape has a meaning
     outputs: units.ExoskeletonOutputs  # outputs of a tick; only their shape has a meaning
-    structure: Mapping[str, Any]  # constants and functions of the controller to which it is bound
+    build_flags: Mapping[str, Any]  # constants and functions of the controller to which it is bound
     kernel: str  # source of the functions of the controller's model
 
 
-def linked_unit(problem: Problem) -> LinkedUnit:
+def build_exoskeleton_unit(setup: SimulationSetup) -> ExoskeletonUnit:
     """Build the unit of a simulation setup; it receives angles as counts times the angle of a count."""
-    bodies, episode, structure = laid_out(problem)
+    bodies, episode, structure = assemble(setup)
     boards = [joint.board for joint in episode.joints]
     for board in boards:
         board.encoder.resolution = 0.0
     controller = episode.controller
-    trim(problem.program, controller.program, [leg.debounce for leg in controller.legs])
-    part_ticks(controller.program, problem.table.signals)
-    if problem.experiment.modes is not None:
-        modes = replace(problem.experiment.modes, joints=problem.table.joints)
+    trim(setup.program, controller.program, [leg.debounce for leg in controller.legs])
+    shift_time_thresholds(controller.program, setup.table.signals)
+    if setup.experiment.modes is not None:
+        modes = replace(setup.experiment.modes, joints=setup.table.joints)
         trim(compile_guards(modes), controller.supervisor.program, [controller.supervisor.debounce])
-        part_ticks(controller.supervisor.program, modes.signals)
+        shift_time_thresholds(controller.supervisor.program, modes.signals)
     joints, legs = len(boards), len(episode.controller.legs)
-    settings = units.Settings(episode.rates, episode.limits, episode.watching)
+    settings = units.UnitSettings(episode.rates, episode.limits, episode.watching)
     inputs = units.ExoskeletonInputs(
-        [units.JointBoardInputs() for _ in range(joints)], units.Surroundings([0.0] * legs)
+        [units.JointBoardInputs() for _ in range(joints)], units.DirectInputs([0.0] * legs)
     )
-    demands, commands = [Demand() for _ in range(joints)], [Command() for _ in range(joints)]
+    demands, commands = [JointSetpoint() for _ in range(joints)], [Command() for _ in range(joints)]
     outputs = units.ExoskeletonOutputs(demands, commands, units.Decision([0] * legs, [0] * legs))
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
     if structure["INERTIA_WANTED"]:
         texts.append(write_control_inertia(bodies.control_bodies))
-    kernel = "\n\n".join([*write_side_by_side("".join(texts)), *texts])
-    names = {**structure, **problem.controller.functions()}
-    return LinkedUnit(units.Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
+    kernel = "\n\n".join([*write_merged_functions("".join(texts)), *texts])
+    names = {**structure, **setup.controller.tick_functions()}
+    return ExoskeletonUnit(units.Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
 
 
-def trim(program: GuardProgram, room: GuardProgram, debounces: Sequence[list[int]]) -> None:
+def trim(program: GuardProgram, padded: GuardProgram, debounces: Sequence[list[int]]) -> None:
     """Remove, in place, the empty entries with which tables of similar size share a compiled loop."""
     count = max(1, len(program.transitions))
-    del room.transitions[count:]
-    del room.nodes[max(1, len(program.nodes)) :]
-    del room.comparisons[max(1, len(program.comparisons)) :]
+    del padded.transitions[count:]
+    del padded.nodes[max(1, len(program.nodes)) :]
+    del padded.comparisons[max(1, len(program.comparisons)) :]
     for debounce in debounces:
         del debounce[count:]
 
 
-def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
+def shift_time_thresholds(program: GuardProgram, signals: Sequence[str]) -> None:
     """Move, in place, thresholds on the time in a phase half-way to the next tick; no result changes.
 
     A time of whole ticks that meets its threshold exactly in double numbers may not do so in float.
@@ -115,7 +115,7 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
             comparison.threshold = (ticks + 0.5) * TICK
 
 
-class Vectors(NamedTuple):
+class RunVectors(NamedTuple):
     """Inputs and outputs of the unit in a run."""
 
     run: Run  # run of the compiled engine
@@ -143,7 +143,7 @@ class Vectors(NamedTuple):
 
 def record_vectors(
     experiment: Experiment, progress: Progress | None = None, on_compile: Callable[[], None] | None = None
-) -> Vectors:
+) -> RunVectors:
     """Run an experiment on the compiled engine, and record inputs and outputs of the unit in each tick.
 
     ``experiment``: run without its bus. ``progress``: called at intervals with finished ticks and total
@@ -151,22 +151,22 @@ def record_vectors(
     fault of the controller itself.
     """
     engine = engine_without_bus(experiment, on_compile)
-    unit, ticks, record = linked_unit(engine.problem), experiment.n_ticks, engine.store
+    unit, ticks, record = build_exoskeleton_unit(engine.setup), experiment.n_ticks, engine.store
     inputs, outputs = (np.zeros(ticks, dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
-    earlier = pairs_of(DRIVES, inputs, record)
+    earlier = field_pairs(DRIVES, inputs, record)
     measured = record["controller"]["joints"]["measurement"]
     measurements = np.zeros((ticks, measured.shape[1]), measured.dtype)
-    now = pairs_of(SENSORS, inputs, record) + pairs_of(ANSWERS, outputs, record)
+    now = field_pairs(SENSORS, inputs, record) + field_pairs(OUTPUT_FIELDS, outputs, record)
     now.append((measurements, measured))
 
     def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
-        keep(earlier, tick)
+        copy_row(earlier, tick)
         engine.run_ticks(tick, end, rows, first_row)
-        keep(now, tick)
+        copy_row(now, tick)
         return end
 
     run = engine.run(progress, run_tick=run_tick)
-    return Vectors(run, *(rows[: len(run.log)] for rows in (inputs, outputs, measurements)))
+    return RunVectors(run, *(rows[: len(run.log)] for rows in (inputs, outputs, measurements)))
 
 
 def engine_without_bus(
@@ -179,10 +179,10 @@ def engine_without_bus(
     for fault in experiment.faults:
         if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
             raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
-    return CompiledEngine(build_problem(replace(experiment, network=None)), on_compile=on_compile)
+    return CompiledEngine(build_setup(replace(experiment, network=None)), on_compile=on_compile)
 
 
-def pairs_of(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray) -> Pairs:
+def field_pairs(fields: Mapping[str, str], rows: np.ndarray, record: np.ndarray) -> Pairs:
     """Return fields of rows with those of an engine's record, shape ``(1,)``.
 
     Fields of a supervisor are included if there is one.
@@ -196,7 +196,7 @@ def _field(records: np.ndarray, name: str) -> np.ndarray:
     return reduce(lambda found, part: found[part], name.split("."), records)
 
 
-def keep(pairs: Pairs, tick: int) -> None:
+def copy_row(pairs: Pairs, tick: int) -> None:
     """Copy the values in the engine to the row of a tick."""
     for rows, record in pairs:
         rows[tick] = record[0]

@@ -15,7 +15,7 @@ from twin_gait.core.elementary_single import SINGLE
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware.function import ELEMENTARY, Function, Functions
 from twin_gait.firmware.kinds import SCALARS, Shapes
-from twin_gait.firmware.layout import TAKEN, comment, identifier, wrapped
+from twin_gait.firmware.layout import RESERVED_WORDS, comment, identifier, wrapped
 from twin_gait.firmware.records import Records, Tables
 from twin_gait.firmware.source import Sources
 from twin_gait.firmware.statements import Statements, result_struct
@@ -65,7 +65,7 @@ def print_units(
     """
     samples = [item for unit in units for item in unit.samples.values()]
     functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]), _read)
-    entries = {unit.name: [functions.entry(sources.of(item)) for item in unit.entries] for unit in units}
+    entries = {unit.name: [functions.entry(sources.source_of(item)) for item in unit.entries] for unit in units}
     every = [item for found in entries.values() for item in found]
     outside = Shapes(shapes).fields.items()  # code outside may write to all of these
     functions.mutable |= {(record, name) for record, fields in outside for name in fields}
@@ -95,7 +95,7 @@ def _files_of(unit: TranslationUnit, entries: Sequence[Function], records: Recor
     """Return header and source of a unit without their first lines."""
     reached = set(_reached(entries))
     order = [item for item in records.functions.order if item in reached]
-    taken = TAKEN | {item.name for item in order}  # names that are not available for local variables
+    taken = RESERVED_WORDS | {item.name for item in order}  # names that are not available for local variables
     printed = {item: Statements(records.functions, item, taken) for item in order}
     header, source, tables = list[str](), list[str](), Tables(records)
     for item in entries:

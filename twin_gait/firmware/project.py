@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.control.joint_board import Demand, Limits, Measurement
+from twin_gait.control.joint_board import JointSetpoint, Limits, Measurement
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
 from twin_gait.experiment.experiment import Experiment
@@ -23,29 +23,29 @@ from twin_gait.firmware.can_codec import (
     can_pack,
     can_unpack,
 )
-from twin_gait.firmware.cross import Unit
-from twin_gait.firmware.linked import LinkedUnit, linked_unit
+from twin_gait.firmware.cross import UnitSources
+from twin_gait.firmware.linked import ExoskeletonUnit, build_exoskeleton_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
-from twin_gait.parameters.network import ImpedancePlace, NetworkParameters
-from twin_gait.simulation.filling import limits_of
-from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.templates import templates_in
+from twin_gait.parameters.network import ImpedanceLocation, NetworkParameters
+from twin_gait.simulation.filling import build_limits
+from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.templates import make_template_environment
 
 UNITS = "joint_board", "gait_controller", "exoskeleton", "can_codec"
 JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS
 CODEC_STEP = "can_codec_step.h"
-_INCLUDE = templates_in(Path(__file__).with_name("include"), keep_trailing_newline=True)
+_INCLUDE = make_template_environment(Path(__file__).with_name("include"), keep_trailing_newline=True)
 
 
 @dataclass(frozen=True)
 class Project:
     """The firmware of an experiment."""
 
-    problem: Problem  # the experiment, laid out
-    linked: LinkedUnit  # gait controller and boards as one unit
+    setup: SimulationSetup  # the experiment, laid out
+    exoskeleton: ExoskeletonUnit  # gait controller and boards as one unit
     messages: Mapping[str, Message]  # of the CAN network, by name; none where cantools is not installed
     program: Program  # all units in C
     samples: Sequence[UnitSample]  # boards, gait controller, exoskeleton and codec at tick 0
@@ -53,13 +53,13 @@ class Project:
     @property
     def joints(self) -> list[str]:
         """Joints in the order of the units, such as ``left_hip``."""
-        return [f"{item.side}_{item.joint}" for item in self.problem.joints]
+        return [f"{item.side}_{item.joint}" for item in self.setup.joints]
 
     def manifest(self, document: Mapping[str, Any]) -> dict[str, Any]:
         """What the C was printed from, and the RAM that its records take on a Cortex-M."""
         return {
-            "experiment": self.problem.experiment.name,
-            "table": self.problem.table.name,
+            "experiment": self.setup.experiment.name,
+            "table": self.setup.table.name,
             "source_sha256": self.program.source_hash,
             "provenance": document["provenance"],
             "can_codec": bool(self.messages),
@@ -73,11 +73,11 @@ class Project:
         sizes = [self.program.records.dtype(item, "f4").itemsize for item in records]
         return dict(zip((JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON), sizes, strict=True))
 
-    def write_linked(self, folder: Path) -> Unit:
+    def write_sources(self, folder: Path) -> UnitSources:
         """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
         for name, text in self.program.files.items():
             (folder / name).write_text(text, encoding="utf-8")
-        return Unit(EXOSKELETON, folder)
+        return UnitSources(EXOSKELETON, folder)
 
     def dtypes(
         self, *, double: bool, sample: UnitSample | None = None
@@ -98,7 +98,7 @@ class Project:
 
     def python_unit(self, sample: UnitSample) -> PythonUnit:
         """Return a unit in Python, bound as the simulation binds it."""
-        return PythonUnit(sample, self.linked.structure, self.linked.kernel)
+        return PythonUnit(sample, self.exoskeleton.build_flags, self.exoskeleton.kernel)
 
 
 def print_project(experiment: Experiment) -> Project:
@@ -107,13 +107,13 @@ def print_project(experiment: Experiment) -> Project:
     Raises FirmwareError if it uses something that the firmware does not have; key, value and way out. Raises
     GaitTableError if its table has more phases or conditions than the device's whole numbers have bits.
     """
-    refuse_what_c_has_not(experiment)
-    problem = build_problem(experiment)
-    compile_guards(problem.table, DEVICE_BITS)
+    require_printable(experiment)
+    setup = build_setup(experiment)
+    compile_guards(setup.table, DEVICE_BITS)
     if experiment.modes is not None:
         compile_guards(experiment.modes, DEVICE_BITS)
-    linked, messages = linked_unit(problem), _messages(experiment)
-    files, shapes = list(_units(problem, linked)), _shapes(linked)
+    linked, messages = build_exoskeleton_unit(setup), _messages(experiment)
+    files, shapes = list(_units(setup, linked)), _shapes(linked)
     records = {JOINT_BOARD: shapes[2:4], GAIT_CONTROLLER: shapes[4:6], EXOSKELETON: shapes[:2]}
     samples = [
         UnitSample(unit.name, init, unit.entries[0], record, *records[unit.name])
@@ -125,14 +125,14 @@ def print_project(experiment: Experiment) -> Project:
         files.append(TranslationUnit(CAN_CODEC, [can_pack, can_unpack], codec))
         shapes.append(CanFrame())
         samples.append(_codec_sample(list(codec.values())))
-    program = print_units(files, {**linked.structure, "sine_cosine": sine_cosine}, linked.kernel, shapes)
+    program = print_units(files, {**linked.build_flags, "sine_cosine": sine_cosine}, linked.kernel, shapes)
     if messages:
         step = _INCLUDE.get_template(CODEC_STEP).render(messages=codec, width=len(samples[-1].inputs.values))
         program.files[CODEC_STEP] = step
-    return Project(problem, linked, messages, program, samples)
+    return Project(setup, linked, messages, program, samples)
 
 
-def refuse_what_c_has_not(experiment: Experiment) -> None:
+def require_printable(experiment: Experiment) -> None:
     """Refuse, with key, value and way out, what the simulation does in the firmware's place."""
     control, network = experiment.control, experiment.network
     if experiment.controller is not None:
@@ -140,7 +140,7 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
             f"controller: {experiment.controller.name} of your own is not printed; set controller=null for "
             "that of control.mode"
         )
-    unprinted = control.controller().unprinted
+    unprinted = control.controller().unprinted_reason
     if unprinted:
         raise FirmwareError(unprinted)
     if control.delay_ticks > 0:
@@ -148,16 +148,16 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
             f"control.delay_ms: {control.delay_ticks} is of the simulated drive, and the firmware "
             "answers within the tick; set 0"
         )
-    if network is not None and network.impedance is ImpedancePlace.CCU:
+    if network is not None and network.impedance is ImpedanceLocation.CCU:
         raise FirmwareError("network.impedance: ccu is not printed: springs are on the boards; set board")
 
 
-def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
+def _units(setup: SimulationSetup, linked: ExoskeletonUnit) -> Iterator[TranslationUnit]:
     whole = linked.record
-    apart = replace(whole.settings, limits=limits_apart(problem))
+    apart = replace(whole.settings, limits=networked_limits(setup))
     boards = {
         f"{JOINT_BOARD}_{joint.side}_{joint.joint}": units.JointBoard(apart, board)
-        for joint, board in zip(problem.joints, whole.boards, strict=True)
+        for joint, board in zip(setup.joints, whole.boards, strict=True)
     }
     central = units.GaitController(apart, whole.controller)
     yield TranslationUnit(JOINT_BOARD, [units.joint_board_step], boards)
@@ -165,20 +165,20 @@ def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
     yield TranslationUnit(EXOSKELETON, [units.exoskeleton_step], {EXOSKELETON: whole})
 
 
-def limits_apart(problem: Problem) -> Limits:
+def networked_limits(setup: SimulationSetup) -> Limits:
     """Of units that hear each other: none bears silence for good, also where the simulation has no bus."""
-    return limits_of(problem, problem.experiment.network or NetworkParameters())
+    return build_limits(setup, setup.experiment.network or NetworkParameters())
 
 
-def _shapes(linked: LinkedUnit) -> list[Any]:
+def _shapes(linked: ExoskeletonUnit) -> list[Any]:
     joints, legs = len(linked.record.boards), len(linked.record.controller.legs)
-    measurements, demands = [Measurement() for _ in range(joints)], [Demand() for _ in range(joints)]
+    measurements, demands = [Measurement() for _ in range(joints)], [JointSetpoint() for _ in range(joints)]
     return [
         linked.inputs,
         linked.outputs,
         units.JointBoardInputs(),
         units.JointBoardOutputs(),
-        units.GaitControllerInputs(linked.inputs.surroundings, measurements, [False] * joints),
+        units.GaitControllerInputs(linked.inputs.direct, measurements, [False] * joints),
         units.GaitControllerOutputs(units.Decision([0] * legs, [0] * legs), demands),
     ]
 

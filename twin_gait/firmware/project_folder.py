@@ -9,22 +9,22 @@ from typing import Any
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.control.safety import TripCause
-from twin_gait.firmware.linked import Vectors
-from twin_gait.firmware.project import Project, limits_apart
+from twin_gait.firmware.linked import RunVectors
+from twin_gait.firmware.project import Project, networked_limits
 from twin_gait.firmware.unit_vectors import excitation_csv, excitations_of, runner_records
-from twin_gait.templates import templates_in
+from twin_gait.templates import make_template_environment
 
 MANIFEST = "manifest.json"
-_FILES = templates_in(Path(__file__).with_name("project_files"), keep_trailing_newline=True)
+_FILES = make_template_environment(Path(__file__).with_name("project_files"), keep_trailing_newline=True)
 
 
 def write_project(
-    project: Project, folder: Path, vectors: Vectors, document: Mapping[str, Any]
+    project: Project, folder: Path, vectors: RunVectors, document: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Write C, vectors of a short walk, excitations, and the resolved document; return the manifest."""
-    project.write_linked(folder)
-    problem, experiment = project.problem, project.problem.experiment
-    counts, legs = experiment.sensors.encoder_counts, project.linked.record.controller.legs
+    project.write_sources(folder)
+    problem, experiment = project.setup, project.setup.experiment
+    counts, legs = experiment.sensors.encoder_counts, project.exoskeleton.record.controller.legs
     angles = [2.0 * math.pi / (counts * problem.actuator(joint).gear_ratio) for joint in problem.joints]
     content = {
         "project": project,
@@ -32,7 +32,7 @@ def write_project(
         "table": problem.table,
         "version": twin_gait.__version__,
         "angles": dict(zip(project.joints, angles, strict=True)),
-        "limits": limits_apart(problem),
+        "limits": networked_limits(problem),
         "phases": list(problem.table.phases),
         "legs": dict(zip(experiment.leg.legs, legs, strict=True)),
         "causes": TripCause,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
 
 from twin_gait.core.elementary import sine_cosine
-from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.record import copied, dtype_of
+from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.record import deep_copy, dtype_of
 
 _TYPES = {"f": float, "i": int, "b": bool}  # Python's types by the kinds of NumPy's.
 
@@ -29,17 +29,17 @@ class UnitSample:
 class PythonUnit:
     """A unit in Python, with the interface of one that runs in another process."""
 
-    def __init__(self, sample: UnitSample, structure: Mapping[str, Any], kernel: str) -> None:
+    def __init__(self, sample: UnitSample, build_flags: Mapping[str, Any], kernel: str) -> None:
         """Bind the step of a unit to the constants and to the source of the kernel of its firmware."""
         functions = kernel_functions(kernel, {"sine_cosine": sine_cosine})
         self._sample, self._dtype = sample, dtype_of(sample.outputs)
-        self._step: Callable[..., None] = bind(sample.step, {**structure, **functions})
+        self._step: Callable[..., None] = specialize(sample.step, {**build_flags, **functions})
 
     def __enter__(self) -> Self:
         """Set the unit to tick 0."""
         sample = self._sample
         self._record, self._inputs, self._outputs = map(
-            copied, (sample.record, sample.inputs, sample.outputs)
+            deep_copy, (sample.record, sample.inputs, sample.outputs)
         )
         return self
 

@@ -29,7 +29,7 @@ class Source:
     scope: Mapping[str, Any]  # values of its global names
     hints: Mapping[str, Any]  # annotations of its arguments and its result
 
-    def refused(self, node: ast.AST, problem: str) -> FirmwareError:
+    def print_error(self, node: ast.AST, problem: str) -> FirmwareError:
         """Return the error for a construct that cannot be printed; it names function, line and construct."""
         line = self.first_line - 1 + getattr(node, "lineno", 1)
         shown = " ".join(ast.unparse(node).split()) if isinstance(node, (ast.expr, ast.stmt)) else ""
@@ -46,14 +46,14 @@ class Sources:
         self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
         self._read: dict[Any, Source] = {}
 
-    def found(self, name: str, scope: Mapping[str, Any]) -> Any:
+    def resolve(self, name: str, scope: Mapping[str, Any]) -> Any:
         """Return the value of a global name: a :class:`Source`, a number, a module; None if there is none."""
         if name in self._texts:
             return self._source(name, scope.get(name))
         value = self.names.get(name, scope.get(name))
-        return self.of(value) if isinstance(value, FunctionType) else value
+        return self.source_of(value) if isinstance(value, FunctionType) else value
 
-    def of(self, function: Callable[..., Any]) -> Source:
+    def source_of(self, function: Callable[..., Any]) -> Source:
         """Return the source of a function, or of its replacement."""
         return self._source(function.__name__, function)
 
@@ -95,7 +95,7 @@ class _Folding(ast.NodeTransformer):
             if isinstance(item, (ast.Call, ast.Attribute, ast.Subscript)):
                 return None
             if isinstance(item, ast.Name):
-                found = None if item.id in self.own else self.sources.found(item.id, self.source.scope)
+                found = None if item.id in self.own else self.sources.resolve(item.id, self.source.scope)
                 if type(found) not in SCALARS:
                     return None
                 constants[item.id] = found
@@ -134,10 +134,10 @@ class _Folding(ast.NodeTransformer):
         if not (isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)):
             return node
         if len(target.elts) != len(value.elts):
-            raise self.source.refused(node, "as many names as values are expected")
+            raise self.source.print_error(node, "as many names as values are expected")
         for place, item in enumerate(target.elts):
             if any(_touches(item, later) for later in value.elts[place + 1 :]):
-                raise self.source.refused(node, "values that are exchanged; assign them one by one")
+                raise self.source.print_error(node, "values that are exchanged; assign them one by one")
         pairs = zip(target.elts, value.elts, strict=True)
         return [_at(node, ast.Assign([left], right)) for left, right in pairs]
 

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from twin_gait.firmware.expressions import Expressions
 from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, type_name
-from twin_gait.firmware.layout import INDENT, TAKEN, comment, identifier, wrapped
+from twin_gait.firmware.layout import INDENT, RESERVED_WORDS, comment, identifier, wrapped
 from twin_gait.firmware.values import Value
 
 
 class Statements(Expressions):
     """Analyses and prints one function."""
 
-    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = TAKEN) -> None:
+    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = RESERVED_WORDS) -> None:
         """Start before the first line of the function; arguments as of :class:`Expressions`."""
         super().__init__(functions, function, taken)
         names = [item for item in ast.walk(self.source.tree) if isinstance(item, ast.Name)]
@@ -65,7 +65,7 @@ class Statements(Expressions):
 
         Records and lists are declared as addresses; a number that is stored once is constant.
         """
-        kind = self.known(name)
+        kind = self.kind_of_name(name)
         if isinstance(kind, Scalar):
             constant = once and self.stores[name] == 1
             return f"{'const ' if constant else ''}{kind} {self.local(name)}"
@@ -89,7 +89,7 @@ class Statements(Expressions):
             case ast.Assign(targets=[target], value=value):
                 # C may compute the index of an entry before or after the value.
                 mixed = any(isinstance(item, ast.Subscript) for item in ast.walk(target))
-                self._assign(target, value, self.value(value) if mixed else self.whole(value), fresh)
+                self._assign(target, value, self.value(value) if mixed else self.statement_value(value), fresh)
             case ast.If():
                 self._condition(node, "if")
             case ast.For(orelse=[]):
@@ -97,7 +97,7 @@ class Statements(Expressions):
             case ast.Return():
                 self._return(node)
             case ast.Expr(value=ast.Call() as call):
-                self._emit(f"{self.whole(call).text};")
+                self._emit(f"{self.statement_value(call).text};")
             case ast.Continue():
                 self._emit("continue;")
             case ast.Expr(value=ast.Constant(value=str(said))):
@@ -106,15 +106,15 @@ class Statements(Expressions):
             case ast.Pass():
                 pass
             case _:
-                raise self.source.refused(node, "a statement that is not printed")
+                raise self.source.print_error(node, "a statement that is not printed")
 
     def _assign_several(
         self, node: ast.stmt, targets: Sequence[ast.expr], call: ast.expr, fresh: set[str]
     ) -> None:
         """Assign the numbers that a function returns to as many names or fields."""
-        found = self.whole(call)
+        found = self.statement_value(call)
         if not isinstance(found.kind, tuple) or len(found.kind) != len(targets):
-            raise self.source.refused(node, "as many names as values are expected")
+            raise self.source.print_error(node, "as many names as values are expected")
         assert isinstance(call, ast.Call)
         result = self._free("result")
         self._emit(f"const {self.function.calls[call].result} {result} = {found.text};")
@@ -132,27 +132,27 @@ class Statements(Expressions):
             to = self.value(target)
             kind, place = to.kind, to.text
             if not isinstance(kind, Scalar):
-                raise self.source.refused(target, "records and lists are changed entry by entry")
-            self.wrote(Value(None, "", name=to.name, fields=to.fields[:-1]))
+                raise self.source.print_error(target, "records and lists are changed entry by entry")
+            self.mark_written(Value(None, "", name=to.name, fields=to.fields[:-1]))
         self._emit(f"{place} = {self.fit(node, value, kind).text};")
 
     def _declare(self, target: ast.Name, node: ast.expr, value: Value) -> Kind:
         """Record that a name has a value after this statement; return its kind in the whole function."""
         function, name = self.function, target.id
         if value.kind is None or isinstance(value.kind, tuple):
-            raise self.source.refused(node, "is no single value")
+            raise self.source.print_error(node, "is no single value")
         if name in function.params and not isinstance(value.kind, Scalar):
-            raise self.source.refused(target, "an argument that is assigned anew")
+            raise self.source.print_error(target, "an argument that is assigned anew")
         kind = function.params.get(name) or function.locals.setdefault(name, value.kind)
         self.fit(node, value, kind)
         if not isinstance(kind, Scalar):
             function.aliases.setdefault(name, []).append(value)
             if name in function.written:
-                self.wrote(value)
+                self.mark_written(value)
         return kind
 
     def _condition(self, node: ast.If, word: str) -> None:
-        self._emit(f"{word} ({self.fit(node.test, self.whole(node.test), BOOL).text}) {{")
+        self._emit(f"{word} ({self.fit(node.test, self.statement_value(node.test), BOOL).text}) {{")
         self._inner(node.body)
         if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
             self._condition(node.orelse[0], "} else if")
@@ -189,10 +189,10 @@ class Statements(Expressions):
                 counter = self._free("number")
                 end, entry = self._entry(item, items, counter)
             case _:
-                raise self.source.refused(node.iter, "loops are printed over range, enumerate and lists")
+                raise self.source.print_error(node.iter, "loops are printed over range, enumerate and lists")
         counted = names_in(node.target)
         if not counted.isdisjoint(_stored_in(node.body)):
-            raise self.source.refused(node.target, "is counted by the loop")
+            raise self.source.print_error(node.target, "is counted by the loop")
         self._emit(f"for (int32_t {counter} = {first}; {counter} < {end}; {counter}++) {{")
         added = counted - self.declared
         self.declared |= added
@@ -221,7 +221,7 @@ class Statements(Expressions):
         writes = any(call in inside and called.writes for call, called in self.function.calls.items())
         for item in () if text.isdigit() else ast.walk(node):
             if ast.unparse(item) in stored or (writes and isinstance(item, ast.Attribute)):
-                raise self.source.refused(node, "may be changed in the loop; name it before")
+                raise self.source.print_error(node, "may be changed in the loop; name it before")
         return text
 
     def _return(self, node: ast.Return) -> None:
@@ -238,11 +238,11 @@ class Statements(Expressions):
             texts = ", ".join(self.fit(item, value, kind).text for item, value, kind in parts)
             self._emit(f"return ({function.result}){{{texts}}};")
         else:
-            value = self.whole(node.value)
+            value = self.statement_value(node.value)
             if isinstance(value.kind, tuple):
-                raise self.source.refused(node.value, "several numbers of another function; name them first")
+                raise self.source.print_error(node.value, "several numbers of another function; name them first")
             if not isinstance(value.kind, Scalar):
-                raise self.source.refused(node, "records and lists are not returned")
+                raise self.source.print_error(node, "records and lists are not returned")
             function.returns = function.returns or value.kind
             self._emit(f"return {self.fit(node.value, value, function.returns).text};")
 

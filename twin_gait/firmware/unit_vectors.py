@@ -11,7 +11,7 @@ from twin_gait.core.safety import NO_TRIP
 from twin_gait.firmware.excitation import board_episodes, codec_rows, controller_episodes
 from twin_gait.firmware.guard_excitation import CONTROLLER_TICKS, Guards, exoskeleton_episodes
 from twin_gait.firmware.layout import identifier
-from twin_gait.firmware.linked import Vectors
+from twin_gait.firmware.linked import RunVectors
 from twin_gait.firmware.project import CAN_CODEC, EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 
@@ -29,7 +29,7 @@ class UnitVectors:
     expected: Sequence[np.ndarray]  # Outputs of the simulation, likewise.
 
 
-def walks_of(project: Project, sample: UnitSample, walks: Sequence[Vectors]) -> UnitVectors:
+def walks_of(project: Project, sample: UnitSample, walks: Sequence[RunVectors]) -> UnitVectors:
     """Return the part that a unit has in runs of the simulation without a bus.
 
     A board receives the demand of the tick in which it measures, as in the simulation. Its rows end where it
@@ -83,7 +83,7 @@ _last: dict[str, list[UnitVectors]] = {}  # Excitations by the hash of the sourc
 
 
 def _excitations(project: Project) -> list[UnitVectors]:
-    modes = project.problem.experiment.modes
+    modes = project.setup.experiment.modes
     requests = 0 if modes is None else len(modes.requests)
     found, boards = list[UnitVectors](), list[Any]()
     for sample in project.samples:

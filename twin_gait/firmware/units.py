@@ -9,40 +9,40 @@ from dataclasses import dataclass, field
 
 from twin_gait.control import device_schedule as device
 from twin_gait.control.gait_controller import (
-    SUPERVISED,
+    WITH_SUPERVISOR,
     ControllerState,
-    Device,
-    demand,
-    hear_board,
-    hear_device,
-    hear_load,
+    DeviceSignals,
+    compute_setpoint,
+    check_board_timeout,
+    receive_device_signals,
+    receive_load,
 )
 from twin_gait.control.joint_board import (
     BoardState,
     Command,
-    Demand,
+    JointSetpoint,
     Limits,
     Measurement,
-    Rates,
+    SamplingConfig,
     copy_command,
-    copy_demand,
+    copy_joint_setpoint,
     copy_measurement,
-    hear,
-    note_drive,
-    obey,
-    report,
+    receive,
+    store_drive_state,
+    execute,
+    write_measurement,
     set_current,
 )
 from twin_gait.control.supervisor import NO_REQUEST
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.simulation.executors import Names, scalar_driver
+from twin_gait.simulation.executors import ScheduleNames, scalar_driver
 
 
 @dataclass(slots=True)
-class Settings:
+class UnitSettings:
     """Settings of all units."""
 
-    rates: Rates  # Configuration of the sampling.
+    rates: SamplingConfig  # Configuration of the sampling.
     limits: Limits  # Limits of commands, and timeouts.
     watching: bool  # Whether the safety monitor is on.
 
@@ -57,8 +57,8 @@ class JointBoardInputs:
     current: float = 0.0  # Current measured in the tick before, in [A].
     current_deviation: float = 0.0  # Deviation of this current from its expected value, in [A].
     # Last demand received from the gait controller; in the unit of all boards it is not used.
-    demand: Demand = field(default_factory=Demand)
-    heard: bool = False  # Whether the demand was received since the tick before.
+    setpoint: JointSetpoint = field(default_factory=JointSetpoint)
+    received: bool = False  # Whether the demand was received since the tick before.
 
 
 @dataclass(slots=True)
@@ -73,7 +73,7 @@ class JointBoardOutputs:
 class JointBoard:
     """The unit of a board."""
 
-    settings: Settings  # Settings of all units.
+    settings: UnitSettings  # Settings of all units.
     state: BoardState  # State of the board.
     tick: int = 0  # Present tick.
 
@@ -82,10 +82,10 @@ def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointB
     """Measure, and set the current for the last demand of the gait controller."""
     board, settings = unit.state, unit.settings
     measure(board, settings, inputs, unit.tick)
-    hear(board, settings.limits, inputs.demand, inputs.heard)
-    obey(board, settings.limits, settings.watching)
+    receive(board, settings.limits, inputs.setpoint, inputs.received)
+    execute(board, settings.limits, settings.watching)
     set_current(board, settings.limits, board.command.torque)
-    report(board, outputs.measurement)
+    write_measurement(board, outputs.measurement)
     copy_command(board.command, outputs.command)
     unit.tick += 1
 
@@ -93,18 +93,18 @@ def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointB
 def note_last_drive(board: BoardState, inputs: JointBoardInputs, tick: int) -> None:
     """Record the voltage and current of the drive in the tick before, for the monitor."""
     if tick > 0:
-        note_drive(board, inputs.voltage, inputs.current, inputs.current_deviation)
+        store_drive_state(board, inputs.voltage, inputs.current, inputs.current_deviation)
 
 
 @dataclass(slots=True)
-class Surroundings:
+class DirectInputs:
     """Direct inputs of the gait controller at the start of a tick."""
 
     loads: list[float]  # Loads of the feet over body weight.
     bus_voltage: float = 0.0  # Voltage of the bus in [V].
     # Signals of the device as a whole, for the guards of both legs; with operating modes only the pitch of
     # the trunk is used.
-    common: Device = field(default_factory=Device)
+    common: DeviceSignals = field(default_factory=DeviceSignals)
     request: int = NO_REQUEST  # Request to the supervisor in this tick, counted from 1, 0 for none.
 
 
@@ -118,16 +118,16 @@ class Decision:
     # Part that tripped: a joint, or the number of joints plus a leg, or -1 for the supply.
     trip_part: int = 0
     mode: int = 0  # Operating mode.
-    refused: int = NO_REQUEST  # Request of this tick that was rejected, 0 for none.
+    rejected: int = NO_REQUEST  # Request of this tick that was rejected, 0 for none.
 
 
 @dataclass(slots=True)
 class GaitControllerInputs:
     """Inputs of the gait controller at the start of a tick."""
 
-    surroundings: Surroundings  # Direct inputs of the gait controller.
+    direct: DirectInputs  # Direct inputs of the gait controller.
     measurements: list[Measurement]  # Last measurement received from each board.
-    heard: list[bool]  # Whether each was received since the tick before.
+    received: list[bool]  # Whether each was received since the tick before.
 
 
 @dataclass(slots=True)
@@ -135,40 +135,40 @@ class GaitControllerOutputs:
     """Outputs of the gait controller in a tick."""
 
     decision: Decision  # Decision with phases and trip.
-    demands: list[Demand]  # Demand for each board.
+    setpoints: list[JointSetpoint]  # Demand for each board.
 
 
 @dataclass(slots=True)
 class GaitController:
     """The unit of the gait controller."""
 
-    settings: Settings  # Settings of all units.
+    settings: UnitSettings  # Settings of all units.
     state: ControllerState  # State of the gait controller.
     tick: int = 0  # Present tick.
 
 
-def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None:
+def read_inputs(controller: ControllerState, inputs: DirectInputs, tick: int) -> None:
     """Read loads, voltage and the signals of the device as a whole."""
     for number in range(len(controller.legs)):
-        hear_load(controller, number, inputs.loads[number])
+        receive_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
-    if SUPERVISED:
-        controller.common.trunk_pitch = inputs.common.trunk_pitch
+    if WITH_SUPERVISOR:
+        controller.device_signals.trunk_pitch = inputs.common.trunk_pitch
         controller.supervisor.request = inputs.request
     else:
-        hear_device(controller, inputs.common, tick)
+        receive_device_signals(controller, inputs.common, tick)
 
 
-def tell(controller: ControllerState, decision: Decision) -> None:
+def publish(controller: ControllerState, decision: Decision) -> None:
     """Write the decision; ``decision`` is changed in place."""
     for number in range(len(controller.legs)):
         decision.phases[number] = controller.legs[number].phase
         decision.transitions[number] = controller.legs[number].chosen
     decision.trip_cause = controller.trip.cause
     decision.trip_part = controller.trip.part
-    if SUPERVISED:
+    if WITH_SUPERVISOR:
         decision.mode = controller.supervisor.mode
-        decision.refused = controller.supervisor.refused
+        decision.rejected = controller.supervisor.rejected
 
 
 def gait_controller_step(
@@ -178,17 +178,17 @@ def gait_controller_step(
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
         measured = controller.joints[number].measurement
-        if inputs.heard[number]:
+        if inputs.received[number]:
             copy_measurement(inputs.measurements[number], measured)
         else:
             measured.last_angle, measured.last_velocity = measured.angle, measured.velocity
-        hear_board(controller, settings.limits, number, inputs.heard[number])
-    listen(controller, inputs.surroundings, unit.tick)
+        check_board_timeout(controller, settings.limits, number, inputs.received[number])
+    read_inputs(controller, inputs.direct, unit.tick)
     decide(controller, settings, unit.tick)
     for number in range(len(controller.joints)):
-        demand(controller, settings.limits, number, unit.tick)
-        copy_demand(controller.joints[number].demand, outputs.demands[number])
-    tell(controller, outputs.decision)
+        compute_setpoint(controller, settings.limits, number, unit.tick)
+        copy_joint_setpoint(controller.joints[number].setpoint, outputs.setpoints[number])
+    publish(controller, outputs.decision)
     unit.tick += 1
 
 
@@ -196,7 +196,7 @@ def gait_controller_step(
 class Exoskeleton:
     """Boards and gait controller in one unit."""
 
-    settings: Settings  # Settings of boards and gait controller.
+    settings: UnitSettings  # Settings of boards and gait controller.
     boards: list[BoardState]  # States of the boards, leg by leg: left hip, left knee, right hip, …
     controller: ControllerState  # State of the gait controller.
     tick: int = 0  # Present tick.
@@ -207,14 +207,14 @@ class ExoskeletonInputs:
     """Inputs of all sensors at the start of a tick."""
 
     boards: list[JointBoardInputs]  # Inputs of the board of each joint.
-    surroundings: Surroundings  # Direct inputs of the gait controller.
+    direct: DirectInputs  # Direct inputs of the gait controller.
 
 
 @dataclass(slots=True)
 class ExoskeletonOutputs:
     """Outputs of the unit in a tick."""
 
-    demands: list[Demand]  # Demand for the board of each joint.
+    setpoints: list[JointSetpoint]  # Demand for the board of each joint.
     commands: list[Command]  # Command of each board, with the current setpoint of its drive.
     decision: Decision  # Decision with phases and trip.
 
@@ -224,20 +224,20 @@ def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: Exos
     controller, settings, tick = unit.controller, unit.settings, unit.tick
     for number in range(len(unit.boards)):
         measure(unit.boards[number], settings, inputs.boards[number], tick)
-        report(unit.boards[number], controller.joints[number].measurement)
-    listen(controller, inputs.surroundings, tick)
+        write_measurement(unit.boards[number], controller.joints[number].measurement)
+    read_inputs(controller, inputs.direct, tick)
     decide(controller, settings, tick)
     for number in range(len(unit.boards)):
         drive(unit.boards[number], controller, settings, number, tick)
-        copy_demand(unit.boards[number].demand, outputs.demands[number])
+        copy_joint_setpoint(unit.boards[number].setpoint, outputs.setpoints[number])
         copy_command(unit.boards[number].command, outputs.commands[number])
-    tell(controller, outputs.decision)
+    publish(controller, outputs.decision)
     unit.tick += 1
 
 
 # ------------------------------------------------------------------ parts in the order of the device
 
-_NAMES = Names(
+_NAMES = ScheduleNames(
     arguments={
         **{name: name for name in ("board", "controller", "inputs", "number", "tick")},
         "reading": "inputs.angle",
@@ -252,11 +252,11 @@ _ONE_JOINT = _NAMES._replace(counts={"joints": ""})
 
 measure = scalar_driver(
     "measure",
-    (note_last_drive, *device.MEASURE, device.WATCH_DRIVES),
+    (note_last_drive, *device.MEASURE, device.MONITOR_DRIVES),
     _ONE_JOINT,
     head="(board, settings, inputs, tick)",
     module=__name__,
-    says="First half of a board's tick: encoder, velocities, friction model, monitor.",
+    docstring="First half of a board's tick: encoder, velocities, friction model, monitor.",
 )
 decide = scalar_driver(
     "decide",
@@ -264,7 +264,7 @@ decide = scalar_driver(
     _NAMES,
     head="(controller, settings, tick)",
     module=__name__,
-    says="Check for trips, run both state machines, blend, and compute the feed-forward torques.",
+    docstring="Check for trips, run both state machines, blend, and compute the feed-forward torques.",
 )
 drive = scalar_driver(
     "drive",
@@ -272,5 +272,5 @@ drive = scalar_driver(
     _ONE_JOINT,
     head="(board, controller, settings, number, tick)",
     module=__name__,
-    says="Set the current of a joint; an implausible command trips at once.",
+    docstring="Set the current of a joint; an implausible command trips at once.",
 )

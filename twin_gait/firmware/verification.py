@@ -16,7 +16,7 @@ from twin_gait.core.safety import NO_TRIP
 from twin_gait.exceptions import MissingToolError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import linked
-from twin_gait.firmware.cross import Unit, build_host, build_image, build_object, sizes
+from twin_gait.firmware.cross import UnitSources, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
 from twin_gait.firmware.linked import Progress
 from twin_gait.firmware.project import (
@@ -30,7 +30,7 @@ from twin_gait.firmware.project import (
 )
 from twin_gait.firmware.python_unit import UnitSample
 from twin_gait.firmware.unit_vectors import UnitVectors, excitations_of, walks_of
-from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
+from twin_gait.simulation.compiled_engine import CompiledEngine, load_or_compile_loop, run_plant_part
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
@@ -44,7 +44,7 @@ FAULT_TIME, FAULT_RUN = 2.5, 4.0  # [s]; time of the fault, and duration of the 
 Events: TypeAlias = Sequence[tuple[int, tuple[Any, ...]]]
 
 
-def differing(first: np.ndarray, second: np.ndarray) -> int:
+def count_differences(first: np.ndarray, second: np.ndarray) -> int:
     """Count the numbers of two arrays of records of one layout that differ in their bits.
 
     All NaN are equal.
@@ -72,7 +72,7 @@ def largest_shift(first: Events, second: Events) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class VerificationBuild:
     """The C of a project, and its outputs for vectors; everything is built on first use.
 
     All methods that need a compiler or an emulator raise :class:`~twin_gait.exceptions.MissingToolError`
@@ -80,11 +80,11 @@ class Bench:
     """
 
     project: Project
-    vectors: Sequence[linked.Vectors]  # inputs and outputs of some runs
-    unit: Unit  # C of the project; builds are written to its folder
+    vectors: Sequence[linked.RunVectors]  # inputs and outputs of some runs
+    unit: UnitSources  # C of the project; builds are written to its folder
 
     @cached_property
-    def every(self) -> Sequence[UnitVectors]:
+    def all_vectors(self) -> Sequence[UnitVectors]:
         """Inputs and expected outputs of all units: their part in the runs, then the excitations."""
         walks = (walks_of(self.project, sample, self.vectors) for sample in self.project.samples)
         pairs = zip(walks, excitations_of(self.project), strict=True)
@@ -93,10 +93,10 @@ class Bench:
             for walk, more in pairs
         ]
 
-    def unit_of(self, sample: UnitSample) -> Unit:
+    def unit_of(self, sample: UnitSample) -> UnitSources:
         """Return the C of a unit."""
         header = CODEC_STEP if sample.name == CAN_CODEC else ""
-        return Unit(sample.name, self.unit.folder, sample.init, header)
+        return UnitSources(sample.name, self.unit.folder, sample.init, header)
 
     def host(self, *, double: bool, sample: UnitSample | None = None) -> HostUnit:
         """Build a unit for this machine, by default the linked one."""
@@ -104,7 +104,7 @@ class Bench:
         path = self.unit.folder / f"{unit.init or unit.name}_{'double' if double else 'single'}"
         return HostUnit(build_host(unit, path, flags=["-DREAL_DOUBLE"] if double else []))
 
-    def answers(self, unit: UnitProcess, vectors: UnitVectors, *, double: bool = False) -> list[np.ndarray]:
+    def unit_outputs(self, unit: UnitProcess, vectors: UnitVectors, *, double: bool = False) -> list[np.ndarray]:
         """Return the outputs of a build of a unit for its inputs."""
         (given, taken), found = self.project.dtypes(double=double, sample=vectors.sample), []
         for rows in vectors.inputs:
@@ -113,9 +113,9 @@ class Bench:
         return found
 
     @cached_property
-    def every_single(self) -> list[list[np.ndarray]]:
+    def all_float_outputs(self) -> list[list[np.ndarray]]:
         """Outputs of all units on this machine in float."""
-        return [self.answers(self.host(double=False, sample=item.sample), item) for item in self.every]
+        return [self.unit_outputs(self.host(double=False, sample=item.sample), item) for item in self.all_vectors]
 
     @cached_property
     def target(self) -> Emulator:
@@ -174,7 +174,7 @@ def verify(
     vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     checks = list[dict[str, Any]]()
     with TemporaryDirectory() as folder:
-        bench = Bench(project, vectors, project.write_linked(Path(folder)))
+        bench = VerificationBuild(project, vectors, project.write_sources(Path(folder)))
         for name, check in CHECKS.items():
             passed: bool | None = None
             try:
@@ -196,8 +196,8 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
     if not experiment.control.safety.enabled:
         impossible.add(FaultKind.ENCODER_MISSING)
     for kind in (kind for kind in FaultKind if kind not in impossible):
-        place = kind.place(next(iter(experiment.leg.legs)), experiment.joints[-1])
-        fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, place=place)
+        place = kind.location(next(iter(experiment.leg.legs)), experiment.joints[-1])
+        fault = Fault(kind=kind, time=FAULT_TIME / FAULT_RUN * length, location=place)
         yield replace(experiment, duration=length, faults=(fault,))
 
 
@@ -206,16 +206,16 @@ Found: TypeAlias = tuple[bool, dict[str, Any]]  # whether it passes, and the num
 
 def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Found:
     count = sum(structured_to_unstructured(rows).size for rows in first)
-    wrong = sum(map(differing, first, second))
+    wrong = sum(map(count_differences, first, second))
     return wrong == 0, {"numbers": count, "differing": wrong, "runs": len(first)}
 
 
 def _same_units(
-    bench: Bench, first: Sequence[Sequence[np.ndarray]], second: Sequence[Sequence[np.ndarray]]
+    bench: VerificationBuild, first: Sequence[Sequence[np.ndarray]], second: Sequence[Sequence[np.ndarray]]
 ) -> Found:
     """Compare outputs of all units; return the number of differing values of each."""
     found = [_same_bits(ours, theirs)[1] for ours, theirs in zip(first, second, strict=True)]
-    names = [item.sample.init for item in bench.every]
+    names = [item.sample.init for item in bench.all_vectors]
     wrong = {name: item["differing"] for name, item in zip(names, found, strict=True)}
     total = {key: sum(item[key] for item in found) for key in ("numbers", "differing")}
     excitations = sum(len(item.inputs) for item in excitations_of(bench.project))
@@ -223,15 +223,15 @@ def _same_units(
     return not any(wrong.values()), {**total, **runs, "differing_by_unit": wrong}
 
 
-def host_in_double(bench: Bench) -> Found:
+def host_in_double(bench: VerificationBuild) -> Found:
     """Compare all units in double numbers with the simulation, bit for bit."""
     given = [
-        bench.answers(bench.host(double=True, sample=item.sample), item, double=True) for item in bench.every
+        bench.unit_outputs(bench.host(double=True, sample=item.sample), item, double=True) for item in bench.all_vectors
     ]
-    return _same_units(bench, [item.expected for item in bench.every], given)
+    return _same_units(bench, [item.expected for item in bench.all_vectors], given)
 
 
-def host_in_float(bench: Bench) -> Found:
+def host_in_float(bench: VerificationBuild) -> Found:
     """Check that the unit in float decides in the same ticks and commands the same currents."""
     shift, errors = 0.0, list[np.ndarray]()
     for ours, theirs in zip(bench.expected, bench.single, strict=True):
@@ -243,15 +243,15 @@ def host_in_float(bench: Bench) -> Found:
     return passed, {"largest_shift_ticks": shift, "current_rmse_A": currents}
 
 
-def target_in_float(bench: Bench) -> Found:
+def target_in_float(bench: VerificationBuild) -> Found:
     """Compare a Cortex-M4F with this machine, bit for bit, and count its instructions."""
     bench.outputs(bench.target)
     given = []
-    for item in bench.every:
+    for item in bench.all_vectors:
         linked_unit = item.sample.name == EXOSKELETON
         target = bench.target if linked_unit else bench.target_of(item.sample)
-        given.append(bench.answers(target, item))
-    passed, found = _same_units(bench, bench.every_single, given)
+        given.append(bench.unit_outputs(target, item))
+    passed, found = _same_units(bench, bench.all_float_outputs, given)
     counts, weights = bench.target.instructions, {}
     for name in (JOINT_BOARD, GAIT_CONTROLLER):
         flash, variables = sizes(build_object(replace(bench.unit, name=name), bench.unit.folder))
@@ -265,11 +265,11 @@ def target_in_float(bench: Bench) -> Found:
     }
 
 
-def in_the_loop(bench: Bench) -> Found:
+def compare_in_the_loop(bench: VerificationBuild) -> Found:
     """Compare outcome and strides of a walk with the emulated processor as its controller."""
     before = bench.vectors[0].run
     with bench.target as target:
-        walk = walk_with(target, bench.project, before.experiment)
+        walk = run_with_unit(target, bench.project, before.experiment)
     runs = before, walk
     switches = [[(item.tick, (item.side, item.source, item.target)) for item in run.switches] for run in runs]
     outcomes = [str(run.verdict.outcome or run.status) for run in runs]
@@ -283,7 +283,7 @@ def in_the_loop(bench: Bench) -> Found:
     }
 
 
-def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False) -> Run:
+def run_with_unit(unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False) -> Run:
     """Run an experiment with a unit as its controller.
 
     The log contains the plant and the unit's commands; velocities are the estimates of the simulated boards
@@ -294,23 +294,23 @@ def walk_with(unit: UnitProcess, project: Project, experiment: Experiment, *, do
     FirmwareError: the unit does not answer, or a fault is one of the controller itself.
     """
     engine = linked.engine_without_bus(experiment)
-    plant = loop_of(engine, None, run_part)
+    plant = load_or_compile_loop(engine, None, run_plant_part)
     recording, address = engine.episode["recording"], engine.store.ctypes.data
-    inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
-    read = linked.pairs_of({**linked.DRIVES, **linked.SENSORS}, inputs, engine.store)
+    inputs, (given, taken) = np.zeros(1, dtype_of(project.exoskeleton.inputs)), project.dtypes(double=double)
+    read = linked.field_pairs({**linked.DRIVES, **linked.SENSORS}, inputs, engine.store)
 
     def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         plant(address, 0, tick)
-        linked.keep(read, 0)
-        _obey(engine, unit.exchange(require_fields(inputs, given)).view(taken)[0, 0], tick)
+        linked.copy_row(read, 0)
+        _apply_outputs(engine, unit.exchange(require_fields(inputs, given)).view(taken)[0, 0], tick)
         plant(address, 1, tick)
         return end
 
     return engine.run(run_tick=run_tick)
 
 
-def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
+def _apply_outputs(engine: CompiledEngine, answer: np.void, tick: int) -> None:
     """Copy demands, commands, phases and trip of a unit's outputs in a tick to the record of an engine."""
     e, decision = engine.episode, answer["decision"]
     board, trip, recording = e["joints"]["board"], e["controller"]["trip"], e["recording"]
@@ -332,9 +332,9 @@ def _obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
         trip["tick"], trip["cause"], trip["part"] = tick, decision["trip_cause"], decision["trip_part"]
 
 
-CHECKS: dict[str, Callable[[Bench], Found]] = {
+CHECKS: dict[str, Callable[[VerificationBuild], Found]] = {
     "host in double against the simulation, bit for bit": host_in_double,
     "host in float against double": host_in_float,
     "Cortex-M4F against host in float, bit for bit": target_in_float,
-    "processor in the loop": in_the_loop,
+    "processor in the loop": compare_in_the_loop,
 }

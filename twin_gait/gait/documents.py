@@ -12,7 +12,7 @@ import string
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from twin_gait.gait.feasibility import ZERO, Bound, bound_of, solve
+from twin_gait.gait.feasibility import ZERO, Bound, comparison_bound, solve
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
 from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK, StateTable
@@ -21,20 +21,20 @@ from twin_gait.gait.table import TICK, StateTable
 MOST_CONDITIONS, MOST_ROWS = 12, 64
 
 
-class Stay(NamedTuple):
+class MinimumTime(NamedTuple):
     """Condition that the leg has been in the phase for at least so many ticks."""
 
     ticks: int
 
 
-class Held(NamedTuple):
+class Debounced(NamedTuple):
     """Condition that the guard of a transition has been true for so many consecutive ticks."""
 
     transition: int
     held_ticks: int
 
 
-Condition = Comparison | PhaseMembership | Stay | Held
+Condition = Comparison | PhaseMembership | MinimumTime | Debounced
 Truths = Mapping[Condition, bool]  # Truth values of the conditions that are known.
 
 
@@ -59,17 +59,17 @@ class PhaseLogic:
         """Collect the conditions of a phase of a table."""
         self.phase = phase
         self._table = table
-        self.needs = {
+        self.exit_conditions = {
             index: _needs(table, index)
             for index, item in enumerate(table.transitions)
             if item.source == phase
         }
-        self.conditions = tuple(dict.fromkeys(item for items in self.needs.values() for item in items))
+        self.conditions = tuple(dict.fromkeys(item for items in self.exit_conditions.values() for item in items))
 
-    def outcome(self, known: Truths) -> tuple[int | None, bool]:
+    def first_possible_exit(self, known: Truths) -> tuple[int | None, bool]:
         """Return the first exit that is not false, or None, and whether it is known to be true."""
-        for index, needs in self.needs.items():
-            waits = [known.get(item) for item in needs if isinstance(item, (Stay, Held))]
+        for index, needs in self.exit_conditions.items():
+            waits = [known.get(item) for item in needs if isinstance(item, (MinimumTime, Debounced))]
             due = _joined([*waits, _truth(self._table.transitions[index].guard, known)], False)
             if due is not False:
                 return index, due is True
@@ -86,10 +86,10 @@ class PhaseLogic:
         chosen = chosen or {}
         if not self.possible(chosen):
             return []
-        index, sure = self.outcome(chosen)
+        index, sure = self.first_possible_exit(chosen)
         if index is None or sure:
             return [TruthRow(chosen, index)]
-        branch = next(item for item in self.needs[index] if item not in chosen)
+        branch = next(item for item in self.exit_conditions[index] if item not in chosen)
         true, false = (self.rows({**chosen, branch: value}) for value in (True, False))
         without = [[_without(row, branch) for row in rows] for rows in (true, false) if rows]
         return without[0] if without[0] == without[-1] else true + false
@@ -102,8 +102,8 @@ class PhaseLogic:
             if isinstance(item, PhaseMembership):
                 phases = {name for name in phases if (name in item.phases) is value}
             elif isinstance(item, Comparison):
-                bounds.append(bound_of(item, value))
-            elif isinstance(item, Stay):
+                bounds.append(comparison_bound(item, value))
+            elif isinstance(item, MinimumTime):
                 time = item.ticks * TICK
                 bounds.append(Bound(ZERO, TIME, -time) if value else Bound(TIME, ZERO, time, strict=True))
         return bool(phases) and solve(bounds) is not None
@@ -112,12 +112,12 @@ class PhaseLogic:
 def _needs(table: StateTable, index: int) -> list[Condition]:
     item = table.transitions[index]
     minimum = table.phases[item.source].minimum_ticks
-    needs: list[Condition] = [Stay(minimum)] if minimum > 0 else []
+    needs: list[Condition] = [MinimumTime(minimum)] if minimum > 0 else []
     needs += atoms(item.guard)
     if item.debounce_ticks > 1:
-        needs.append(Held(index, item.debounce_ticks))
-    if item.time_out_ticks is not None:
-        needs.append(Stay(item.time_out_ticks))
+        needs.append(Debounced(index, item.debounce_ticks))
+    if item.timeout_ticks is not None:
+        needs.append(MinimumTime(item.timeout_ticks))
     return needs
 
 
@@ -139,7 +139,7 @@ def _without(row: TruthRow, condition: Condition) -> TruthRow:
     return TruthRow({item: value for item, value in row.truths.items() if item != condition}, row.transition)
 
 
-def number(value: float, digits: int = 10) -> str:
+def format_number(value: float, digits: int = 10) -> str:
     """Format a number without noise in its last digits and with a true minus sign.
 
     Ten digits keep the digits of a file and remove those that a conversion of units adds.
@@ -154,14 +154,14 @@ def transition_table(table: StateTable) -> str:
     """
 
     def shown(value: float) -> str:
-        return number(value) if value else ""
+        return format_number(value) if value else ""
 
     rows = [
         (
-            *(item.source, item.target, item.cause, "" if item.is_time_out else f"`{item.guard}`"),
+            *(item.source, item.target, item.cause, "" if item.is_timeout else f"`{item.guard}`"),
             shown(item.debounce_ticks if item.debounce_ticks > 1 else 0),
             shown(table.phases[item.source].minimum_ticks),
-            shown((item.time_out_ticks or 0) * TICK),
+            shown((item.timeout_ticks or 0) * TICK),
         )
         for item in sorted(table.transitions, key=lambda item: table.phase_index(item.source))
     ]
@@ -184,7 +184,7 @@ def truth_table(table: StateTable) -> str:
 
 def _exits(table: StateTable, phase: str) -> str:
     logic = PhaseLogic(table, phase)
-    if not logic.needs:
+    if not logic.exit_conditions:
         return "The phase is never left.\n"
     letters = (f"{letter}{turn or ''}" for turn in itertools.count() for letter in string.ascii_uppercase)
     names = dict(zip(logic.conditions, letters, strict=False))
@@ -201,9 +201,9 @@ def _exits(table: StateTable, phase: str) -> str:
 
 
 def _condition(table: StateTable, condition: Condition) -> str:
-    if isinstance(condition, Stay):
-        return f"in the phase for {number(condition.ticks * TICK)} s or longer"
-    if isinstance(condition, Held):
+    if isinstance(condition, MinimumTime):
+        return f"in the phase for {format_number(condition.ticks * TICK)} s or longer"
+    if isinstance(condition, Debounced):
         item = table.transitions[condition.transition]
         exit_ = f"{_text(item.cause)} to {_text(item.target)}"
         return f"guard of {exit_} true for {condition.held_ticks} ms without a break"

@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, mapped
-from twin_gait.gait.signals import OTHER, signal_of
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, map_atoms
+from twin_gait.gait.signals import OTHER, find_signal
 
 ZERO = ""  # Name of the number zero, against which single signals are bounded.
 STRICT_MARGIN = 1e-12  # Distance of a solution from strict limits, relative to them or to 1.
 SHARES = (1.0, 1e-2, 1e-4, 0.0)  # Shares of the comfortable distance; the largest feasible one is kept.
-MOST_BRANCHES = 20_000
+MAX_BRANCHES = 20_000
 
 Phases = tuple[str | None, ...]  # Phases of the other leg; None represents an absent leg.
 
@@ -34,34 +34,34 @@ class Bound:
     lower: str  # Name of a number, or ``ZERO``.
     limit: float  # Limit of the difference.
     strict: bool = False  # Whether the limit itself is excluded.
-    room: float = 0.0  # Comfortable distance from the limit, kept in part or in whole; 0 for none.
-    whole: bool = False  # Whether the difference is a whole number.
+    margin: float = 0.0  # Comfortable distance from the limit, kept in part or in whole; 0 for none.
+    is_integer: bool = False  # Whether the difference is a whole number.
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the numbers in the bound, without ``ZERO``."""
         return tuple(name for name in (self.upper, self.lower) if name != ZERO)
 
-    def holds(self, values: Mapping[str, float]) -> bool:
+    def is_satisfied(self, values: Mapping[str, float]) -> bool:
         """Check whether numbers fulfil the bound."""
         difference = values.get(self.upper, 0.0) - values.get(self.lower, 0.0)
         return difference < self.limit if self.strict else difference <= self.limit
 
-    def tightened(self, share: float) -> float:
+    def tightened_limit(self, share: float) -> float:
         """Return the limit minus a share of the comfortable distance."""
-        if self.whole:
+        if self.is_integer:
             near = round(self.limit)
             limit = near if math.isclose(near, self.limit, abs_tol=1e-6) else self.limit
             return math.floor(
-                (math.ceil(limit) - 1 if self.strict else math.floor(limit)) - share * self.room
+                (math.ceil(limit) - 1 if self.strict else math.floor(limit)) - share * self.margin
             )
         margin = STRICT_MARGIN * max(1.0, abs(self.limit)) if self.strict else 0.0
-        return self.limit - max(share * self.room, margin)
+        return self.limit - max(share * self.margin, margin)
 
-    def at(self, name: str, value: float) -> Bound:
+    def substitute(self, name: str, value: float) -> Bound:
         """Return the bound with one number replaced by its value."""
         if name == self.upper:
-            return replace(self, upper=ZERO, limit=self.limit - value).at(name, value)
+            return replace(self, upper=ZERO, limit=self.limit - value).substitute(name, value)
         return replace(self, lower=ZERO, limit=self.limit + value) if name == self.lower else self
 
 
@@ -70,12 +70,12 @@ def equal(name: str, other: str, value: float) -> list[Bound]:
     return [Bound(name, other, value), Bound(other, name, -value)]
 
 
-def bound_of(atom: Comparison, true: bool) -> Bound:
+def comparison_bound(atom: Comparison, true: bool) -> Bound:
     """Convert a comparison, or its negation, to a bound in the units of the table."""
-    room = signal_of(atom.signal).room
+    room = find_signal(atom.signal).margin
     if (atom.operator == "<") is true:
-        return Bound(atom.signal, atom.minus or ZERO, atom.threshold, strict=true, room=room)
-    return Bound(atom.minus or ZERO, atom.signal, -atom.threshold, strict=true, room=room)
+        return Bound(atom.signal, atom.minus or ZERO, atom.threshold, strict=true, margin=room)
+    return Bound(atom.minus or ZERO, atom.signal, -atom.threshold, strict=true, margin=room)
 
 
 def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | None:
@@ -88,7 +88,7 @@ def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | Non
     paths = {a: {b: 0.0 if a == b else math.inf for b in names} for a in names}
     for item in bounds:
         row = paths[item.upper]
-        row[item.lower] = min(row[item.lower], item.tightened(share))
+        row[item.lower] = min(row[item.lower], item.tightened_limit(share))
     for middle in names:
         onward = paths[middle]
         for row in paths.values():
@@ -116,7 +116,7 @@ class Requirement(NamedTuple):
     true: bool = True
 
 
-class Way(NamedTuple):
+class Case(NamedTuple):
     """One choice that fulfils requirements: phases of the other leg, and bounds on the signals."""
 
     phases: Phases
@@ -127,12 +127,12 @@ class Way(NamedTuple):
 BoundsOf = Callable[[Comparison, bool], Sequence[Bound] | None]
 
 
-def ways(
-    start: Way,
+def enumerate_cases(
+    start: Case,
     requirements: Sequence[Requirement],
     bounds_of: BoundsOf,
     possible: Callable[[Sequence[Bound]], bool],
-) -> Iterator[Way]:
+) -> Iterator[Case]:
     """Yield all ways to fulfil requirements, one after the other; contradictory ways are not followed.
 
     ``start``: phases of the other leg and bounds that are always valid. Without another leg (``(None,)``) no
@@ -140,9 +140,9 @@ def ways(
     ``bounds_of``: function that converts a comparison to bounds. ``possible``: function that checks whether
     bounds have a solution. Raises GaitTableError if there are more than ``MOST_BRANCHES`` choices to try.
     """
-    left = iter(range(MOST_BRANCHES))
+    left = iter(range(MAX_BRANCHES))
 
-    def grown(way: Way, atom: Comparison | PhaseMembership, true: bool) -> Way | None:
+    def grown(way: Case, atom: Comparison | PhaseMembership, true: bool) -> Case | None:
         if isinstance(atom, PhaseMembership):
             kept = tuple(name for name in way.phases if (name in atom.phases) is true)
             return way._replace(phases=kept) if kept else None
@@ -154,10 +154,10 @@ def ways(
         more = way._replace(bounds=(*way.bounds, *bounds))
         return more if possible(more.bounds) else None
 
-    def branches(agenda: list[Requirement], way: Way) -> Iterator[Way]:
+    def branches(agenda: list[Requirement], way: Case) -> Iterator[Case]:
         if next(left, None) is None:
             raise GaitTableError(
-                f"the guards leave more than {MOST_BRANCHES} choices to try; use fewer any inside all"
+                f"the guards leave more than {MAX_BRANCHES} choices to try; use fewer any inside all"
             )
         if not agenda:
             yield way
@@ -183,29 +183,29 @@ def _is_choice(requirement: Requirement) -> bool:
     )
 
 
-def _kept(share: float) -> Callable[[Sequence[Bound]], bool]:
+def _is_feasible_with_margin(share: float) -> Callable[[Sequence[Bound]], bool]:
     return lambda bounds: solve(bounds, share) is not None
 
 
-Solution = tuple[Way, dict[str, float]]
+Solution = tuple[Case, dict[str, float]]
 
 
-def solutions(start: Way, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Iterator[Solution]:
+def enumerate_solutions(start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Iterator[Solution]:
     """Yield all ways to fulfil requirements, with signals far from their thresholds; see :func:`ways`."""
-    for way in ways(start, requirements, bounds_of, _kept(SHARES[-1])):
+    for way in enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(SHARES[-1])):
         yield way, next(found for share in SHARES if (found := solve(way.bounds, share)) is not None)
 
 
-def most_comfortable(start: Way, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Solution | None:
+def find_most_robust(start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Solution | None:
     """Return the way to fulfil requirements that is furthest from all thresholds, or None; :func:`ways`."""
-    feasible = next(ways(start, requirements, bounds_of, _kept(SHARES[-1])), None)
+    feasible = next(enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(SHARES[-1])), None)
     for share in SHARES if feasible else ():
-        for way in ways(start, requirements, bounds_of, _kept(share)):
+        for way in enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(share)):
             return way, solve(way.bounds, share) or {}
     return None
 
 
-def translated(
+def rename_signals(
     guard: Guard, rename: Callable[[str], str], member: Callable[[PhaseMembership], bool] | None = None
 ) -> Guard:
     """Rename the signals of a guard, for example to those of the other leg.
@@ -222,4 +222,4 @@ def translated(
             return atom
         return AllOf(guards=()) if member(atom) else PhaseMembership(phases=())
 
-    return mapped(guard, changed)
+    return map_atoms(guard, changed)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.signals import all_signal_names, mode_signal_names, signal_of
+from twin_gait.gait.signals import all_signal_names, mode_signal_names, find_signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +52,11 @@ class PhaseMembership:
     """
 
     phases: tuple[str, ...]  # Names of the phases, or of the requests.
-    of: str = "other.phase"  # Quantity that is tested, in the notation of the table.
+    quantity: str = "other.phase"  # Quantity that is tested, in the notation of the table.
 
     def __str__(self) -> str:
         """Write the membership as in the table."""
-        return f"{self.of} in [{', '.join(self.phases)}]"
+        return f"{self.quantity} in [{', '.join(self.phases)}]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class AllOf:
 
     def __str__(self) -> str:
         """Write the conjunction."""
-        return " and ".join(bracketed(guard) for guard in self.guards) or "true"
+        return " and ".join(bracket_guard(guard) for guard in self.guards) or "true"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,7 @@ class AnyOf:
 
     def __str__(self) -> str:
         """Write the disjunction."""
-        return " or ".join(bracketed(guard) for guard in self.guards)
+        return " or ".join(bracket_guard(guard) for guard in self.guards)
 
 
 Atom = Comparison | PhaseMembership
@@ -99,20 +99,20 @@ def atoms(guard: Guard) -> Iterator[Atom]:
         yield guard
 
 
-def compared(guard: Guard) -> list[str]:
+def compared_signals(guard: Guard) -> list[str]:
     """Return the signals that a guard reads, each once."""
     read = (name for atom in atoms(guard) if isinstance(atom, Comparison) for name in atom.names)
     return list(dict.fromkeys(read))
 
 
-def mapped(guard: Guard, change: Callable[[Atom], Guard]) -> Guard:
+def map_atoms(guard: Guard, change: Callable[[Atom], Guard]) -> Guard:
     """Return the same tree with each of its comparisons and memberships replaced by ``change``."""
     if isinstance(guard, (AllOf, AnyOf)):
-        return replace(guard, guards=tuple(mapped(inner, change) for inner in guard.guards))
+        return replace(guard, guards=tuple(map_atoms(inner, change) for inner in guard.guards))
     return change(guard)
 
 
-def bracketed(guard: Guard, words: Callable[[Guard], str] = str) -> str:
+def bracket_guard(guard: Guard, words: Callable[[Guard], str] = str) -> str:
     """Format a guard within another one as text, in brackets if it has parts itself."""
     return f"({words(guard)})" if isinstance(guard, (AllOf, AnyOf)) else words(guard)
 
@@ -123,15 +123,15 @@ _COMPARISON = re.compile(rf"\s*({_SIGNAL})\s*(?:-\s*({_SIGNAL})\s*)?([<>])\s*({_
 _MEMBERSHIP = re.compile(rf"\s*({_SIGNAL})\s+in\s*\[([^\]]*)\]\s*")
 
 
-class GuardWords(NamedTuple):
+class GuardVocabulary(NamedTuple):
     """Vocabulary of the guards of a kind of table."""
 
-    of: str  # Quantity that a membership tests.
+    quantity: str  # Quantity that a membership tests.
     member: str  # Name of a member in messages: a phase, or a request.
     # Function from the joints to the names of all signals, in the order of the list of signals.
     signals: Callable[[tuple[str, ...]], tuple[str, ...]]
 
-    def problem(self, atom: Atom, joints: tuple[str, ...], members: Sequence[str]) -> str:
+    def find_problem(self, atom: Atom, joints: tuple[str, ...], members: Sequence[str]) -> str:
         """Describe why a condition is invalid for some joints and members; empty if it is valid."""
         if isinstance(atom, PhaseMembership):
             what, known, asked = self.member, members, atom.phases
@@ -142,32 +142,32 @@ class GuardWords(NamedTuple):
                 return f"no {what} {name!r}; there are {', '.join(known)}"
         if isinstance(atom, PhaseMembership) or atom.minus is None:
             return ""
-        units = [signal_of(name).unit.words for name in asked]
+        units = [find_signal(name).unit.name for name in asked]
         mixed = f"{' and '.join(asked)} have different units: {' and '.join(units)}"
         return mixed if len(set(units)) > 1 else ""
 
 
-LEG_WORDS = GuardWords("other.phase", "phase", all_signal_names)
-MODE_WORDS = GuardWords("request", "request", mode_signal_names)
+LEG_VOCABULARY = GuardVocabulary("other.phase", "phase", all_signal_names)
+MODE_VOCABULARY = GuardVocabulary("request", "request", mode_signal_names)
 
 
-def parse_guard(text: str, words: GuardWords = LEG_WORDS) -> Atom:
+def parse_guard(text: str, vocabulary: GuardVocabulary = LEG_VOCABULARY) -> Atom:
     """Parse one guard, such as ``other.hip.angle_deg > 10`` or ``other.phase in [early_stance]``.
 
     ``words``: vocabulary of the guards; whether the named signals and members exist is checked by the table.
     Raises GaitTableError if the text is not a guard.
     """
     membership = _MEMBERSHIP.fullmatch(text)
-    if membership and membership[1] == words.of:
+    if membership and membership[1] == vocabulary.quantity:
         members = tuple(name.strip() for name in membership[2].split(",") if name.strip())
         if not members:
-            raise GaitTableError(f"guard {text!r}: expected at least one {words.member} in the brackets")
-        return PhaseMembership(phases=members, of=words.of)
+            raise GaitTableError(f"guard {text!r}: expected at least one {vocabulary.member} in the brackets")
+        return PhaseMembership(phases=members, quantity=vocabulary.quantity)
     comparison = _COMPARISON.fullmatch(text)
     if not comparison or math.isinf(float(comparison[4])):
         raise GaitTableError(
             f"guard {text!r}: expected a strict 'signal < number' or 'signal - signal > number', or "
-            f"'{words.of} in [{words.member}, …]', with finite numbers"
+            f"'{vocabulary.quantity} in [{vocabulary.member}, …]', with finite numbers"
         )
     signal, minus, operator, number = comparison.groups()
     return Comparison(signal=signal, minus=minus, operator=operator, threshold=float(number))

@@ -13,7 +13,7 @@ from transitions import Machine
 
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
-from twin_gait.gait.guards import LEG_WORDS
+from twin_gait.gait.guards import LEG_VOCABULARY
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import OTHER, TIME
 from twin_gait.gait.table import TICK, StateTable
@@ -52,7 +52,7 @@ class GaitStateMachine:
         choose: Function that replaces :func:`~twin_gait.core.guards.next_transition`, or None.
     """
 
-    choose: Callable[..., int] | None = None
+    transition_selector: Callable[..., int] | None = None
 
     def __init__(
         self,
@@ -68,12 +68,12 @@ class GaitStateMachine:
         """
         self.table = table
         self.side = side
-        self.owner = f"{side} leg" if table.words is LEG_WORDS else "supervisor"
+        self.owner = f"{side} leg" if table.vocabulary is LEG_VOCABULARY else "supervisor"
         self.program = compile_guards(table) if program is None else program
         self.entry_tick = 0
         self._debounce = [0] * len(table.transitions)
         self._names = table.signals
-        self._own_places = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
+        self._own_indices = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
         self.phase: str = table.phase_names[0] if initial_phase is None else initial_phase
         self.phase_index = table.phase_index(self.phase)
 
@@ -109,7 +109,7 @@ class GaitStateMachine:
         Raises MeasurementError if a measurement is missing or not finite; measurements of an absent leg are
         not required.
         """
-        values = self.table.in_si({**signals, TIME: self.time_in_phase(tick)})
+        values = self.table.to_si({**signals, TIME: self.time_in_phase(tick)})
         return self.advance(tick, values, self.table.member_index(member))
 
     def advance(self, tick: int, signals: Sequence[float], other_phase: int) -> PhaseSwitch | None:
@@ -121,8 +121,8 @@ class GaitStateMachine:
         of the tick, -1 without one. Returns the switch, or None if the phase stays. Raises MeasurementError
         if a signal of this leg, of a present other leg, or of the device is not finite.
         """
-        self._refuse_non_finite(signals, other_phase)
-        choose, ticks = self.choose or next_transition, tick - self.entry_tick
+        self._require_finite(signals, other_phase)
+        choose, ticks = self.transition_selector or next_transition, tick - self.entry_tick
         index = choose(self.program, self.phase_index, ticks, signals, other_phase, self._debounce)
         if index == NO_TRANSITION:
             return None
@@ -138,8 +138,8 @@ class GaitStateMachine:
         self.phase, self.phase_index, self.entry_tick = phase, self.table.phase_index(phase), tick
         self._debounce[:] = [0] * len(self._debounce)
 
-    def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
-        for place in self._own_places if other_phase < 0 else range(len(self._names)):
+    def _require_finite(self, signals: Sequence[float], other_phase: int) -> None:
+        for place in self._own_indices if other_phase < 0 else range(len(self._names)):
             if not math.isfinite(value := signals[place]):
                 name = self._names[place].replace(OTHER, "other leg's ")
                 raise MeasurementError(f"{self.owner}: the {name} is {value}; expected a finite measurement")

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
-from twin_gait.core.guards import guard_holds
+from twin_gait.core.guards import evaluate_guard
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait import guards
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.signals import TIME
-from twin_gait.gait.table import MOST_PHASES, TICK, State, StateTable, Transition, refuse
+from twin_gait.gait.table import MAX_PHASES, TICK, StateParameters, StateTable, Transition, raise_if
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mode(State):
+class Mode(StateParameters):
     """Settings of one mode.
 
     Attributes:
@@ -44,26 +44,26 @@ class ModeTable(StateTable):
     requests: tuple[str, ...]  # Names of the requests that can be made; may be empty.
     hold: str  # Mode of the device after a trip of the safety monitor; it is not left.
 
-    words: ClassVar[guards.GuardWords] = guards.MODE_WORDS
+    vocabulary: ClassVar[guards.GuardVocabulary] = guards.MODE_VOCABULARY
     kind: ClassVar[str] = "mode"
 
     def _check_phases(self) -> None:
-        refuse(len(self.requests) > MOST_PHASES, f"requests: at most {MOST_PHASES} fit")
+        raise_if(len(self.requests) > MAX_PHASES, f"requests: at most {MAX_PHASES} fit")
         for name in self.requests:
-            refuse(not re.fullmatch(r"[A-Za-z_]\w*", name), f"requests: expected a word, got {name!r}")
-            refuse(self.requests.count(name) > 1, f"requests: {name} is named twice")
+            raise_if(not re.fullmatch(r"[A-Za-z_]\w*", name), f"requests: expected a word, got {name!r}")
+            raise_if(self.requests.count(name) > 1, f"requests: {name} is named twice")
         self._check_known("hold", self.hold)
-        refuse(self.hold == self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
+        raise_if(self.hold == self.phase_names[0], f"hold: the device cannot begin in {self.hold}")
         left = {item.source for item in self.transitions}
         for mode in self.phases:
             stuck = mode not in (*left, self.hold)
-            refuse(stuck, f"modes.{mode}: no transition leaves it; add one to transitions")
+            raise_if(stuck, f"modes.{mode}: no transition leaves it; add one to transitions")
 
     def _check_transition(self, place: str, item: Transition) -> None:
         super()._check_transition(place, item)
-        refuse(item.source == self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
+        raise_if(item.source == self.hold, f"{place}: a trip is for good; nothing leads out of {self.hold}")
         late = f"{place}: a request lasts for one tick and cannot be held for {item.debounce_ticks} ms"
-        refuse(item.debounce_ticks > 1 and _asked(item), f"{late}; leave debounce_ms out")
+        raise_if(item.debounce_ticks > 1 and _transition_requests(item), f"{late}; leave debounce_ms out")
 
     @cached_property
     def members(self) -> tuple[str, ...]:
@@ -71,7 +71,7 @@ class ModeTable(StateTable):
         return self.requests
 
     @property
-    def entered(self) -> tuple[str, ...]:
+    def externally_entered(self) -> tuple[str, ...]:
         """The hold mode, which the monitor enters."""
         return (self.hold,)
 
@@ -81,11 +81,11 @@ class ModeTable(StateTable):
         return (
             here.walk
             and not here.step
-            and any(_asked(item) and self.phases[item.target].step for item in leads)
+            and any(_transition_requests(item) and self.phases[item.target].step for item in leads)
         )
 
 
-def _asked(item: Transition) -> set[str]:
+def _transition_requests(item: Transition) -> set[str]:
     """Return the requests that a transition reads."""
     atoms = guards.atoms(item.guard)
     return {name for atom in atoms if isinstance(atom, guards.PhaseMembership) for name in atom.phases}
@@ -126,7 +126,7 @@ def check_requests(requests: tuple[TimedRequest, ...], modes: ModeTable | None) 
             raise ParameterError(f"request {item}: another one comes in the same tick; choose another time")
 
 
-def why_refused(
+def rejection_reason(
     table: ModeTable, mode: str, request: str, signals: Mapping[str, float], ticks: int
 ) -> str | None:
     """Describe the unmet conditions of each transition for a request; None if one of them is fulfilled.
@@ -134,21 +134,21 @@ def why_refused(
     ``signals``: values in the units of a table; missing ones are 0. ``ticks``: number of ticks since the mode
     was entered.
     """
-    leaving = [(item, _asked(item)) for item in table.transitions if item.source == mode]
+    leaving = [(item, _transition_requests(item)) for item in table.transitions if item.source == mode]
     answers = [item for item, asked in leaving if request in asked]
     if not answers:
         known = [name for name in table.requests if any(name in asked for _, asked in leaving)]
         return f"{mode} does not answer {request}; it answers {', '.join(known) or 'nothing'}"
     measured = {**dict.fromkeys(table.signals, 0.0), **signals, TIME: ticks * TICK}
-    values, member, program = table.in_si(measured), table.member_index(request), compile_guards(table)
+    values, member, program = table.to_si(measured), table.member_index(request), compile_guards(table)
     missing = []
     for item in answers:
         rule, lacks = program.transitions[table.transitions.index(item)], []
-        least = max(table.phases[mode].minimum_ticks, item.time_out_ticks or 0)
+        least = max(table.phases[mode].minimum_ticks, item.timeout_ticks or 0)
         if ticks < least:
             lacks.append(f"{mode} for {ticks * TICK:g} s, less than {least * TICK:g} s")
-        if not guard_holds(program, rule.first_node, rule.end_node, values, member):
+        if not evaluate_guard(program, rule.first_node, rule.end_node, values, member):
             lacks.append(f"{item.guard} is not true")
-            lacks += [f"{name} is {measured[name]:.4g}" for name in guards.compared(item.guard)]
+            lacks += [f"{name} is {measured[name]:.4g}" for name in guards.compared_signals(item.guard)]
         missing.append(lacks)
     return None if [] in missing else "; or ".join(", ".join(lacks) for lacks in missing)

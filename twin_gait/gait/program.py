@@ -3,11 +3,11 @@
 from twin_gait.core import guards
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import signal_scale
-from twin_gait.gait.table import MOST_PHASES, StateTable, refuse
+from twin_gait.gait.table import MAX_PHASES, StateTable, raise_if
 
 # Phases, and results that wait to be combined, are bits of an integer: a signed one of 64 bits in an engine,
 # an int32_t in the device, where all of them may be shifted once more.
-ENGINE_BITS, DEVICE_BITS = MOST_PHASES, 30
+ENGINE_BITS, DEVICE_BITS = MAX_PHASES, 30
 
 
 def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardProgram:
@@ -16,9 +16,9 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
     ``bits``: number of bits of the integers that hold phases and results. Raises GaitTableError if the table
     or a guard is too large for them.
     """
-    _refuse_large(table, bits)
+    _require_fit(table, bits)
     nodes: list[guards.GuardNode] = []
-    comparisons: list[guards.Comparison] = []
+    comparisons: list[guards.CompiledComparison] = []
     rules = []
     for transition in table.transitions:
         first = len(nodes)
@@ -30,23 +30,23 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
                 first_node=first,
                 end_node=len(nodes),
                 debounce_ticks=transition.debounce_ticks,
-                time_out_ticks=-1 if transition.time_out_ticks is None else transition.time_out_ticks,
+                timeout_ticks=-1 if transition.timeout_ticks is None else transition.timeout_ticks,
             )
         )
     minimum_ticks = [item.minimum_ticks for item in table.phases.values()]
     if not comparisons:  # The evaluator reads a comparison for every node.
-        comparisons.append(guards.Comparison(0, 0, 0.0, 0.0, 0.0))
+        comparisons.append(guards.CompiledComparison(0, 0, 0.0, 0.0, 0.0))
     return guards.GuardProgram(len(rules), minimum_ticks, rules, nodes, comparisons)
 
 
-def _refuse_large(table: StateTable, bits: int) -> None:
-    refuse(len(table.members) > bits, f"{len(table.members)} {table.words.member}s; at most {bits} fit")
+def _require_fit(table: StateTable, bits: int) -> None:
+    raise_if(len(table.members) > bits, f"{len(table.members)} {table.vocabulary.member}s; at most {bits} fit")
     for item in table.transitions:
         if len(item.atoms) <= bits:  # A guard has at most as many waiting results as conditions.
             continue
         name, waiting = f"{item.source} → {item.target} ({item.cause})", _waiting(item.guard)
         too_many = f"{waiting} conditions wait to be joined; at most {bits} fit, so nest some of them"
-        refuse(waiting > bits, f"transition {name}: {too_many}")
+        raise_if(waiting > bits, f"transition {name}: {too_many}")
 
 
 def _waiting(guard: Guard) -> int:
@@ -59,7 +59,7 @@ def _waiting(guard: Guard) -> int:
 
 
 def _emit(
-    guard: Guard, table: StateTable, nodes: list[guards.GuardNode], comparisons: list[guards.Comparison]
+    guard: Guard, table: StateTable, nodes: list[guards.GuardNode], comparisons: list[guards.CompiledComparison]
 ) -> None:
     if isinstance(guard, Comparison):
         comparisons.append(_comparison(guard, table))
@@ -75,10 +75,10 @@ def _emit(
         )
 
 
-def _comparison(guard: Comparison, table: StateTable) -> guards.Comparison:
+def _comparison(guard: Comparison, table: StateTable) -> guards.CompiledComparison:
     names = table.signals
     sign = 1.0 if guard.operator == ">" else -1.0
-    return guards.Comparison(
+    return guards.CompiledComparison(
         signal_a=names.index(guard.signal),
         signal_b=0 if guard.minus is None else names.index(guard.minus),
         factor_a=sign,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from twin_gait.core.impedance import damping_from_ratio
-from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, mapped
+from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, map_atoms
 from twin_gait.gait.signals import ANGLE, signal_scale
 from twin_gait.gait.table import GaitTable, PhaseParameters
 from twin_gait.vocabulary import JointName, Side
@@ -77,12 +77,12 @@ def _scale_guard(guard: Guard, excursion: float, centre: float) -> Guard:
         about = centre / signal_scale(atom.signal) if atom.minus is None else 0.0
         return replace(atom, threshold=atom.threshold + (excursion - 1.0) * (atom.threshold - about))
 
-    return mapped(guard, scaled)
+    return map_atoms(guard, scaled)
 
 
 def _is_hip_angle(signal: str | None) -> bool:
     """Check whether a signal is a hip angle of either leg; None, an absent second signal, counts as one."""
-    return signal is None or signal.endswith(ANGLE.of(JointName.HIP))
+    return signal is None or signal.endswith(ANGLE.joint_signal_name(JointName.HIP))
 
 
 def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.ndarray:

@@ -21,19 +21,19 @@ LONGEST_STAY = 3600.0  # Longest time in [s] in a phase without a timeout.
 HIGHEST_VELOCITY = 500.0 * DEGREE
 
 
-class Unit(NamedTuple):
+class SignalUnit(NamedTuple):
     """Unit of values in a table."""
 
-    words: str  # Name in messages.
+    name: str  # Name in messages.
     symbol: str  # Symbol after a number in a diagram.
     factor: float = 1.0  # Factor to SI.
 
 
-DEGREES = Unit("deg", "°", DEGREE)
-DEGREES_PER_SECOND = Unit("deg/s", "°/s", DEGREE)
-BODY_WEIGHTS = Unit("body weights", " BW")
-SECONDS = Unit("s", " s")
-NO_UNIT = Unit("no unit", "")
+DEGREES = SignalUnit("deg", "°", DEGREE)
+DEGREES_PER_SECOND = SignalUnit("deg/s", "°/s", DEGREE)
+BODY_WEIGHTS = SignalUnit("body weights", " BW")
+SECONDS = SignalUnit("s", " s")
+NO_UNIT = SignalUnit("no unit", "")
 
 
 @dataclass(frozen=True)
@@ -41,45 +41,45 @@ class Signal:
     """Declaration of a signal of guards."""
 
     name: str  # Name in a table; for a joint the part after the joint's name and a point.
-    unit: Unit  # Unit of its values in a table; measured values are in SI.
-    words: str  # Label in a diagram, after the name of its part.
+    unit: SignalUnit  # Unit of its values in a table; measured values are in SI.
+    label: str  # Label in a diagram, after the name of its part.
     # Lowest and highest possible value in SI; None if stops and motors determine them.
     range: tuple[float, float] | None
     # Change from tick to tick due to noise, in the unit of the table: an assumption. The encoder's resolution
     # is far finer (0.0004° of the joint); vibrations of cuffs, gears and the foot on the belt are larger.
     noise: float = 0.0
     # Distance from a threshold, in the unit of the table, that the test kit keeps if possible.
-    room: float = 0.0
-    first: float = math.nan  # Value before the first measurement, in SI; a guard with NaN is false.
+    margin: float = 0.0
+    initial_value: float = math.nan  # Value before the first measurement, in SI; a guard with NaN is false.
     field: str = ""  # Field of the gait controller's record of a signal of the device.
     # Column of a log, in SI, from which a replay reads a signal of the device; without one the signal keeps
     # its initial value. The mapping of angles and loads to columns is defined in the replay's reader.
     column: str = ""
 
-    def of(self, joint: str) -> str:
+    def joint_signal_name(self, joint: str) -> str:
         """Return its name in a table for a joint."""
         return f"{joint}.{self.name}"
 
 
-ANGLE = Signal("angle_deg", DEGREES, "", None, noise=0.5, room=1.0)
-VELOCITY = Signal("velocity_deg_per_s", DEGREES_PER_SECOND, " velocity", None, noise=5.0, room=5.0)
-LOAD = Signal("foot.load_bw", BODY_WEIGHTS, " load", (0.0, HIGHEST_LOAD), noise=0.02, room=0.05)
-TIME_IN_PHASE = Signal("time_in_phase_s", SECONDS, "time in phase", (0.0, LONGEST_STAY), room=0.01)
+ANGLE = Signal("angle_deg", DEGREES, "", None, noise=0.5, margin=1.0)
+VELOCITY = Signal("velocity_deg_per_s", DEGREES_PER_SECOND, " velocity", None, noise=5.0, margin=5.0)
+LOAD = Signal("foot.load_bw", BODY_WEIGHTS, " load", (0.0, HIGHEST_LOAD), noise=0.02, margin=0.05)
+TIME_IN_PHASE = Signal("time_in_phase_s", SECONDS, "time in phase", (0.0, LONGEST_STAY), margin=0.01)
 TRUNK_PITCH = Signal(
     "trunk.pitch_deg",
     DEGREES,
     " pitch",
     None,
     noise=0.5,
-    room=1.0,
-    first=0.0,
+    margin=1.0,
+    initial_value=0.0,
     field="trunk_pitch",
     column="measured_trunk_pitch_rad",
 )
 # Commands for the legs: 1 to walk, 0 to stand; 1 to take a step, 0 to wait for one.
-WALK = Signal("walk", NO_UNIT, "walk command", (0.0, 1.0), room=0.25, first=1.0, field="walk")
-STEP = Signal("step", NO_UNIT, "step command", (0.0, 1.0), room=0.25, first=1.0, field="step")
-LEGS_IN_SWING = Signal("legs_in_swing", NO_UNIT, "legs in swing", (0.0, 2.0), room=0.25, first=0.0)
+WALK = Signal("walk", NO_UNIT, "walk command", (0.0, 1.0), margin=0.25, initial_value=1.0, field="walk")
+STEP = Signal("step", NO_UNIT, "step command", (0.0, 1.0), margin=0.25, initial_value=1.0, field="step")
+LEGS_IN_SWING = Signal("legs_in_swing", NO_UNIT, "legs in swing", (0.0, 2.0), margin=0.25, initial_value=0.0)
 
 JOINT_SIGNALS = (ANGLE, VELOCITY)  # Signals of each joint.
 LEG_SIGNALS = (LOAD, TIME_IN_PHASE)  # Signals of each leg.
@@ -92,7 +92,7 @@ MODE_SIGNALS = (TIME_IN_PHASE, TRUNK_PITCH, LEGS_IN_SWING)  # Signals of the sup
 
 def signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
     """Return the signals of one leg in the order of the list of signals: joint by joint, then of the leg."""
-    names = (signal.of(joint) for joint in joints for signal in JOINT_SIGNALS)
+    names = (signal.joint_signal_name(joint) for joint in joints for signal in JOINT_SIGNALS)
     return (*names, *(signal.name for signal in LEG_SIGNALS))
 
 
@@ -112,17 +112,17 @@ def mode_signal_names(joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @cache
-def signal_of(name: str) -> Signal:
+def find_signal(name: str) -> Signal:
     """Return the declaration of a signal by its name in a table, which may have a prefix."""
     known = (signal for signal in (*SIGNALS, LEGS_IN_SWING) if f".{name}".endswith(f".{signal.name}"))
     return max(known, key=lambda signal: len(signal.name))  # A leg signal's name may end in a joint signal's.
 
 
-def part_of(name: str) -> str:
+def signal_part(name: str) -> str:
     """Return the part of a signal from its name: a joint, the foot, a part of the device; empty for none."""
     return f"..{name}".rsplit(".", 2)[1]
 
 
 def signal_scale(name: str) -> float:
     """Return the factor from the unit of a signal in a table to SI."""
-    return signal_of(name).unit.factor
+    return find_signal(name).unit.factor

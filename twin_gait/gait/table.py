@@ -13,28 +13,28 @@ from functools import cached_property
 from typing import Annotated, ClassVar
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import LEG_WORDS, AllOf, Atom, Guard, GuardWords, atoms
-from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_of
+from twin_gait.gait.guards import LEG_VOCABULARY, AllOf, Atom, Guard, GuardVocabulary, atoms
+from twin_gait.gait.signals import LEFT, OTHER, RIGHT, find_signal
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import PRE_SWING, Coded, Side
+from twin_gait.vocabulary import PRE_SWING, CodedEnum, Side
 
 TICK = 1e-3  # Control period of the firmware in [s] (thesis, section 2.1.2).
-LONGEST = 3_600_000  # Longest time in a table in ticks: an hour, the longest run.
-TICKS = quantities.Range(1, LONGEST, words=f"1 to {LONGEST} (an hour, the longest run)")
-DURATIONS = quantities.whole(0, LONGEST, "an hour, the longest run")
-ALWAYS = AllOf(guards=())  # Guard of a transition that depends on time alone.
-FADES = quantities.whole(0, 10_000, "10 s; a phase of gait is over before")
-MOST_PHASES = 62  # A membership of the other leg's phase is a bit mask in a signed 64-bit integer.
+MAX_TICKS = 3_600_000  # Longest time in a table in ticks: an hour, the longest run.
+TICKS = quantities.Range(1, MAX_TICKS, words=f"1 to {MAX_TICKS} (an hour, the longest run)")
+DURATIONS = quantities.integer_range(0, MAX_TICKS, "an hour, the longest run")
+ALWAYS_TRUE = AllOf(guards=())  # Guard of a transition that depends on time alone.
+BLENDING_TICKS = quantities.integer_range(0, 10_000, "10 s; a phase of gait is over before")
+MAX_PHASES = 62  # A membership of the other leg's phase is a bit mask in a signed 64-bit integer.
 
 
-def refuse(wrong: object, text: str) -> None:
+def raise_if(condition: object, text: str) -> None:
     """Raise a GaitTableError with a text if a condition is wrong."""
-    if wrong:
+    if condition:
         raise GaitTableError(text)
 
 
-class BlendingLaw(Coded):
+class BlendingLaw(CodedEnum):
     """Law of the blending of parameters; ``code`` is its number in :mod:`twin_gait.core.blending`."""
 
     NONE = "none"
@@ -52,7 +52,7 @@ class Blending(quantities.Parameters):
     """
 
     law: BlendingLaw = BlendingLaw.MINIMUM_JERK
-    duration_ticks: Annotated[int, FADES, quantities.Key("duration_ms")] = 60
+    duration_ticks: Annotated[int, BLENDING_TICKS, quantities.Key("duration_ms")] = 60
 
 
 # A virtual spring acts through the gear, which is a spring itself (CSF-25 at low torque).
@@ -62,7 +62,7 @@ SPEEDS = quantities.Range(0.01, 10.0, reason="slower than a crawl is no walk")
 HEIGHTS = quantities.Range(0.5, 2.5, reason="the height of a person")
 EXPONENTS = quantities.Range(-3.0, 3.0)
 RATIOS = quantities.Range(
-    0.0, 10.0, above=True, reason="without damping a joint rings; if that is meant: damping_Nms_per_rad: 0"
+    0.0, 10.0, exclusive_minimum=True, reason="without damping a joint rings; if that is meant: damping_Nms_per_rad: 0"
 )
 
 
@@ -93,7 +93,7 @@ class JointImpedance(quantities.Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class State(quantities.Parameters):
+class StateParameters(quantities.Parameters):
     """Common parameters of every phase of a state machine.
 
     Attributes:
@@ -104,7 +104,7 @@ class State(quantities.Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhaseParameters(State):
+class PhaseParameters(StateParameters):
     """Parameters that one phase of gait sets.
 
     Attributes:
@@ -113,9 +113,9 @@ class PhaseParameters(State):
         blending_ticks: Length of the blending into the phase in ticks; None for that of the table.
     """
 
-    joints: Annotated[Mapping[str, JointImpedance], quantities.AsInFile(), quantities.Inline()]
+    joints: Annotated[Mapping[str, JointImpedance], quantities.CustomSerialized(), quantities.Inline()]
     gravity_compensation: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
-    blending_ticks: Annotated[int | None, FADES, quantities.Key("blending_ms")] = None
+    blending_ticks: Annotated[int | None, BLENDING_TICKS, quantities.Key("blending_ms")] = None
 
 
 class DrivenBy(StrEnum):
@@ -144,22 +144,22 @@ class Transition(quantities.Parameters):
     source: Annotated[str, quantities.Key("from")]
     target: Annotated[str, quantities.Key("to")]
     cause: str
-    guard: Annotated[Guard, quantities.AsInFile()] = ALWAYS
+    guard: Annotated[Guard, quantities.CustomSerialized()] = ALWAYS_TRUE
     debounce_ticks: Annotated[int, TICKS, quantities.Key("debounce_ms")] = 1
-    time_out_ticks: Annotated[int | None, TICKS, quantities.AsInFile()] = None
+    timeout_ticks: Annotated[int | None, TICKS, quantities.CustomSerialized()] = None
     driven_by: DrivenBy = DrivenBy.JOINT
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         super().__post_init__()
         name = f"{self.source} → {self.target} ({self.cause})"
-        empty = self.time_out_ticks is None and self.guard == ALWAYS
-        refuse(empty, f"transition {name} has no condition: give all, any or after_s")
+        empty = self.timeout_ticks is None and self.guard == ALWAYS_TRUE
+        raise_if(empty, f"transition {name} has no condition: give all, any or after_s")
 
     @property
-    def is_time_out(self) -> bool:
+    def is_timeout(self) -> bool:
         """Whether the transition depends on the time in the phase alone."""
-        return self.time_out_ticks is not None and self.guard == ALWAYS
+        return self.timeout_ticks is not None and self.guard == ALWAYS_TRUE
 
     @cached_property
     def atoms(self) -> tuple[Atom, ...]:
@@ -218,13 +218,13 @@ class StateTable:
     name: str  # Name of the table.
     joints: tuple[str, ...]  # Names of the joints, in the order of the parameter arrays.
     # Phases by name, in the order of the cycle; the machine begins in the first one.
-    phases: Mapping[str, State]
+    phases: Mapping[str, StateParameters]
     # Transitions in order of priority: the first listed one that is due is taken.
     transitions: tuple[Transition, ...]
     description: str = ""  # Purpose of the table and sources of its numbers.
     waivers: tuple[Waiver, ...] = ()  # Warnings of the check that are accepted for the table.
 
-    words: ClassVar[GuardWords] = LEG_WORDS  # Vocabulary of its guards.
+    vocabulary: ClassVar[GuardVocabulary] = LEG_VOCABULARY  # Vocabulary of its guards.
     kind: ClassVar[str] = "phase"  # Name of a state in messages; with an s, the key of a file.
 
     def __post_init__(self) -> None:
@@ -232,11 +232,11 @@ class StateTable:
         for name in self.joints:
             # Names of signals are joint.quantity, with the prefix "other." or a side for a certain leg.
             odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." in (OTHER, LEFT, RIGHT)
-            refuse(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
+            raise_if(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
         some = len(set(self.joints)) == len(self.joints) > 0
-        refuse(not some, f"joints: expected one or more, each once, got {', '.join(self.joints) or 'none'}")
+        raise_if(not some, f"joints: expected one or more, each once, got {', '.join(self.joints) or 'none'}")
         count = len(self.phases)
-        refuse(not 0 < count <= MOST_PHASES, f"{self.kind}s: expected 1 to {MOST_PHASES}, got {count}")
+        raise_if(not 0 < count <= MAX_PHASES, f"{self.kind}s: expected 1 to {MAX_PHASES}, got {count}")
         self._check_phases()
         for index, transition in enumerate(self.transitions):
             self._check_transition(f"transitions[{index}] ({transition.cause})", transition)
@@ -251,14 +251,14 @@ class StateTable:
 
     def _check_transition(self, place: str, item: Transition) -> None:
         self._check_known(place, item.source, item.target)
-        refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
+        raise_if(item.source == item.target, f"{place}: leads from {item.source} to itself")
         for atom in item.atoms:
-            problem = self.words.problem(atom, self.joints, self.members)
+            problem = self.vocabulary.find_problem(atom, self.joints, self.members)
             if problem:
                 raise GaitTableError(f"{place}: guard '{atom}': {problem}")
-        after, least = item.time_out_ticks or LONGEST, self.phases[item.source].minimum_ticks
+        after, least = item.timeout_ticks or MAX_TICKS, self.phases[item.source].minimum_ticks
         early = f"after_s {after * TICK:g} is below the minimum_duration_ms {least} of {item.source}"
-        refuse(after < least, f"{place}: {early}")
+        raise_if(after < least, f"{place}: {early}")
 
     @cached_property
     def phase_names(self) -> tuple[str, ...]:
@@ -273,7 +273,7 @@ class StateTable:
     @property
     def signals(self) -> tuple[str, ...]:
         """All signals that the guards may read; their positions are the indices in the guard program."""
-        return self.words.signals(self.joints)
+        return self.vocabulary.signals(self.joints)
 
     @cached_property
     def members(self) -> tuple[str, ...]:
@@ -283,20 +283,20 @@ class StateTable:
     def member_index(self, name: str | None) -> int:
         """Return the position of one of the :attr:`members`, -1 for None; GaitTableError if it is unknown."""
         unknown = name is not None and name not in self.members
-        refuse(unknown, f"no {self.words.member} {name!r}; there are {', '.join(self.members)}")
+        raise_if(unknown, f"no {self.vocabulary.member} {name!r}; there are {', '.join(self.members)}")
         return -1 if name is None else self.members.index(name)
 
-    def in_si(self, signals: Mapping[str, float]) -> list[float]:
+    def to_si(self, signals: Mapping[str, float]) -> list[float]:
         """Return the signals in their order in SI from values in the units of a table.
 
         Signals that are missing in ``signals`` have their initial values.
         """
-        declared = {name: signal_of(name) for name in self.signals}
+        declared = {name: find_signal(name) for name in self.signals}
         values = ((signals.get(name), item) for name, item in declared.items())
-        return [item.first if value is None else item.unit.factor * value for value, item in values]
+        return [item.initial_value if value is None else item.unit.factor * value for value, item in values]
 
     @property
-    def entered(self) -> tuple[str, ...]:
+    def externally_entered(self) -> tuple[str, ...]:
         """Phases that are entered by an external command, and may also be left by one."""
         return ()
 
@@ -322,15 +322,15 @@ class GaitTable(StateTable):
             self._check_known(place, *phases)
         for index, cycle in enumerate(self.cycles):
             short = len(set(cycle)) < max(2, len(cycle))
-            refuse(short, f"cycles[{index}]: expected two or more different phases, got {', '.join(cycle)}")
+            raise_if(short, f"cycles[{index}]: expected two or more different phases, got {', '.join(cycle)}")
         joints = ", ".join(self.joints)
         for side in (self.phases, *self.side_phases.values()):
             for phase, own in side.items():
                 problem = f"phases.{phase}: expected an impedance of {joints}, got {', '.join(own.joints)}"
-                refuse(set(own.joints) != set(self.joints), problem)
+                raise_if(set(own.joints) != set(self.joints), problem)
 
     @property
-    def entered(self) -> tuple[str, ...]:
+    def externally_entered(self) -> tuple[str, ...]:
         """Phases that are entered by an external command, and may also be left by one."""
         return self.postures
 

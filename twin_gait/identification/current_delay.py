@@ -16,7 +16,7 @@ from scipy.stats import t as student
 from twin_gait.identification.laws import usual_speed
 from twin_gait.identification.models import FrictionTest, join_tests
 from twin_gait.identification.processing import BenchSetup, Processing
-from twin_gait.identification.statistics import LEVEL, blocks_of
+from twin_gait.identification.statistics import LEVEL, block_indices
 
 # Knots of the piecewise linear friction over the speed, with equal numbers of samples between them.
 _KNOTS = 100
@@ -52,7 +52,7 @@ def estimate_delay(tests: Sequence[FrictionTest], bench: BenchSetup) -> Delay | 
     measured = np.concatenate([test.motor_rate for test in tests])
     table = np.column_stack([load, across, acceleration, measured, expected, rows.torque])
     chosen = chosen[:: -(-len(chosen) // _MOST_SAMPLES)]
-    speed, block = rows.velocity[chosen], blocks_of(rows.test[chosen])
+    speed, block = rows.velocity[chosen], block_indices(rows.test[chosen])
     knots = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _KNOTS)))
     hats = np.column_stack([np.interp(speed, knots, one) for one in np.eye(len(knots))])
     basis, _ = np.linalg.qr(hats)

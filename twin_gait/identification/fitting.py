@@ -27,7 +27,7 @@ _REFIT_TOLERANCE = 1e-7  # share of the loss: four digits of a fold's error are 
 _CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; largest number of samples with it
 _NEGLIGIBLE = 1e-5  # share of the loss per sample and variance: noise moves the parameters by far more
 _SMALLEST_MOVE = 1e-10  # relative change of the parameters in the last step
-MOST_SAMPLES = 40_000  # largest number of samples of a fit, taken evenly; statistics use all
+MAX_FIT_SAMPLES = 40_000  # largest number of samples of a fit, taken evenly; statistics use all
 _GROSS_SIGMAS = 6.0  # number of robust standard deviations beyond which a residual may be an outlier
 _ALONE = 0.5  # share of such residuals without another one next to them
 
@@ -116,7 +116,7 @@ def fit_model(
     x = refine(model, full, x, limits, tolerance=tolerance)
     values = model.errors(x, full)
     sigma = median_abs_deviation(values, scale="normal")
-    if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
+    if sigma > 0.0 and _needs_huber(options.loss, values, sigma):
         # The scale settles in two rounds, because outliers may bias the first fit.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
@@ -125,7 +125,7 @@ def fit_model(
     return Fit(model, x, limits, threshold)
 
 
-def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
+def _needs_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
     """Decide whether to reduce the weight of large residuals.
 
     Errors of measurement are isolated. Residuals that stay large for many samples mean that the law lacks
@@ -141,8 +141,8 @@ def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
 def rows_of(model: FrictionModel, samples: Samples) -> Samples:
     """Return the samples of a fit: a limited number counts, and a model with a state keeps its path."""
     if model.dynamic:
-        return thinned_path(samples, MOST_SAMPLES)
-    return thinned(samples.used_only(), MOST_SAMPLES)
+        return thinned_path(samples, MAX_FIT_SAMPLES)
+    return thinned(samples.used_only(), MAX_FIT_SAMPLES)
 
 
 def refit(fit: Fit, samples: Samples) -> Fit:

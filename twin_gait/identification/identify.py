@@ -16,10 +16,10 @@ from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.laws import MODELS, OFFSET
 from twin_gait.identification.models import FrictionModel, FrictionTest, Samples, join_tests, thinned
 from twin_gait.identification.processing import BenchSetup, Processing, balance_warnings, process_log
-from twin_gait.identification.reading import LogColumns, read_log
+from twin_gait.identification.reading import ColumnOptions, read_log
 from twin_gait.identification.statistics import CrossValidation, Goodness, Uncertainty
 
-ONE_WAY = 0.02  # share of the samples below which a direction was not measured
+MIN_DIRECTION_SHARE = 0.02  # share of the samples below which a direction was not measured
 
 
 def find_models(names: tuple[str, ...]) -> tuple[FrictionModel, ...]:
@@ -38,7 +38,7 @@ def _lacking(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
     columns = {name: getattr(samples, name) for name in model.needs}
     lacking = [name for name, values in columns.items() if values is None or np.ptp(values) <= 1e-9]
     # Motion in one direction only: an offset cannot be distinguished from Coulomb friction.
-    if OFFSET in model.coefficients and samples.rarer_direction < ONE_WAY:
+    if OFFSET in model.coefficients and samples.rarer_direction < MIN_DIRECTION_SHARE:
         lacking.append("motion in both directions")
     return tuple(lacking)
 
@@ -72,7 +72,7 @@ def inherited_starts(name: str, fits: Mapping[str, np.ndarray]) -> list[np.ndarr
 
 
 Progress = Callable[[int, int], None]
-MOST_SAMPLES = 1_000_000  # largest number for fits and errors; noise of so many changes no displayed digit
+MAX_SAMPLES = 1_000_000  # largest number for fits and errors; noise of so many changes no displayed digit
 _TIE = 2e-4  # share by which errors differ because of rounding of the fits alone
 
 
@@ -80,7 +80,7 @@ _TIE = 2e-4  # share by which errors differ because of rounding of the fits alon
 class IdentificationOptions:
     """Options of an identification."""
 
-    columns: LogColumns = field(default_factory=LogColumns)  # columns of the quantities in the logs
+    columns: ColumnOptions = field(default_factory=ColumnOptions)  # columns of the quantities in the logs
     bench: BenchSetup | None = None  # test bench; None for series of friction torques
     processing: Processing = Processing.ZERO_PHASE  # smoothing of the logs of a bench
     fit: FitOptions = field(default_factory=FitOptions)  # options of the fits
@@ -145,11 +145,11 @@ def identify_tests(
     progress: Progress = lambda done, total: None,
 ) -> Identification:
     """Fit models to processed tests; raise the errors of :func:`identify_logs`."""
-    tests, flipped = _along_the_velocity(tests)
+    tests, flipped = _align_torque_signs(tests)
     if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
         # The filter spreads an outlier, such as a contact with the stop, over samples.
         options = replace(options, fit=replace(options.fit, loss=Loss.HUBER))
-    samples = thinned(join_tests(tests), MOST_SAMPLES)
+    samples = thinned(join_tests(tests), MAX_SAMPLES)
     asked = find_models(options.models)
     lacking = {model.name: missing for model in asked if (missing := _lacking(model, samples))}
     models = [model for model in asked if model.name not in lacking]
@@ -209,7 +209,7 @@ def _best_first(models: Sequence[IdentifiedModel], tie: float) -> tuple[Identifi
     return (leader, *(item for item in ordered if item is not leader))
 
 
-def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTest], list[str]]:
+def _align_torque_signs(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTest], list[str]]:
     """Reverse friction torques that oppose the velocity, as in many logs; reject those of a balance."""
     power = sum(float((test.torque * test.velocity)[test.used].sum()) for test in tests)
     if power >= 0.0:
@@ -237,7 +237,7 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel], tests: Sequ
         raise ParameterError(f"logs: {text}; expected at least {needed} at several speeds")
 
 
-_ONE_WAY = 0.05  # share of the samples in the rarer direction below which a warning is given
+_DIRECTION_WARNING_SHARE = 0.05  # share of the samples in the rarer direction below which a warning is given
 _FAST, _SLOW = 1.0, 0.1  # [rad] / [s]: a gait needs the knee up to 3.6; table 3.1 changes below 0.2
 _FEW = 0.02  # share of the samples below which there are too few
 
@@ -247,7 +247,7 @@ def _sample_warnings(samples: Samples) -> list[str]:
     back, few = samples.rarer_direction, f"fewer than {100.0 * _FEW:g} %"
     speed = np.abs(samples.velocity[samples.used])
     doubts = {
-        f"one direction only: {100.0 * back:.1f} % of the samples move the other way": back < _ONE_WAY,
+        f"one direction only: {100.0 * back:.1f} % of the samples move the other way": back < _DIRECTION_WARNING_SHARE,
         f"no slow samples: {few} below {_SLOW:g} rad/s": (speed < _SLOW).mean() < _FEW,
         f"no fast samples: {few} above {_FAST:g} rad/s": (speed > _FAST).mean() < _FEW,
     }

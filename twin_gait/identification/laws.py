@@ -18,9 +18,9 @@ import numpy as np
 from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
 from twin_gait.docstrings import summary_of
-from twin_gait.identification.models import FrictionModel, Samples, Shape
-from twin_gait.simulation.binding import bind, is_ours
-from twin_gait.simulation.compiling import ON_BITS
+from twin_gait.identification.models import FrictionModel, Samples, ShapeParameter
+from twin_gait.simulation.binding import specialize, is_package_function
+from twin_gait.simulation.compiling import BIT_FUNCTIONS
 
 _TINY = 1e-12
 
@@ -36,7 +36,7 @@ def fineness(samples: Samples) -> float:
     return 1.0 / max(float(np.median(moved[moved > 0.0])), _TINY) if moved.any() else 1.0
 
 
-def spans_in_a_turn(samples: Samples) -> float:
+def spans_per_turn(samples: Samples) -> float:
     """Compute the number of spans of the samples in a turn of the joint."""
     return 1.0 if samples.angle is None else 2.0 * np.pi / max(float(np.ptp(samples.angle)), _TINY)
 
@@ -49,16 +49,16 @@ _PER_KELVIN = "coulomb_per_temperature_Nm_per_K", "viscous_per_temperature_Nms_p
 _RIPPLES = "ripple_cosine_Nm", "ripple_sine_Nm"
 # Coefficients that may be below 0 in a physical friction.
 SIGNED = frozenset({OFFSET, *_PER_KELVIN, *_RIPPLES})
-_TRANSITION = Shape("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
-_STRIBECK = Shape("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
+_TRANSITION = ShapeParameter("transition_velocity_rad_per_s", 1e-4, 1.0, usual_speed)
+_STRIBECK = ShapeParameter("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
 _BREAKAWAY_VELOCITY = replace(_STRIBECK, name="breakaway_velocity_rad_per_s")
 # Velocity and exponent of the Stribeck curve, and the exponent of viscous friction.
-_CURVE = _STRIBECK, Shape("stribeck_exponent", 0.4, 10.0), Shape("viscous_exponent", 0.1, 3.0)
-_STEEPNESS = Shape("steepness_s_per_rad", 1.0, 1e4, lambda samples: 1.0 / usual_speed(samples))
-_RIPPLE = Shape("ripple_per_turn", 1.0, 60.0, spans_in_a_turn)
+_CURVE = _STRIBECK, ShapeParameter("stribeck_exponent", 0.4, 10.0), ShapeParameter("viscous_exponent", 0.1, 3.0)
+_STEEPNESS = ShapeParameter("steepness_s_per_rad", 1.0, 1e4, lambda samples: 1.0 / usual_speed(samples))
+_RIPPLE = ShapeParameter("ripple_per_turn", 1.0, 60.0, spans_per_turn)
 # Ratio σ0/T_c, the inverse of the deflection at which the bristles slide, and ratio T_b/T_c.
-_BRISTLES = Shape("bristle_stiffness_Nm_per_rad", 1e-5, 1e5, fineness)
-_RATIO = Shape(_BREAKAWAY, 0.1, 10.0, physical_low=1.0, by_factor=False)
+_BRISTLES = ShapeParameter("bristle_stiffness_Nm_per_rad", 1e-5, 1e5, fineness)
+_RATIO = ShapeParameter(_BREAKAWAY, 0.1, 10.0, physical_low=1.0, log_interval=False)
 
 # Laws of the plant for arrays: the same functions with those of NumPy instead of core's.
 _NUMPY = {
@@ -68,16 +68,16 @@ _NUMPY = {
     "chosen": np.where,
     "sign_of": np.sign,
 }
-_PLAIN = filter(is_ours, (*vars(friction_models).values(), friction.rotational_friction_torque))
-over_arrays = SimpleNamespace(**{law.__name__: bind(law, _NUMPY) for law in _PLAIN})
+_PLAIN = filter(is_package_function, (*vars(friction_models).values(), friction.rotational_friction_torque))
+array_laws = SimpleNamespace(**{law.__name__: specialize(law, _NUMPY) for law in _PLAIN})
 
 
-def breakaway_first(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+def convert_breakaway(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
     """Convert a model with the coefficients break-away less Coulomb friction, and Coulomb friction, first."""
     return (beta[0] + beta[1], *beta[1:], *eta)
 
 
-def bristles_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+def convert_bristles(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
     """Convert a model whose shape begins with ratios to Coulomb friction: stiffness, break-away friction."""
     return (*beta, *(eta[:2] * beta[0]), *eta[2:])
 
@@ -86,7 +86,7 @@ _Law = Callable[[Samples, np.ndarray, np.ndarray], Any]  # torque of each sample
 MODELS: dict[str, FrictionModel] = {}  # models by the names of their laws
 
 
-def _model(coefficients: tuple[str, ...], *shape: Shape, **more: Any) -> Callable[[_Law], _Law]:
+def _model(coefficients: tuple[str, ...], *shape: ShapeParameter, **more: Any) -> Callable[[_Law], _Law]:
     """Return a decorator that registers a law as a model; see :class:`FrictionModel`."""
 
     def add(law: _Law) -> _Law:
@@ -103,7 +103,7 @@ def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
     Coefficients: Coulomb, viscous.
     """
-    return over_arrays.coulomb_viscous_torque(samples.velocity, *beta)
+    return array_laws.coulomb_viscous_torque(samples.velocity, *beta)
 
 
 @_model((_COULOMB, _VISCOUS), _STEEPNESS)
@@ -112,37 +112,37 @@ def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) ->
 
     Coefficients: Coulomb, viscous; shape: steepness.
     """
-    return over_arrays.coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
+    return array_laws.coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
 
 
-@_model((_BREAKAWAY, _COULOMB, _VISCOUS), *_CURVE[:2], public=breakaway_first)
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), *_CURVE[:2], public=convert_breakaway)
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω.
 
     Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent.
     """
-    level = over_arrays.stribeck_level(samples.velocity, beta[1], beta[0] + beta[1], *eta)
-    return over_arrays.coulomb_viscous_torque(samples.velocity, level, beta[2])
+    level = array_laws.stribeck_level(samples.velocity, beta[1], beta[0] + beta[1], *eta)
+    return array_laws.coulomb_viscous_torque(samples.velocity, level, beta[2])
 
 
-@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first)
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=convert_breakaway)
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute √(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω.
 
     Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity.
     """
     breakaway = beta[0] + beta[1]
-    return over_arrays.rotational_friction_torque(samples.velocity, breakaway, beta[1], eta[0], beta[2])
+    return array_laws.rotational_friction_torque(samples.velocity, breakaway, beta[1], eta[0], beta[2])
 
 
-@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=breakaway_first)
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=convert_breakaway)
 def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute √(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, ω_1 = √2 ω_b, ω_2 = ω_b/10.
 
     The parameters are those of :func:`rotational`, with velocities √2 and 0.1 times the break-away velocity.
     """
     breakaway, velocities = beta[0] + beta[1], (math.sqrt(2.0) * eta[0], 0.1 * eta[0])
-    return over_arrays.two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
+    return array_laws.two_velocity_torque(samples.velocity, breakaway, beta[1], beta[2], *velocities)
 
 
 @_model((_COULOMB, _VISCOUS, _PER_LOAD), _TRANSITION, needs=("load",))
@@ -179,7 +179,7 @@ def _conditioned(
     load = 0.0 if samples.load is None else samples.load
     warm = REFERENCE_TEMPERATURE if samples.temperature is None else samples.temperature
     parts = coulomb, per_load, per_kelvin[0], viscous, per_kelvin[1]
-    return over_arrays.conditioned_torque(samples.velocity, load, warm, *parts, *eta)
+    return array_laws.conditioned_torque(samples.velocity, load, warm, *parts, *eta)
 
 
 @_model((_COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION)
@@ -189,11 +189,11 @@ def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity.
     """
     coulomb, *both_ways, offset = beta
-    viscous = over_arrays.directional_viscous_torque(samples.velocity, *both_ways, 1.0)
-    return over_arrays.asymmetric_torque(samples.velocity, offset, coulomb, eta[0], viscous)
+    viscous = array_laws.directional_viscous_torque(samples.velocity, *both_ways, 1.0)
+    return array_laws.asymmetric_torque(samples.velocity, offset, coulomb, eta[0], viscous)
 
 
-@_model((_BREAKAWAY, _COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION, *_CURVE, public=breakaway_first)
+@_model((_BREAKAWAY, _COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION, *_CURVE, public=convert_breakaway)
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω.
 
@@ -201,9 +201,9 @@ def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> 
     end.
     """
     excess, coulomb, *both_ways, offset = beta
-    level = over_arrays.stribeck_level(samples.velocity, coulomb, coulomb + excess, *eta[1:3])
-    viscous = over_arrays.directional_viscous_torque(samples.velocity, *both_ways, eta[3])
-    return over_arrays.asymmetric_torque(samples.velocity, offset, level, eta[0], viscous)
+    level = array_laws.stribeck_level(samples.velocity, coulomb, coulomb + excess, *eta[1:3])
+    viscous = array_laws.directional_viscous_torque(samples.velocity, *both_ways, eta[3])
+    return array_laws.asymmetric_torque(samples.velocity, offset, level, eta[0], viscous)
 
 
 @_model((_COULOMB, _VISCOUS, OFFSET, *_RIPPLES), _TRANSITION, _RIPPLE, needs=("angle",))
@@ -213,11 +213,11 @@ def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     Coefficients: Coulomb, viscous, offset, cosine, sine; shape: transition velocity, ripples a turn.
     """
     coulomb, viscous, offset, *waves = beta
-    smooth = over_arrays.coulomb_viscous_tanh_torque(samples.velocity, coulomb, viscous, 1.0 / eta[0])
-    return np.asarray(smooth + offset + over_arrays.ripple_torque(samples.angle, *waves, eta[1]))
+    smooth = array_laws.coulomb_viscous_tanh_torque(samples.velocity, coulomb, viscous, 1.0 / eta[0])
+    return np.asarray(smooth + offset + array_laws.ripple_torque(samples.angle, *waves, eta[1]))
 
 
-_DYNAMIC = {"public": bristles_reported, "needs": ("period",), "dynamic": True}
+_DYNAMIC = {"public": convert_bristles, "needs": ("period",), "dynamic": True}
 
 
 @_model((_COULOMB, _VISCOUS), _BRISTLES, **_DYNAMIC)
@@ -226,7 +226,7 @@ def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
     Coefficients: Coulomb, viscous; shape: stiffness over Coulomb.
     """
-    rest = over_arrays.coulomb_viscous_torque(samples.velocity, 0.0, beta[1])
+    rest = array_laws.coulomb_viscous_torque(samples.velocity, 0.0, beta[1])
     return _bristles(samples, np.array([eta[0], 1.0, 1.0]), 1.0, (beta[0], 0.0), rest)
 
 
@@ -236,7 +236,7 @@ def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
 
     Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity.
     """
-    rest = over_arrays.coulomb_viscous_torque(samples.velocity, 0.0, beta[2])
+    rest = array_laws.coulomb_viscous_torque(samples.velocity, 0.0, beta[2])
     return _bristles(samples, eta, 2.0, (beta[0], beta[1]), rest)
 
 
@@ -248,7 +248,7 @@ def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any
     exponents at the end.
     """
     coulomb, damping, *viscous, offset = beta
-    rest = offset + over_arrays.directional_viscous_torque(samples.velocity, *viscous, eta[4])
+    rest = offset + array_laws.directional_viscous_torque(samples.velocity, *viscous, eta[4])
     return _bristles(samples, eta[:3], eta[3], (coulomb, damping), rest)
 
 
@@ -263,16 +263,16 @@ def _bristles(
     stiffness, ratio, stribeck_velocity = eta
     velocity, period, fresh = samples.velocity, samples.period, samples.fresh
     assert period is not None  # models that need a column are offered only where it is
-    level = over_arrays.stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
+    level = array_laws.stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
     z = bristle_deflection(velocity, period, fresh, level, stiffness)
     rate = velocity - stiffness * np.abs(velocity) / level * z
-    sliding = over_arrays.lugre_torque(velocity, stiffness * z, rate, *scales, 0.0)
-    left = remembered_start(velocity, period, fresh, level, stiffness)
+    sliding = array_laws.lugre_torque(velocity, stiffness * z, rate, *scales, 0.0)
+    left = initial_deflection_share(velocity, period, fresh, level, stiffness)
     origin = _start_of(fresh)
     return np.asarray(sliding + rest + left * (samples.torque[origin] - rest[..., origin]))
 
 
-@partial(bind, names=ON_BITS, wrap=numba.njit)
+@partial(specialize, names=BIT_FUNCTIONS, wrap=numba.njit)
 def bristle_deflection(
     velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
 ) -> np.ndarray:
@@ -293,7 +293,7 @@ def bristle_deflection(
     return deflection
 
 
-def remembered_start(
+def initial_deflection_share(
     velocity: np.ndarray, period: np.ndarray, fresh: np.ndarray, level: np.ndarray, stiffness: float
 ) -> np.ndarray:
     """Compute the share of the deflection at the start of a test that is left at every sample.

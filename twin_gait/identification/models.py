@@ -139,7 +139,7 @@ _DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shap
 
 
 @dataclass(frozen=True)
-class Shape:
+class ShapeParameter:
     """Parameter that enters non-linearly."""
 
     name: str  # name of the reported parameter, with its unit
@@ -147,7 +147,7 @@ class Shape:
     high: float  # upper bound, a multiple of the scale
     scale: Callable[[Samples], float] = lambda samples: 1.0  # scale of the bounds
     physical_low: float | None = None  # lower bound of a physical friction; ``low`` if None
-    by_factor: bool = True  # whether the reported parameter has an interval of its logarithm
+    log_interval: bool = True  # whether the reported parameter has an interval of its logarithm
 
 
 @dataclass(frozen=True)
@@ -157,11 +157,11 @@ class FrictionModel:
     name: str  # name in options and reports
     formula: str  # formula in one line, for reports
     coefficients: tuple[str, ...]  # reported names, with units, of the parameters that enter linearly
-    shape: tuple[Shape, ...]  # the other parameters
+    shape: tuple[ShapeParameter, ...]  # the other parameters
     # Law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``.
     torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
     # Conversion of coefficients and shape to reported parameters; accepts many of them as columns.
-    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = lambda beta, eta: (*beta, *eta)
+    to_reported: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]] = lambda beta, eta: (*beta, *eta)
     needs: tuple[str, ...] = ()  # columns of the samples, beyond speed and torque
     dynamic: bool = False  # whether it has a state
 
@@ -214,5 +214,5 @@ class FrictionModel:
 
     def parameters(self, x: np.ndarray) -> dict[str, float]:
         """Return the reported parameters of a vector."""
-        values = self.public(*self.split(x))
+        values = self.to_reported(*self.split(x))
         return {name: float(value) for name, value in zip(self.names, values, strict=True)}

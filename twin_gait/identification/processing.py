@@ -97,10 +97,10 @@ def process_log(
     """
     log, counts, notes = clean(log, joint_known=bench is not None)
     series = Quantity.FRICTION_TORQUE in log.columns
-    told = (Quantity.TIME, Quantity.ANGLE)
+    required = (Quantity.TIME, Quantity.ANGLE)
     if bench is None or series:
-        told = (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-    for quantity in told:
+        required = (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
+    for quantity in required:
         values = _needed(log, quantity)
         if np.ptp(values) == 0.0:
             text = f"is {values[0]:g} in every row; nothing can be fitted"

@@ -34,7 +34,7 @@ class Quantity(StrEnum):
     TEMPERATURE = "temperature"
 
 
-class Kind(NamedTuple):
+class ColumnPattern(NamedTuple):
     """Names and units by which the column of a quantity is recognized."""
 
     names: tuple[str, ...]  # names of its columns without their unit, lower case, best first
@@ -46,24 +46,24 @@ _TURN = ANGLES["turn"]  # [rad]
 _SPEEDS = {**{f"{name}/s": factor for name, factor in ANGLES.items()}, "rev/s": _TURN, "rpm": _TURN / 60.0}
 _TORQUES = {"Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 _AMPERES = {"A": 1.0, "mA": 1e-3}
-KINDS: Mapping[Quantity, Kind] = {
-    Quantity.TIME: Kind(("time", "t", "timestamp"), TIMES),
-    Quantity.ANGLE: Kind(("position", "angle", "theta", "q"), ANGLES, 60.0),
-    Quantity.VELOCITY: Kind(("velocity", "omega", "speed", "dq", "qd"), _SPEEDS, 60.0),
-    Quantity.FRICTION_TORQUE: Kind(
+COLUMN_PATTERNS: Mapping[Quantity, ColumnPattern] = {
+    Quantity.TIME: ColumnPattern(("time", "t", "timestamp"), TIMES),
+    Quantity.ANGLE: ColumnPattern(("position", "angle", "theta", "q"), ANGLES, 60.0),
+    Quantity.VELOCITY: ColumnPattern(("velocity", "omega", "speed", "dq", "qd"), _SPEEDS, 60.0),
+    Quantity.FRICTION_TORQUE: ColumnPattern(
         ("friction_torque", "torque_friction", "t_fr", "tau_f"), _TORQUES, 2_000.0
     ),
-    Quantity.LOAD_TORQUE: Kind(("load_torque", "torque_load"), _TORQUES, 5_000.0),
-    Quantity.TARGET_CURRENT: Kind(("target_current", "current_target"), _AMPERES, 200.0),
-    Quantity.MEASURED_CURRENT: Kind(("measured_current", "current_measured", "current"), _AMPERES, 200.0),
-    Quantity.TEMPERATURE: Kind(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
+    Quantity.LOAD_TORQUE: ColumnPattern(("load_torque", "torque_load"), _TORQUES, 5_000.0),
+    Quantity.TARGET_CURRENT: ColumnPattern(("target_current", "current_target"), _AMPERES, 200.0),
+    Quantity.MEASURED_CURRENT: ColumnPattern(("measured_current", "current_measured", "current"), _AMPERES, 200.0),
+    Quantity.TEMPERATURE: ColumnPattern(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
 }
 
 _WEIGHT = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LogColumns:
+class ColumnOptions:
     """Columns of the quantities in a log."""
 
     # Column of a quantity; a minus in front of it reverses the sign.
@@ -73,7 +73,7 @@ class LogColumns:
     unwrap: bool = False  # whether the angle is that of an encoder that starts again at each turn
 
 
-def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[str, float]]:
+def _columns_of(table: LogTable, columns: ColumnOptions) -> dict[Quantity, tuple[str, float]]:
     """Return the name of the column of each quantity, and the factor to SI with the sign."""
     found: dict[Quantity, tuple[str, float]] = {}
     asked_for = {name.lstrip("-") for name in columns.names.values()}
@@ -91,9 +91,9 @@ def _columns_of(table: LogTable, columns: LogColumns) -> dict[Quantity, tuple[st
 
 def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
     """Return the only column with a name of the quantity; None for an optional one in an unknown unit."""
-    units = KINDS[quantity].units
+    units = COLUMN_PATTERNS[quantity].units
     plain = [plain_name(name, units) for name in names]
-    known = next((name for name in KINDS[quantity].names if plain.count(name) == 1), None)
+    known = next((name for name in COLUMN_PATTERNS[quantity].names if plain.count(name) == 1), None)
     if known is None:
         return None
     place = plain.index(known)
@@ -105,7 +105,7 @@ def _known_column(names: Sequence[str], quantity: Quantity) -> str | None:
 
 def _factor(source: str, column: str, quantity: Quantity, given: str | None) -> float:
     """Return the factor of a column to SI: by the unit in its name, else by the given one, else 1."""
-    units = KINDS[quantity].units
+    units = COLUMN_PATTERNS[quantity].units
     _, stated = split_heading(column, units)
     known, told = find_unit(stated, units), find_unit(given, units)
     wrong = given if given and not told else stated if not told and not known else None
@@ -133,7 +133,7 @@ class Log:
         return len(next(iter(self.columns.values()), ()))
 
 
-def read_log(path: Path, columns: LogColumns | None = None) -> Log:
+def read_log(path: Path, columns: ColumnOptions | None = None) -> Log:
     """Read a log.
 
     The separator may be a comma, a semicolon, a tab or blanks; lines that begin with # are comments. A file
@@ -142,12 +142,12 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
 
     Raises ParameterFileError if the file cannot be read as numbers; one line with file, column and row.
     """
-    columns = columns or LogColumns()
+    columns = columns or ColumnOptions()
     table = read_text_table(path, {name.lstrip("-") for name in columns.names.values()})
     found = _columns_of(table, columns)
     if not found:
         advice = "name them with --columns velocity=NAME,friction_torque=NAME"
-        raise ParameterFileError(path, "", f"no column is known among {table.listed()}; {advice}")
+        raise ParameterFileError(path, "", f"no column is known among {table.format_column_names()}; {advice}")
     values = {quantity: table.numbers(name, gaps=True) * factor for quantity, (name, factor) in found.items()}
     weight = _WEIGHT.search(path.name)
     mass = float(re.sub("[,p]", ".", weight[1].lower())) if weight else None
@@ -216,7 +216,7 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     if doubt := _disorder(columns, notes, series=series):
         refuse(Quantity.TIME, doubt)
     for quantity in sorted(columns):
-        if doubt := _beyond(quantity, columns[quantity]):
+        if doubt := _range_problem(quantity, columns[quantity]):
             if joint_known or not series or quantity not in needed:
                 refuse(quantity, doubt)
             else:
@@ -263,10 +263,10 @@ def _check_mark(source: str, quantity: Quantity, values: np.ndarray) -> None:
         raise ParameterFileError(source, quantity, text)
 
 
-def _beyond(quantity: Quantity, values: np.ndarray) -> str:
+def _range_problem(quantity: Quantity, values: np.ndarray) -> str:
     """Return the problem of values beyond the range of a joint; empty for others."""
-    found, (unit, other, *_) = float(np.abs(values).max()), KINDS[quantity].units
-    if found <= KINDS[quantity].largest:
+    found, (unit, other, *_) = float(np.abs(values).max()), COLUMN_PATTERNS[quantity].units
+    if found <= COLUMN_PATTERNS[quantity].largest:
         return ""
     return f"reaches {found:.4g} {unit}: of a joint? Declare its unit, such as --units {quantity}={other}"
 

@@ -41,7 +41,7 @@ _FASTER = 1.25  # ratio to the present speed up to which speeds are compared
 _SLOW = 0.02  # [rad] / [s], speed up to which all speeds are considered equal
 _USUAL = 0.95  # share of the torques before that are usual
 _LEAST = 0.5  # [N m], least torque of a spring beyond the usual torque
-_OF_INERTIA = 0.5  # least torque of a spring as a share of the torque of inertia, whose error is smaller
+_INERTIA_SHARE = 0.5  # least torque of a spring as a share of the torque of inertia, whose error is smaller
 
 
 def hard_stop(angle: np.ndarray, acceleration: np.ndarray, reach: int) -> np.ndarray:
@@ -76,9 +76,9 @@ def soft_stop(
     return stopped
 
 
-def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial: np.ndarray) -> int | None:
+def _contact(position: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial: np.ndarray) -> int | None:
     """Find the sample at which a spring is touched on the way to the farthest place; None without one."""
-    end = int(np.argmax(place))
+    end = int(np.argmax(position))
     start = max(end - _LONGEST, 0)
     peak = start + int(np.argmax(speed[start : end + 1]))
     before = np.flatnonzero(speed[:peak] > 0.0)
@@ -89,7 +89,7 @@ def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial:
         alike = before[speed[before] < _FASTER * max(speed[sample], _SLOW)]
         usual = np.quantile(torque[alike if len(alike) >= _FEWEST else before], _USUAL)
         excess = float(torque[sample] - usual)
-        if excess <= max(_LEAST, _OF_INERTIA * inertial[sample]):
+        if excess <= max(_LEAST, _INERTIA_SHARE * inertial[sample]):
             return sample + 1 if sample + 1 < end else None
     return peak
 

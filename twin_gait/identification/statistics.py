@@ -95,7 +95,7 @@ def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> Cr
     left = []
     for label in np.unique(folds):
         out = folds == label
-        inside, outside = _without(samples, out), _without(samples, ~out)
+        inside, outside = _exclude(samples, out), _exclude(samples, ~out)
         if outside.used.any() and inside.used.sum() > 2 * fit.model.size:
             left.append(fitting.refit(fit, inside).residuals(outside))
     errors = np.concatenate([*left, np.empty(0)])
@@ -103,7 +103,7 @@ def cross_validate(fit: Fit, samples: Samples, by: str, folds: np.ndarray) -> Cr
     return CrossValidation(left_out=by, folds=len(left), rmse=rmse)
 
 
-def _without(samples: Samples, out: np.ndarray) -> Samples:
+def _exclude(samples: Samples, out: np.ndarray) -> Samples:
     """Return the same samples, of which some do not count; tests without any that count are removed."""
     used = samples.used & ~out
     return replace(samples, used=used).rows(np.isin(samples.test, np.unique(samples.test[used])))
@@ -140,7 +140,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     free, scale = free[scale > 0.0], scale[scale > 0.0]
     unit = matrix[:, free] / scale
     rank = int(np.linalg.matrix_rank(unit.T @ unit, tol=_RANK, hermitian=True)) if len(free) else 0
-    block = blocks_of(rows.test[rows.used])
+    block = block_indices(rows.test[rows.used])
     number = int(block[-1]) + 1
     if rank < max(len(free), 1) or number < 2:
         unknown, nothing = (-math.inf, math.inf), np.full((model.size, model.size), math.nan)
@@ -148,7 +148,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
         return Uncertainty(wide, nothing, errors, number)
     weights = fitting.huber_weights(values, fit.threshold)
     steps = _draws(unit, values, weights, block, number, seed) / scale
-    steps = steps[_telling(steps)]
+    steps = steps[_informative_draws(steps)]
     draws = np.tile(fit.x, (len(steps), 1))
     draws[:, free] += steps
     count = len(model.coefficients)
@@ -160,7 +160,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
     return Uncertainty(_intervals(fit, reported, number), correlations, errors, number)
 
 
-def blocks_of(test: np.ndarray) -> np.ndarray:
+def block_indices(test: np.ndarray) -> np.ndarray:
     """Return the number of the block of each sample: its test, or a part of it if there are few tests."""
     _, index, lengths = np.unique(test, return_inverse=True, return_counts=True)
     pieces = 1 if len(lengths) >= FEWEST_TESTS else -(-BLOCKS // len(lengths))
@@ -179,7 +179,7 @@ def _draws(
     for start, end in zip(edges, [*edges[1:], len(block)], strict=True):
         normal[block[start]] += weighted[start:end].T @ unit[start:end]
         gradient[block[start]] += weighted[start:end].T @ values[start:end]
-    gradient = _without_leverage(normal, gradient)
+    gradient = _correct_leverage(normal, gradient)
     generator = np.random.default_rng(seed)
     times = generator.multinomial(number, np.full(number, 1.0 / number), size=DRAWS).astype(float)
     left, right = np.einsum("db,bij->dij", times, normal), times @ gradient
@@ -187,7 +187,7 @@ def _draws(
     return np.asarray((np.linalg.pinv(left, rcond=1e-9, hermitian=True) @ right[:, :, None])[:, :, 0])
 
 
-def _telling(steps: np.ndarray) -> np.ndarray:
+def _informative_draws(steps: np.ndarray) -> np.ndarray:
     """Select the draws that are informative: a few may miss all samples that determine a parameter.
 
     Such draws step anywhere. If there are many, the parameter is not determined, and all draws count.
@@ -197,7 +197,7 @@ def _telling(steps: np.ndarray) -> np.ndarray:
     return ~far if far.mean() <= _MOST_FAR else np.ones(len(steps), dtype=bool)
 
 
-def _without_leverage(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+def _correct_leverage(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     """Compute the gradient of each block about the fit of the others (the jackknife's correction).
 
     A block that moves the fit has reduced its own residuals; without the correction intervals are too short.
@@ -211,7 +211,7 @@ def _without_leverage(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
 def _public(fit: Fit, draws: np.ndarray) -> np.ndarray:
     """Compute the reported parameters of each draw, shape ``(n_names, n_draws)``."""
     beta, eta = fit.model.split(draws.T)
-    return np.array([np.broadcast_to(row, len(draws)) for row in fit.model.public(beta, eta)])
+    return np.array([np.broadcast_to(row, len(draws)) for row in fit.model.to_reported(beta, eta)])
 
 
 def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[float, float]]:
@@ -220,7 +220,7 @@ def _intervals(fit: Fit, reported: np.ndarray, number: int) -> dict[str, tuple[f
     With few tests the bootstrap's spread is too small by sqrt((n-1)/n) and its tails too short.
     """
     reach = float(student.ppf(0.5 + LEVEL / 2.0, number - 1)) * math.sqrt(number / (number - 1))
-    found, by_factor = {}, {item.name for item in fit.model.shape if item.by_factor}
+    found, by_factor = {}, {item.name for item in fit.model.shape if item.log_interval}
     for (name, centre), row in zip(fit.model.parameters(fit.x).items(), reported, strict=True):
         if name in by_factor and (row > 0.0).all():
             half = min(reach * float(np.log(row).std()), 300.0)

@@ -13,7 +13,7 @@ from scipy.stats import binned_statistic
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.readers import section_of
-from twin_gait.files import plain, write_atomically, write_json
+from twin_gait.files import to_json_value, write_atomically, write_json
 from twin_gait.identification.fitting import Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel
 from twin_gait.identification.models import Samples
@@ -64,7 +64,7 @@ def write_identification(
     Returns the document.
     """
     files = {} if joint is None else _parameter_files(result, joint)
-    document: dict[str, Any] = plain(_identification_document(result, joint))
+    document: dict[str, Any] = to_json_value(_identification_document(result, joint))
     document["parameter_files"] = {file: model for file, (model, _) in files.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         for file, (_, text) in files.items():

@@ -16,22 +16,22 @@ from dataclasses import fields
 from itertools import chain, count
 from typing import Any, NamedTuple
 
-from twin_gait.core.contact import Point, ground_contact_force, sloped_contact_force
+from twin_gait.core.contact import ContactState, ground_contact_force, sloped_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.rigid_body import Bodies, Points, Vector, vector
-from twin_gait.kernels.tracing import Block, Scalar, Trace, compact, readable, text, together
+from twin_gait.kernels.tracing import TraceStep, Scalar, Trace, inline_single_uses, rename_results, scalar_source, merge_calls
 from twin_gait.leg_model.bodies import BodyArrays
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
 # with ankles on a pelvis in a harness have 8, and with a wearer in braces 16.
 STRAIGHT_LINE_LIMIT = 16
 
-POINT_FIELDS = tuple(item.name for item in fields(Point))
+POINT_FIELDS = tuple(item.name for item in fields(ContactState))
 
 
-class Called(NamedTuple):
+class MergedFunction(NamedTuple):
     """A function that kernels call for several things at once, which may become vectors."""
 
     function: Callable[..., tuple[float, ...]]  # Of one of them.
@@ -45,9 +45,9 @@ class Called(NamedTuple):
         return self.function.__name__
 
 
-SIDE_BY_SIDE = (
-    Called(sine_cosine, 0, 1, ("sine", "cosine")),
-    Called(ground_contact_force, 1, 3, ("forward_force", "upward_force")),
+MERGED_FUNCTIONS = (
+    MergedFunction(sine_cosine, 0, 1, ("sine", "cosine")),
+    MergedFunction(ground_contact_force, 1, 3, ("forward_force", "upward_force")),
 )
 
 
@@ -57,7 +57,7 @@ def _numbers_of(body: BodyArrays) -> list[float]:
     return [*rows, *body.position, body.mass, *body.first_moment, body.armature]
 
 
-def _at_run_time(body: BodyArrays, symbols: Sequence[Any]) -> BodyArrays:
+def _symbolic_body(body: BodyArrays, symbols: Sequence[Any]) -> BodyArrays:
     """Return a body with symbols in place of its numbers, in the order of :func:`_numbers_of`."""
     xx, xy, xz, yy, yz, zz = symbols[:6]
     return body._replace(
@@ -102,7 +102,7 @@ class _Function:
         def symbol(value: float) -> Scalar:
             return self.trace.input(f"bodies[{next(places)}]") if value != 0.0 else 0.0
 
-        self.bodies = [_at_run_time(body, [*map(symbol, _numbers_of(body))]) for body in bodies]
+        self.bodies = [_symbolic_body(body, [*map(symbol, _numbers_of(body))]) for body in bodies]
         self.points = [point._replace(position=vector([*map(symbol, point.position)])) for point in points]
         self.zeros: list[Scalar] = [0.0] * len(bodies)
         self._up_axis = up_axis
@@ -114,7 +114,7 @@ class _Function:
     def note(self, comment: str, quantity: str, body: BodyArrays | None) -> None:
         """Begin a step of an algorithm for a body, or for the world."""
         place = body.name if body else ""
-        self.trace.block = Block(f"{comment}: {place}." if place else f"{comment}.", quantity, place)
+        self.trace.block = TraceStep(f"{comment}: {place}." if place else f"{comment}.", quantity, place)
 
     @property
     def gravity(self) -> Vector:
@@ -122,14 +122,14 @@ class _Function:
         down = -self.trace.input("gravity")
         return vector([0.0, 0.0, down] if self._up_axis == "z" else [0.0, down, 0.0])
 
-    def ground(self, sloped: bool) -> rigid_body.Law:
+    def contact_law(self, sloped: bool) -> rigid_body.ContactLaw:
         """Contact law that calls the one in core; gives forces, height and power."""
         sine: Any = self.trace.input("ground.slope_sine")
         cosine: Any = self.trace.input("ground.slope_cosine")
 
         def press(*state: Any) -> Any:
             return self.trace.call(
-                "ground_contact_force", [self.trace.input("ground"), *state], SIDE_BY_SIDE[1].results
+                "ground_contact_force", [self.trace.input("ground"), *state], MERGED_FUNCTIONS[1].results
             )
 
         def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
@@ -143,7 +143,7 @@ class _Function:
 
         return law
 
-    def text(
+    def source(
         self,
         signature: str,
         docstring: str,
@@ -153,13 +153,13 @@ class _Function:
         """Source of the function, with what it stores and returns."""
         outputs = [value for _, value in stores] + list(returned)
         body = self.trace.live_lines(outputs)
-        for item in SIDE_BY_SIDE:
-            body = together(body, item.name, item.shared)
-        lines = compact(body, {text(value) for value in outputs})
-        lines += [f"{place} = {text(value)}" for place, value in stores]
+        for item in MERGED_FUNCTIONS:
+            body = merge_calls(body, item.name, item.shared)
+        lines = inline_single_uses(body, {scalar_source(value) for value in outputs})
+        lines += [f"{place} = {scalar_source(value)}" for place, value in stores]
         if returned:
-            lines.append(f"return {', '.join(text(value) for value in returned)}")
-        lines = readable(lines, self.trace)
+            lines.append(f"return {', '.join(scalar_source(value) for value in returned)}")
+        lines = rename_results(lines, self.trace)
         return "\n    ".join([f"def {signature}:", f'"""{docstring}"""', *lines]) + "\n"
 
 
@@ -184,22 +184,22 @@ def write_dynamics(kernel: KernelBodies) -> str:
     made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, torque = (made.inputs(name) for name in ("q", "v", "torque"))
     acceleration, contacts = rigid_body.forward_dynamics(
-        made.bodies, q, v, torque, made.gravity, made.points, made.ground(kernel.sloped), made.note
+        made.bodies, q, v, torque, made.gravity, made.points, made.contact_law(kernel.sloped), made.note
     )
     stores = _stores("a", acceleration) + _point_stores(contacts)
     signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
-    return made.text(signature, "Compute the accelerations of the model.", stores, [_power(contacts)])
+    return made.source(signature, "Compute the accelerations of the model.", stores, [_power(contacts)])
 
 
 def write_contact_forces(kernel: KernelBodies) -> str:
     """Source of ``contact_forces``."""
     made = _Function(kernel.bodies, kernel.points)
-    q, v, law = made.inputs("q"), made.inputs("v"), made.ground(kernel.sloped)
+    q, v, law = made.inputs("q"), made.inputs("v"), made.contact_law(kernel.sloped)
     contacts = rigid_body.inverse_dynamics(
         made.bodies, q, v, made.zeros, rigid_body.ZERO, made.points, law, made.note
     ).contacts
     signature = "contact_forces(q, v, bodies, ground, points)"
-    return made.text(signature, "Compute the contact forces.", _point_stores(contacts), [_power(contacts)])
+    return made.source(signature, "Compute the contact forces.", _point_stores(contacts), [_power(contacts)])
 
 
 def write_observe(kernel: KernelBodies) -> str:
@@ -218,7 +218,7 @@ def write_observe(kernel: KernelBodies) -> str:
     pitching, forward = sum(moment[1] for moment, _ in wrenches), sum(force[0] for _, force in wrenches)
     returned = [result.kinetic_energy, potential, forward, pitching]
     signature = "observe(q, v, a, bodies, gravity, points)"
-    return made.text(signature, "Compute the energies and the wrench of the guides.", [], returned)
+    return made.source(signature, "Compute the energies and the wrench of the guides.", [], returned)
 
 
 def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
@@ -228,7 +228,7 @@ def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
         made.bodies, made.inputs("q"), made.zeros, made.zeros, made.gravity, note=made.note
     )
     signature = "control_gravity(q, bodies, gravity, torque)"
-    return made.text(signature, "Compute the gravity torques.", _stores("torque", result.torques))
+    return made.source(signature, "Compute the gravity torques.", _stores("torque", result.torques))
 
 
 def write_control_inertia(bodies: Bodies) -> str:
@@ -240,7 +240,7 @@ def write_control_inertia(bodies: Bodies) -> str:
         made.note("Torque", "torque", bodies[i])
         torques.append(vector([lower[max(i, j)][min(i, j)] for j in places]) @ a)
     signature = "control_inertia(q, a, bodies, torque)"
-    return made.text(signature, "Compute the inertia torques.", _stores("torque", torques))
+    return made.source(signature, "Compute the inertia torques.", _stores("torque", torques))
 
 
 def write_kernel(kernel: KernelBodies) -> str:
@@ -255,13 +255,13 @@ def write_kernel(kernel: KernelBodies) -> str:
         write_control_gravity(kernel.control_bodies, kernel.up_axis),
         write_control_inertia(kernel.control_bodies),
     ]
-    return "\n\n".join([*write_side_by_side("".join(functions)), *functions])
+    return "\n\n".join([*write_merged_functions("".join(functions)), *functions])
 
 
-def write_side_by_side(text: str) -> list[str]:
+def write_merged_functions(text: str) -> list[str]:
     """Source of what the text of a kernel calls for several things at once: one thing after the other."""
     found = []
-    for item in SIDE_BY_SIDE:
+    for item in MERGED_FUNCTIONS:
         for calls in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
             given = list(inspect.signature(item.function).parameters)
             common, each = given[: item.shared], given[item.shared :]
@@ -276,7 +276,7 @@ def write_side_by_side(text: str) -> list[str]:
     return found
 
 
-def kernel_structure(kernel: KernelBodies) -> str:
+def kernel_key(kernel: KernelBodies) -> str:
     """What the text of :func:`write_kernel` depends on; it takes a hundredth of the time to write that.
 
     Raises ModelError if the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
@@ -287,10 +287,10 @@ def kernel_structure(kernel: KernelBodies) -> str:
             f"the model has {len(bodies)} joints, those in braces counted twice, and the compiled engine "
             f"takes at most {STRAIGHT_LINE_LIMIT}; use engine: pinocchio"
         )
-    return repr((_structure(bodies, points), _structure(control_bodies), up_axis, tuple(guides), sloped))
+    return repr((_topology_key(bodies, points), _topology_key(control_bodies), up_axis, tuple(guides), sloped))
 
 
-def _structure(bodies: Bodies, points: Points = ()) -> str:
+def _topology_key(bodies: Bodies, points: Points = ()) -> str:
     """All that the text of a kernel depends on: names, topology, axes, and which run-time inputs are zero."""
     frames = [(body.name, body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
     zeros = [value == 0.0 for value in _values_of(bodies, points)]

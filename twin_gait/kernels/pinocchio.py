@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.core.contact import Ground, Point, ground_contact_force, sloped_contact_force
+from twin_gait.core.contact import Ground, ContactState, ground_contact_force, sloped_contact_force
 from twin_gait.leg_model.bodies import contact_points
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.leg_model import LegModel
@@ -19,7 +19,7 @@ from twin_gait.vocabulary import Side
 from twin_gait.worlds.world import World
 
 Row: TypeAlias = list[float]
-Points: TypeAlias = list[Point]
+Points: TypeAlias = list[ContactState]
 
 
 class _Foot(NamedTuple):
@@ -40,7 +40,7 @@ class GroundContacts:
     def __init__(self, world: World) -> None:
         """Find the feet; with braces, those of the wearer."""
         self.model, self.data = world.chains[-1].model, world.chains[-1].data
-        self.forces = no_forces(self.model)
+        self.forces = zero_forces(self.model)
         self.feet: dict[Side, _Foot] = {}
         first = 0
         for side in world.model.sides:
@@ -52,9 +52,9 @@ class GroundContacts:
     def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Points) -> float:
         """Evaluate a state of the model; the points of the soles are changed. Returns the power in [W]."""
         pin.forwardKinematics(self.model, self.data, q, v)
-        return sum(self._press(foot, ground, points) for foot in self.feet.values())
+        return sum(self._apply_foot_forces(foot, ground, points) for foot in self.feet.values())
 
-    def _press(self, foot: _Foot, ground: Ground, points: Points) -> float:
+    def _apply_foot_forces(self, foot: _Foot, ground: Ground, points: Points) -> float:
         """Forces on the points of a foot, and their sum on its joint."""
         placement = self.data.oMi[foot.joint]
         # Python numbers are several times faster here than numpy's scalars.
@@ -93,7 +93,7 @@ class PinocchioKernel:
         """Take the models of a world and of its controller."""
         own, self._control = world.model.nv, control_model
         self._contacts = GroundContacts(world)
-        airborne = [no_forces(chain.model) for chain in world.chains[:-1]]
+        airborne = [zero_forces(chain.model) for chain in world.chains[:-1]]
         parts = [slice(own * number, own * (number + 1)) for number in range(len(world.chains))]
         self._chains = list(zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True))
         self._guided = world.model.pelvis_index is not None
@@ -147,6 +147,6 @@ class PinocchioKernel:
         torque[:] = self._control.inertia_torque(np.array(q), np.array(a)).tolist()
 
 
-def no_forces(model: pin.Model) -> pin.StdVec_Force:
+def zero_forces(model: pin.Model) -> pin.StdVec_Force:
     """Forces from outside on the bodies of a model: none."""
     return pin.StdVec_Force([pin.Force.Zero()] * model.njoints)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from twin_gait.kernels.tracing import Scalar, sine_and_cosine
+from twin_gait.kernels.tracing import Scalar, symbolic_sine_cosine
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 
 # Arrays of numbers and symbols, for which numpy has no type.
@@ -20,9 +20,9 @@ Bodies: TypeAlias = Sequence[BodyArrays]
 Points: TypeAlias = Sequence[ContactPoint]
 # From number, position and velocity of a point in the world to its force along world x and z (first two
 # results) and anything else.
-Law: TypeAlias = Callable[[int, Vector, Vector], list[Scalar]] | None
+ContactLaw: TypeAlias = Callable[[int, Vector, Vector], list[Scalar]] | None
 # Receives the comment, the quantity and the body (None: the world) of each step before it is computed.
-Note: TypeAlias = Callable[[str, str, BodyArrays | None], None]
+StepCallback: TypeAlias = Callable[[str, str, BodyArrays | None], None]
 
 
 def vector(values: Sequence[Any] | np.ndarray) -> Vector:
@@ -33,7 +33,7 @@ def vector(values: Sequence[Any] | np.ndarray) -> Vector:
 ZERO = vector([0.0, 0.0, 0.0])
 
 
-def _no_note(comment: str, quantity: str, body: BodyArrays | None) -> None:
+def _ignore_step(comment: str, quantity: str, body: BodyArrays | None) -> None:
     """Ignore a step."""
 
 
@@ -55,7 +55,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
     """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
-    (s, c), (x, y, z) = sine_and_cosine(angle), axis
+    (s, c), (x, y, z) = symbolic_sine_cosine(angle), axis
     # All products of a coordinate axis are 0 but the one along it.
     one = 0.0 if 1.0 in np.abs(axis) else 1.0 - c
     xx, yy, zz = (1.0 if abs(part) == 1.0 else c + part * part * one for part in axis)
@@ -85,7 +85,7 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
-def _poses(bodies: Bodies, q: Vector, note: Note) -> list[_Pose]:
+def _poses(bodies: Bodies, q: Vector, note: StepCallback) -> list[_Pose]:
     """Pose of every body in its parent."""
     poses = []
     for body, angle in zip(bodies, q, strict=True):
@@ -94,7 +94,7 @@ def _poses(bodies: Bodies, q: Vector, note: Note) -> list[_Pose]:
     return poses
 
 
-def _world_poses(bodies: Bodies, poses: Sequence[_Pose], note: Note) -> list[tuple[Matrix, Vector]]:
+def _world_poses(bodies: Bodies, poses: Sequence[_Pose], note: StepCallback) -> list[tuple[Matrix, Vector]]:
     """Orientation and origin of every body in the world."""
     found: list[tuple[Matrix, Vector]] = []
     for body, pose in zip(bodies, poses, strict=True):
@@ -111,8 +111,8 @@ def inverse_dynamics(
     a: Vector,
     gravity: Vector,
     contacts: Points = (),
-    law: Law = None,
-    note: Note = _no_note,
+    law: ContactLaw = None,
+    note: StepCallback = _ignore_step,
 ) -> InverseDynamics:
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
@@ -182,7 +182,7 @@ def inverse_dynamics(
     return InverseDynamics(bias, results, force, 0.5 * twice_kinetic)
 
 
-def mass_matrix(bodies: Bodies, q: Vector, note: Note = _no_note) -> list[list[Scalar]]:
+def mass_matrix(bodies: Bodies, q: Vector, note: StepCallback = _ignore_step) -> list[list[Scalar]]:
     """Joint-space inertia (lower triangle along the tree), armature included."""
     poses = _poses(bodies, q, note)
     n = len(bodies)
@@ -231,7 +231,7 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
 
 
 def solve_along_tree(
-    bodies: Bodies, matrix: list[list[Scalar]], right: list[Scalar], note: Note = _no_note
+    bodies: Bodies, matrix: list[list[Scalar]], right: list[Scalar], note: StepCallback = _ignore_step
 ) -> list[Scalar]:
     """Solve M a = r with the branch-sparse L'DL factorisation (Featherstone, section 6.5)."""
     n = len(bodies)
@@ -270,8 +270,8 @@ def forward_dynamics(
     tau: Vector,
     gravity: Vector,
     contacts: Points = (),
-    law: Law = None,
-    note: Note = _no_note,
+    law: ContactLaw = None,
+    note: StepCallback = _ignore_step,
 ) -> tuple[list[Scalar], list[list[Scalar]]]:
     """Accelerations under joint torques and contact forces, and results of the contact law per point."""
     bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, law, note)
@@ -282,7 +282,7 @@ def forward_dynamics(
     return solve_along_tree(bodies, mass_matrix(bodies, q, note), right, note), bias.contacts
 
 
-def potential_energy(bodies: Bodies, q: Vector, gravity: Vector, note: Note = _no_note) -> Scalar:
+def potential_energy(bodies: Bodies, q: Vector, gravity: Vector, note: StepCallback = _ignore_step) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     energy: Scalar = 0.0
     poses = _world_poses(bodies, _poses(bodies, q, note), note)

@@ -16,16 +16,16 @@ from typing import NamedTuple
 from twin_gait.core.elementary import sine_cosine
 
 
-class Block(NamedTuple):
+class TraceStep(NamedTuple):
     """A step of an algorithm for one body: its lines have a comment, and its results have names."""
 
     comment: str = ""
     quantity: str = "term"
-    place: str = ""  # Name of the joint; empty for the world.
+    joint_name: str = ""  # Name of the joint; empty for the world.
 
     def result(self, quantity: str) -> str:
         """Return the name of a result without its number, in characters that Python and C accept."""
-        name = f"{quantity}_{self.place or 'world'}"  # Never the name of an input, such as torque.
+        name = f"{quantity}_{self.joint_name or 'world'}"  # Never the name of an input, such as torque.
         return re.sub(r"\W", "_", name, flags=re.ASCII)[:_LONGEST_NAME]
 
 
@@ -42,8 +42,8 @@ class Trace:
     def __init__(self) -> None:
         """Begin an empty trace."""
         self.lines: list[str] = []
-        self.block = Block()
-        self.blocks: dict[str, Block] = {}
+        self.block = TraceStep()
+        self.blocks: dict[str, TraceStep] = {}
         self.labels: dict[str, str] = {}
         self._known: dict[tuple[str, ...], list[Symbol]] = {}
         self._count = 0
@@ -54,14 +54,14 @@ class Trace:
 
     def combined(self, first: Scalar, operator: str, second: Scalar) -> Symbol:
         """Append what an operator makes of two numbers, of which at least one is a symbol."""
-        left, right = text(first), text(second)
+        left, right = scalar_source(first), scalar_source(second)
         operands = sorted((left, right)) if operator in "+*" else (left, right)
         (result,) = self.emit((operator, *operands), f"{left} {operator} {right}")
         return result
 
     def call(self, function: str, arguments: Sequence[Scalar], outputs: Sequence[str]) -> list[Symbol]:
         """Append a call of a function with several results; ``outputs`` are their quantities."""
-        given = [text(item) for item in arguments]
+        given = [scalar_source(item) for item in arguments]
         return self.emit((function, *given), f"{function}({', '.join(given)})", outputs)
 
     def emit(self, key: tuple[str, ...], expression: str, outputs: Sequence[str] = ()) -> list[Symbol]:
@@ -78,7 +78,7 @@ class Trace:
 
     def live_lines(self, outputs: Sequence[Scalar]) -> list[str]:
         """Lines that the outputs depend on, in order."""
-        needed = {text(item) for item in outputs}
+        needed = {scalar_source(item) for item in outputs}
         kept = []
         for line in reversed(self.lines):
             left, right = line.split(" = ", 1)
@@ -97,15 +97,15 @@ class Symbol:
         """Name an expression of a trace."""
         self.trace = trace
         self.name = name
-        self.positive: Symbol | None = None
+        self.negated: Symbol | None = None
 
     def __add__(self, other: Scalar) -> Scalar:
         if other == 0.0:
             return self
         # Adding a negative is subtracting what it is the negative of, exactly.
         for one, negative in ((self, other), (other, self)):
-            if isinstance(negative, Symbol) and negative.positive is not None:
-                return one - negative.positive
+            if isinstance(negative, Symbol) and negative.negated is not None:
+                return one - negative.negated
         return self.trace.combined(self, "+", other)
 
     __radd__ = __add__
@@ -116,8 +116,8 @@ class Symbol:
         if isinstance(other, Symbol):
             if other.name == self.name:
                 return 0.0
-            if other.positive is not None:
-                return self + other.positive
+            if other.negated is not None:
+                return self + other.negated
         return self.trace.combined(self, "-", other)
 
     def __rsub__(self, other: float) -> Scalar:
@@ -125,7 +125,7 @@ class Symbol:
 
     def __neg__(self) -> Symbol:
         (result,) = self.trace.emit(("neg", self.name), f"-{self.name}")
-        result.positive = self
+        result.negated = self
         return result
 
     def __mul__(self, other: Scalar) -> Scalar:
@@ -146,7 +146,7 @@ class Symbol:
 
 Scalar = Symbol | float
 
-FEWEST_TOGETHER = 4  # calls; of fewer, one after the other is as fast as side by side
+MIN_MERGED_CALLS = 4  # calls; of fewer, one after the other is as fast as side by side
 _LONGEST = 90  # characters of an expression
 # Characters of a name without its number: C distinguishes names by their first 31 characters.
 _LONGEST_NAME = 26
@@ -154,7 +154,7 @@ _NAME = re.compile(r"\bt\d+\b")
 _ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?)")  # of an array, or its field
 
 
-def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
+def inline_single_uses(lines: Sequence[str], kept: Collection[str]) -> list[str]:
     """Write what is used once where it is used, and read what is used often once.
 
     The operations and their order stay the same; there are half as many names, which is what the time to
@@ -170,10 +170,10 @@ def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
             inside[left] = f"({short})"
         else:
             result.append(f"{left} = {short}")
-    return _reading_once(result)
+    return _cache_reads(result)
 
 
-def readable(lines: Sequence[str], trace: Trace) -> list[str]:
+def rename_results(lines: Sequence[str], trace: Trace) -> list[str]:
     """Give the remaining results readable names, and each step of the algorithm a comment.
 
     A comment is a statement of a text alone, so that it is part of the syntax tree. ``lines``: from
@@ -207,7 +207,7 @@ def _numbered(names: Sequence[str], labels: Mapping[str, str]) -> dict[str, str]
     return new
 
 
-def _reading_once(lines: Sequence[str]) -> list[str]:
+def _cache_reads(lines: Sequence[str]) -> list[str]:
     """Read what lies in memory and is used more than once into a name before its first use."""
     uses = Counter(found[0] for line in lines for found in _ELEMENT.finditer(line))
     named: set[str] = set()
@@ -228,7 +228,7 @@ def _reading_once(lines: Sequence[str]) -> list[str]:
     return result
 
 
-def together(lines: Sequence[str], name: str, shared: int) -> list[str]:
+def merge_calls(lines: Sequence[str], name: str, shared: int) -> list[str]:
     """Several calls of a function as one call that takes all their arguments, where the last of them is.
 
     What needs a result and stands before that place comes after it; otherwise the order stays. No call may
@@ -238,7 +238,7 @@ def together(lines: Sequence[str], name: str, shared: int) -> list[str]:
     their number. ``shared``: arguments that all calls have in common; they come first.
     """
     calls = [line for line in lines if f" = {name}(" in line]
-    if len(calls) < FEWEST_TOGETHER:
+    if len(calls) < MIN_MERGED_CALLS:
         return list(lines)
     outputs = [output for line in calls for output in line.split(" = ", 1)[0].split(", ")]
     arguments = [line[:-1].split(f" = {name}(", 1)[1].split(", ") for line in calls]
@@ -258,12 +258,12 @@ def together(lines: Sequence[str], name: str, shared: int) -> list[str]:
     return result
 
 
-def text(value: Scalar) -> str:
+def scalar_source(value: Scalar) -> str:
     """Write a scalar as Python source; floats exactly."""
     return value.name if isinstance(value, Symbol) else repr(float(value))
 
 
-def sine_and_cosine(angle: Scalar) -> tuple[Scalar, Scalar]:
+def symbolic_sine_cosine(angle: Scalar) -> tuple[Scalar, Scalar]:
     """Sine and cosine of a number or symbol; those of a symbol are asked for once."""
     if isinstance(angle, Symbol):
         sine, cosine = angle.trace.call("sine_cosine", [angle], ("sine", "cosine"))

@@ -121,14 +121,14 @@ class Assembly:
                     if frame.parentJoint == ankle:
                         frame.placement.translation = frame.placement.translation * ratio
 
-    def put_on(self, patient: Patient, *, alone: bool = False) -> None:
+    def add_wearer(self, patient: Patient, *, wearer_only: bool = False) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
         ``alone``: keep the joints in place, but remove the mass of the links of the device.
         """
-        for joint in range(self.model.njoints) if alone else ():
+        for joint in range(self.model.njoints) if wearer_only else ():
             self.model.inertias[joint] = pin.Inertia.Zero()
-        segments = wearer.segments_of(patient)
+        segments = wearer.wearer_segments(patient)
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
@@ -142,7 +142,7 @@ class Assembly:
         if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
-    def load(self, gravity: float, armature: Mapping[JointName, float]) -> None:
+    def set_gravity_and_armature(self, gravity: float, armature: Mapping[JointName, float]) -> None:
         """Set gravity in [m] / [s²], downwards, and the inertia of rotors and gears.
 
         ``armature``: inertia per joint name in [kg m²]; 0 if absent.
@@ -232,7 +232,7 @@ class Assembly:
     def _append_foot(self, ankle: int, patient: Patient) -> None:
         forward_and_up = np.array([FORWARD, self._up])
         start, axis = (vector @ forward_and_up for vector in wearer.foot_line(patient))
-        foot = wearer.segments_of(patient)["foot"]
+        foot = wearer.wearer_segments(patient)["foot"]
         mass, from_start, inertia = wearer.segment_inertia(foot, patient.mass, axis)
         self._append(ankle, mass, start + from_start, inertia)
 

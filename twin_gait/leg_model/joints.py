@@ -35,7 +35,7 @@ _FLEXION = {JointName.HIP: -1.0, JointName.KNEE: 1.0, JointName.ANKLE: -1.0}
 _SIDEWAYS = 0.5  # an axis more than 60° off the line from left to right gives no sign
 
 
-class Bodies(StrEnum):
+class BodySelection(StrEnum):
     """Selection of the bodies that a model contains."""
 
     BOTH = "both"

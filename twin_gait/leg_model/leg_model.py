@@ -53,7 +53,7 @@ class LegModel:
         armature: Mapping[JointName, float] | None = None,
         gravity: float = 9.81,
         up_axis: str = "z",
-        bodies: joints.Bodies = joints.Bodies.BOTH,
+        bodies: joints.BodySelection = joints.BodySelection.BOTH,
     ) -> None:
         """Build the model.
 
@@ -83,27 +83,27 @@ class LegModel:
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         assembly = new_assembly(self.urdf_path, legs, self.pelvis, up_axis, self.sizes)
         self.legs = assembly.legs
-        alone = joints.Bodies(bodies) is joints.Bodies.WEARER
-        if patient is not None and bodies != joints.Bodies.DEVICE:
-            assembly.put_on(patient, alone=alone)
-        assembly.load(gravity, {} if alone else armature or {})
+        alone = joints.BodySelection(bodies) is joints.BodySelection.WEARER
+        if patient is not None and bodies != joints.BodySelection.DEVICE:
+            assembly.add_wearer(patient, wearer_only=alone)
+        assembly.set_gravity_and_armature(gravity, {} if alone else armature or {})
         self.model = assembly.model
         self.data = self.model.createData()
         self.nv, self.sides = int(self.model.nv), tuple(self.legs)
         self.total_mass = float(sum(body.mass for body in self.model.inertias))
         guides = joints.GUIDES[self.pelvis]
         self.forward_index, self.pelvis_index, self.pitch_index = (
-            self._place_of(name) if name in guides else None for name in joints.ALL_GUIDES
+            self._coordinate_index(name) if name in guides else None for name in joints.ALL_GUIDES
         )
         self.trunk_joint = guides[-1] if guides else None
         self._frames: dict[str, int] = {}  # indices of frames by name, found when first used
-        self._places = {
-            (side, joint): self._place_of(name)
+        self._indices = {
+            (side, joint): self._coordinate_index(name)
             for side, leg in self.legs.items()
             for joint, name in leg.items()
         }
 
-    def _place_of(self, name: str) -> int:
+    def _coordinate_index(self, name: str) -> int:
         """Return the position of a joint in ``q`` by its name in the URDF."""
         return int(self.model.joints[self.model.getJointId(name)].idx_v)
 
@@ -112,7 +112,7 @@ class LegModel:
 
         Raises ModelError if the leg has no such joint.
         """
-        place = self._places.get((side, joint))
+        place = self._indices.get((side, joint))
         if place is None:
             raise ModelError(f"{self.urdf_path}: the {side} leg has no {joint}; legs: {', '.join(self.legs)}")
         return place

@@ -16,7 +16,7 @@ from twin_gait.exceptions import ModelError
 from twin_gait.files import read_bytes, shipped_file
 from twin_gait.leg_model.urdf_document import joint_elements, urdf_text
 
-_SILENCE = threading.Lock()
+_STDERR_LOCK = threading.Lock()
 _STDERR = 2  # file descriptor of C, independent of Python's sys.stderr
 PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf", "twin_ankle.urdf")
 
@@ -124,16 +124,16 @@ def build_model(
     """
     text = kinematic_text(path, turned)
     model, reason = None, ""
-    with quiet_stderr() as said:
+    with capture_stderr() as lines:
         try:
             model = _built(text, root_joints)
         except (ValueError, RuntimeError, IndexError) as error:
             reason = str(error) or type(error).__name__
     # The parser continues if it cannot read mass and inertia of a link, which then has no mass.
-    told = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
-    told = [line for line in told if "is not initialized" not in line][:2]  # others are consequences
-    if told or model is None:
-        reason = " ".join(("; ".join(told) or reason).split())
+    errors = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error:")]
+    errors = [line for line in errors if "is not initialized" not in line][:2]  # others are consequences
+    if errors or model is None:
+        reason = " ".join(("; ".join(errors) or reason).split())
         raise ModelError(f"{path}: Pinocchio cannot build a model from it ({reason})")
     return model
 
@@ -152,14 +152,14 @@ def _built(text: str, root_joints: Sequence[tuple[pin.JointModel, str]]) -> pin.
 
 
 @contextlib.contextmanager
-def quiet_stderr() -> Iterator[list[str]]:
+def capture_stderr() -> Iterator[list[str]]:
     """Suppress the output of the C++ URDF parser to the file descriptor, and yield a list for its lines.
 
     The list is filled when the context ends. The descriptor belongs to the whole process, so only one thread
     at a time may swap it.
     """
     said: list[str] = []
-    with _SILENCE, contextlib.ExitStack() as restored:
+    with _STDERR_LOCK, contextlib.ExitStack() as restored:
         with contextlib.suppress(OSError):
             saved = os.dup(_STDERR)
             restored.callback(os.close, saved)

@@ -73,7 +73,7 @@ WINTER_SEGMENTS: dict[str, Segment] = {
 }
 
 
-def segments_of(patient: Patient) -> Mapping[str, Segment]:
+def wearer_segments(patient: Patient) -> Mapping[str, Segment]:
     """Return thigh, shank and foot of a wearer, from the table that the wearer's segment model selects."""
     if patient.segment_model is SegmentModel.WINTER:
         return WINTER_SEGMENTS
@@ -151,5 +151,5 @@ def segment_inertia(
 
 def trunk_mass(patient: Patient) -> float:
     """Compute the mass of head, arms and trunk with pelvis, which is the mass without the legs, in [kg]."""
-    legs = 2.0 * sum(segment.mass for segment in segments_of(patient).values())
+    legs = 2.0 * sum(segment.mass for segment in wearer_segments(patient).values())
     return (1.0 - legs) * patient.mass

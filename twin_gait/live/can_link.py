@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 from twin_gait.core.can_codec import unpack_frame
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
-from twin_gait.export.can import bus_frames, messages_of
+from twin_gait.export.can import bus_frames, network_messages
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.loop import PERIOD
 from twin_gait.live.news import Block
-from twin_gait.live.protocol import MessageRefused, SetControl, Value, one_line
+from twin_gait.live.protocol import MessageRejected, SetControl, Value, one_line
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters.network import NetworkParameters
@@ -44,24 +44,24 @@ LISTENING = NetworkParameters.cycle  # [s], timeout for a frame of the monitor i
 Commands = dict[str, Value]  # values of controls in their units, by name
 
 
-def commands_of(message: BusMessage, data: bytes) -> Commands:
+def decode_commands(message: BusMessage, data: bytes) -> Commands:
     """Decode a command of the monitor.
 
     Returns the commanded values by the name of the control; a signal without a number (NaN) is omitted.
     Raises MessageRefused if the frame has another length.
     """
     if len(data) != message.length:
-        raise MessageRefused(f"{message.name}: expected {message.length} bytes, got {len(data)}")
+        raise MessageRejected(f"{message.name}: expected {message.length} bytes, got {len(data)}")
     values = [math.nan] * len(message.signals)
     unpack_frame(message.layout, struct.unpack("<2I", data.ljust(8, b"\0")), values)
-    said = dict(zip(message.signals, values, strict=True))
+    signals = dict(zip(message.signals, values, strict=True))
     side, _, joint = message.name.removesuffix(ON_DEMAND).partition("_")
     commands: Commands = {}
     for quantity, shown in QUANTITIES.items():
-        if not math.isnan(said[quantity]):
-            commands[f"monitor.{side}.{joint}.{quantity}"] = said[quantity] / shown.scale
+        if not math.isnan(signals[quantity]):
+            commands[f"monitor.{side}.{joint}.{quantity}"] = signals[quantity] / shown.scale
     names = {code: name for name, code in message.codes["control"].items()}
-    return {**commands, MODE: names[int(said["control"])]}
+    return {**commands, MODE: names[int(signals["control"])]}
 
 
 def open_bus(name: str) -> can.BusABC:
@@ -99,18 +99,18 @@ class CanLink:
         ``name``: as in :func:`open_bus`; ``session`` receives messages as from a page, and notes on errors.
         """
         problem = session.panel.problem
-        self._messages = messages_of(problem.experiment)
+        self._messages = network_messages(problem.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in asked}  # commands of a monitor by identifier
         self._body_weight = problem.world.body_weight
-        self._book, self._submit = session.book, session.submit
+        self._event_log, self._submit = session.event_log, session.submit
         self._blocks: deque[Block] = deque()
-        self.take = self._blocks.append  # accepts a block of the walk; returns immediately
+        self.add_block = self._blocks.append  # accepts a block of the walk; returns immediately
         self._due: deque[tuple[float, can.Message]] = deque()
         self._start = 0.0  # start of the walk in the time of this machine
-        self._heard: dict[int, Commands] = {}
-        self._wanted: Commands = {}
-        self._pending: list[Future[bool]] = []
+        self._last_commands: dict[int, Commands] = {}
+        self._unsent_commands: Commands = {}
+        self._pending_results: list[Future[bool]] = []
         self._notes: set[str] = set()
         self._closed = threading.Event()
         self._bus = open_bus(name)
@@ -126,25 +126,25 @@ class CanLink:
     def _run(self) -> None:
         try:
             while not self._closed.is_set():
-                self._serve()
-                self._ask()
+                self._send_and_receive()
+                self._submit_commands()
         except Exception:  # drivers raise errors of any type; the terminal shows the traceback
             self._note("the link to the CAN bus has ended, no frame is sent or heard; start the walk anew")
             raise
 
-    def _serve(self) -> None:
+    def _send_and_receive(self) -> None:
         """Send the frames that are due, and wait for a received frame until the next one is due."""
         import can
 
         try:
             while self._blocks:
-                self._lay_out(self._blocks.popleft())
+                self._schedule_frames(self._blocks.popleft())
             while self._due and self._due[0][0] <= time.monotonic():
                 self._bus.send(self._due.popleft()[1], SEND_TIME)
             wait = self._due[0][0] - time.monotonic() if self._due else LISTENING
             message = self._bus.recv(min(max(wait, 0.0), LISTENING))
             if message is not None:
-                self._hear(message)
+                self._receive(message)
         except (can.CanError, OSError) as error:
             self._due.clear()  # set points that wait for the bus would come too late
             self._note(f"the CAN bus fails, frames are lost: {one_line(error)}")
@@ -154,11 +154,11 @@ class CanLink:
         """Emit a note only once, because its cause may occur with every frame."""
         if text not in self._notes:
             self._notes.add(text)
-            self._book.emit("note", text, user=USER)
+            self._event_log.emit("note", text, user=USER)
 
     # ------------------------------------------------------------------ sending
 
-    def _lay_out(self, block: Block) -> None:
+    def _schedule_frames(self, block: Block) -> None:
         """Schedule the frames of a block."""
         import can
 
@@ -177,24 +177,24 @@ class CanLink:
 
     # ------------------------------------------------------------------ listening
 
-    def _hear(self, message: can.Message) -> None:
+    def _receive(self, message: can.Message) -> None:
         """Decode a frame, and store the commands that differ from those of the previous frame."""
         known = self._commands.get(message.arbitration_id)
         if known is None or message.is_extended_id or message.is_error_frame:
             return
         try:
-            commands = commands_of(known, bytes(message.data))
-        except MessageRefused as error:
+            commands = decode_commands(known, bytes(message.data))
+        except MessageRejected as error:
             self._note(f"frame ignored: {error}")
             return
-        before, self._heard[known.identifier] = self._heard.get(known.identifier, {}), commands
-        self._wanted |= dict(commands.items() - before.items())
+        before, self._last_commands[known.identifier] = self._last_commands.get(known.identifier, {}), commands
+        self._unsent_commands |= dict(commands.items() - before.items())
 
-    def _ask(self) -> None:
+    def _submit_commands(self) -> None:
         """Submit the stored commands as soon as the previous ones have been answered."""
-        if not self._wanted or not all(coming.done() for coming in self._pending):
+        if not self._unsent_commands or not all(coming.done() for coming in self._pending_results):
             return
-        commands, self._wanted = self._wanted, {}
+        commands, self._unsent_commands = self._unsent_commands, {}
         ordered = sorted(commands, key=MODE.__eq__)  # the mode is last, after its initial values
         asked = [SetControl(id=USER, user=USER, control=name, value=commands[name]) for name in ordered]
-        self._pending = [coming for coming in map(self._submit, asked) if coming is not None]
+        self._pending_results = [coming for coming in map(self._submit, asked) if coming is not None]

@@ -19,9 +19,9 @@ from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.configuration.validation import short
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRefused, Value, checked
-from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.settings import MODES, Settings, changed_at, first_settings, found_at
+from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRejected, Value, check_value
+from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.settings import MODES, Settings, replace_at_path, first_settings, value_at_path
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import FaultKind
 from twin_gait.yaml12 import load_yaml
@@ -38,24 +38,24 @@ TORQUE_STEP = 0.05  # [N m], step of the thesis's monitor
 _SHOWN = load_yaml(Path(__file__).with_name("panel.yaml").read_text(encoding="utf-8"))
 
 
-def values_of(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:
+def action_values(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:
     """Return the values of an action's fields; missing ones have their initial values.
 
     Raises MessageRefused if a value is unknown or out of its range.
     """
     spec = next((item for item in specs if item.action == message.action), None)
     if spec is None:
-        raise MessageRefused(f"{message.action}: there is nothing like it in this experiment")
+        raise MessageRejected(f"{message.action}: there is nothing like it in this experiment")
     known = {item.name: item for item in spec.fields}
     for name in message.values:
         if name not in known:
             has = ", ".join(known) or "no values"
-            raise MessageRefused(f"{message.action}: no value {name!r}; it has {has}")
+            raise MessageRejected(f"{message.action}: no value {name!r}; it has {has}")
     values: dict[str, Value] = {}
     for name, item in known.items():
-        fitting = item.choices_for.get(str(values.get(item.choices_by)), ())
+        fitting = item.choices_by_value.get(str(values.get(item.depends_on)), ())
         begins = fitting[0] if fitting else item.value
-        values[name] = checked(item, message.values.get(name, begins))
+        values[name] = check_value(item, message.values.get(name, begins))
     return values
 
 
@@ -65,13 +65,13 @@ def fault_text(values: Mapping[str, Value]) -> str:
     return f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
 
 
-def action_specs(problem: Problem) -> Iterator[ActionSpec]:
+def action_specs(problem: SimulationSetup) -> Iterator[ActionSpec]:
     """Yield the actions that are possible in an experiment."""
     modes, limit = problem.experiment.modes, problem.experiment.control.limits.torque
     joints = tuple(f"{item.side}_{item.joint}" for item in problem.joints)
     requests = () if modes is None else tuple(modes.requests)
     places = {
-        str(kind): tuple(dict.fromkeys(kind.place(item.side, item.joint) for item in problem.joints))
+        str(kind): tuple(dict.fromkeys(kind.location(item.side, item.joint) for item in problem.joints))
         for kind in FaultKind
         if problem.experiment.scenario.grounded or kind is not FaultKind.FOOT_LOAD_STUCK
     }
@@ -89,7 +89,7 @@ def action_specs(problem: Problem) -> Iterator[ActionSpec]:
         yield ActionSpec(action=action, **{**shown, "fields": fields})
 
 
-class Quantity(NamedTuple):
+class ControlQuantity(NamedTuple):
     """Parameter of an impedance as a control shows it, or the target torque."""
 
     label: str  # name and symbol
@@ -100,11 +100,11 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES = {
-    "stiffness": Quantity("stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness"),
-    "damping": Quantity("damping b", "Nms/rad", 1.0, 0.5, "damping"),
-    "equilibrium": Quantity("equilibrium θ0", "deg", _DEGREE, 0.5, "equilibrium_angle"),
-    "gain": Quantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
-    "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, ""),
+    "stiffness": ControlQuantity("stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness"),
+    "damping": ControlQuantity("damping b", "Nms/rad", 1.0, 0.5, "damping"),
+    "equilibrium": ControlQuantity("equilibrium θ0", "deg", _DEGREE, 0.5, "equilibrium_angle"),
+    "gain": ControlQuantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
+    "torque": ControlQuantity("target torque", "Nm", 1.0, TORQUE_STEP, ""),
 }
 
 
@@ -118,19 +118,19 @@ class Binding(NamedTuple):
     path: str  # path in the settings for :func:`~twin_gait.simulation.settings.found_at`
     scale: float = 1.0  # SI value of one unit of the control
 
-    def shown(self, settings: Settings) -> Value:
+    def read(self, settings: Settings) -> Value:
         """Return the value of the control."""
-        value: Value = found_at(settings, self.path)
+        value: Value = value_at_path(settings, self.path)
         return float(value or 0.0) / self.scale if self.control.kind == "number" else value
 
-    def turned(self, settings: Settings, value: Value) -> Settings:
+    def with_value(self, settings: Settings, value: Value) -> Settings:
         """Return settings with another value of the control."""
         number = self.control.kind == "number"
-        turned: Settings = changed_at(settings, self.path, float(value) * self.scale if number else value)
+        turned: Settings = replace_at_path(settings, self.path, float(value) * self.scale if number else value)
         return turned
 
 
-class Panel:
+class ControlPanel:
     """Controls of one experiment.
 
     Attributes:
@@ -141,26 +141,26 @@ class Panel:
     def __init__(self, experiment: Experiment) -> None:
         """Find the ranges of all controls."""
         self.preset: Settings = first_settings(experiment)
-        self.problem: Problem = self.preset.problem
+        self.problem: SimulationSetup = self.preset.setup
         self._stops = build_case(experiment.table, experiment).limits
         self._dampings: dict[str, tuple[int, int, int]] = {}  # indices of the table's dampings in phase_rows
         bindings = (*self._own_bindings(), *self._table_bindings(), *self._monitor_bindings())
         self._bindings = {item.control.name: item for item in bindings}
-        self._begun = self._values(self.preset)
+        self._initial_values = self._values(self.preset)
 
     # ------------------------------------------------------------------ drawing
 
     def controls(self, settings: Settings) -> tuple[Control, ...]:
         """Return all controls with the values of some settings, in the order of the page."""
-        now, begun = self._values(settings), self._begun
+        now, begun = self._values(settings), self._initial_values
         return tuple(
             replace(binding.control, value=now[name], default=begun[name], changed=name in settings.changes)
             for name, binding in self._bindings.items()
         )
 
     def _values(self, settings: Settings) -> dict[str, Value]:
-        shown = {name: binding.shown(settings) for name, binding in self._bindings.items()}
-        rows = settings.problem.phase_rows  # with damping ratios resolved
+        shown = {name: binding.read(settings) for name, binding in self._bindings.items()}
+        rows = settings.setup.phase_rows  # with damping ratios resolved
         return shown | {name: float(rows[place]) for name, place in self._dampings.items()}
 
     def _own_bindings(self) -> Iterator[Binding]:
@@ -172,9 +172,9 @@ class Panel:
         for item in experiment.scenario.adjustments:
             control = Control(
                 name=item.name, label=item.label, group="walk", kind="number", unit=item.unit,
-                least=item.least, largest=item.largest, step=item.step, help=item.help,
+                minimum=item.minimum, maximum=item.maximum, step=item.step, help=item.help,
             )  # fmt: skip
-            yield Binding(control, f"experiment.scenario.{item.place}", item.scale)
+            yield Binding(control, f"experiment.scenario.{item.path}", item.scale)
 
     def _table_bindings(self) -> Iterator[Binding]:
         """Yield the controls of every phase and joint; phases that differ by side have their own controls."""
@@ -205,16 +205,16 @@ class Panel:
         for quantity, shown in QUANTITIES.items():
             if not shown.field and phase is not None:
                 continue
-            least, largest = self.range_of(quantity, JointName(joint))
+            least, largest = self.control_range(quantity, JointName(joint))
             control = Control(
                 name=f"{name}.{quantity}", label=shown.label, group="table" if phase else "monitor",
-                kind="number", unit=shown.unit, least=least, largest=largest, step=shown.step,
+                kind="number", unit=shown.unit, minimum=least, maximum=largest, step=shown.step,
                 phase=phase, joint=joint, side=side,
             )  # fmt: skip
             place = f"{path}.{shown.field}" if shown.field else f"torques.{side}_{joint}"
             yield Binding(control, place, shown.scale)
 
-    def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
+    def control_range(self, quantity: str, joint: JointName) -> tuple[float, float]:
         """Return the smallest and the largest value of a quantity of a joint in the unit of the control.
 
         ``quantity``: a key of ``QUANTITIES``. Torque: the limit of the motors. Stiffness and damping: the
@@ -237,7 +237,7 @@ class Panel:
             own = np.append(own, [one.joints[joint].stiffness for phases in sides for one in phases.values()])
         if quantity == "equilibrium":
             angles = np.append(own, self._stops[joint]) / _DEGREE
-            beyond = limit / STIFFNESS_RANGES[joint].most
+            beyond = limit / STIFFNESS_RANGES[joint].high
             return math.floor(angles.min() - beyond), math.ceil(angles.max() + beyond)
         error = SATURATING_DEFLECTION if quantity == "stiffness" else SATURATING_VELOCITY
         largest = max(limit / error, HEADROOM * own.max())
@@ -250,7 +250,7 @@ class Panel:
 
         Raises MessageRefused if there is no such control, or if the value is out of its range.
         """
-        return self._changed({**settings.changes, name: checked(self._control(name), value)})
+        return self._apply_changes({**settings.changes, name: check_value(self._control(name), value)})
 
     def set_all(self, settings: Settings, changes: Mapping[str, Value | None]) -> Settings:
         """Return settings with several controls changed; None reverts a control to the preset.
@@ -269,15 +269,15 @@ class Panel:
         if name == EVERYTHING:
             return self.preset
         reverted = self._control(name).name
-        return self._changed({key: value for key, value in settings.changes.items() if key != reverted})
+        return self._apply_changes({key: value for key, value in settings.changes.items() if key != reverted})
 
     def _control(self, name: str) -> Control:
         if name not in self._bindings:
-            raise MessageRefused(f"control: no {short(name)}; the state lists them all")
+            raise MessageRejected(f"control: no {short(name)}; the state lists them all")
         return self._bindings[name].control
 
-    def _changed(self, changes: Mapping[str, Value]) -> Settings:
+    def _apply_changes(self, changes: Mapping[str, Value]) -> Settings:
         settings = replace(self.preset, changes=changes)
         for name, value in changes.items():
-            settings = self._bindings[name].turned(settings, value)
+            settings = self._bindings[name].with_value(settings, value)
         return settings

@@ -15,9 +15,9 @@ from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import CheckCase, Rule, Severity, once
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.live.journal import Piece, walked_run
+from twin_gait.live.journal import LogChunk, walked_run
 from twin_gait.measures.leg_record import LegRecord, leg_record
-from twin_gait.measures.outcome import EventKind, gait_verdict
+from twin_gait.measures.outcome import EventKind, judge_gait
 from twin_gait.runs.leg_summary import MeasuredLeg
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.settings import WALK, Settings, loop_numbers
@@ -26,35 +26,35 @@ from twin_gait.vocabulary import Outcome
 
 HORIZON = 10_000  # ticks of a forecast: five strides, within which a change that causes a fall does so
 HELD_TICKS = 2_000  # ticks of a forecast after a trip, within which a wearer who falls in the hold has fallen
-PIECE_TICKS = 250  # ticks that are simulated at a time
+CHUNK_TICKS = 250  # ticks that are simulated at a time
 ENDINGS = {EventKind.TRIP: "trips", EventKind.FALL: "falls", EventKind.DIVERGENCE: "diverges"}
 
 # Rules that k, b, θ0 and G can break; an error of one of them rejects a change. The phases of the monitor's
 # controls are all alike, so that no phase must be left and no torque jumps at a switch.
-GATE: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
+REJECTING_RULES: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
 # Rules whose findings are warnings of the forecast.
-WARNED: tuple[Rule, ...] = (
+WARNING_RULES: tuple[Rule, ...] = (
     sense.unusual_stiffness,
     sense.equilibrium_beyond_limits,
     sense.unusual_gain,
     stability.effective_damping,
 )
 
-Place = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
+FindingKey = tuple[str, str | None, str | None, str | None]  # rule, phase, transition and side of a finding
 
 
 @once
-def _case_of(settings: Settings) -> CheckCase:
+def _build_check_case(settings: Settings) -> CheckCase:
     """Build the case of the check from settings."""
-    return build_case(settings.driving.table, settings.driving, settings.driving_problem)
+    return build_case(settings.active_experiment.table, settings.active_experiment, settings.active_setup)
 
 
-def errors_of(settings: Settings) -> dict[Place, str]:
+def find_errors(settings: Settings) -> dict[FindingKey, str]:
     """Return the errors of the check that make settings unsafe: the identity of each and a sentence."""
-    case = _case_of(settings)
-    rules = GATE if settings.mode == WALK else GATE[:1]
+    case = _build_check_case(settings)
+    rules = REJECTING_RULES if settings.mode == WALK else REJECTING_RULES[:1]
     found = [item for rule in rules for item in rule(case) if item.severity is Severity.ERROR]
-    errors: dict[Place, str] = {}
+    errors: dict[FindingKey, str] = {}
     for item in found:
         where = item.transition or item.phase
         text = f"{item.rule}{f' ({where})' if where else ''}: {item.reason}; {item.suggestion}"
@@ -63,10 +63,10 @@ def errors_of(settings: Settings) -> dict[Place, str]:
 
 
 @once
-def warnings_of(settings: Settings) -> list[str]:
+def find_warnings(settings: Settings) -> list[str]:
     """Return the warnings of the check about unusual values, one sentence each."""
-    case = _case_of(settings)
-    found = [item for rule in WARNED for item in rule(case)]
+    case = _build_check_case(settings)
+    found = [item for rule in WARNING_RULES for item in rule(case)]
     return [f"{item.phase.replace('_', ' ')}: {item.reason}" if item.phase else item.reason for item in found]
 
 
@@ -84,15 +84,15 @@ class Forecast:
     warnings: tuple[str, ...] = ()  # warnings of the check about unusual values in the change
 
 
-def foresee(
-    run: SteppedRun, moment: Mapping[str, Any], settings: Settings, warnings: tuple[str, ...] = ()
+def predict(
+    run: SteppedRun, snapshot: Mapping[str, Any], settings: Settings, warnings: tuple[str, ...] = ()
 ) -> Forecast:
     """Predict a walk from a snapshot with other settings.
 
     ``run`` of the same experiment, whose previous state is overwritten; ``moment``: snapshot of another run;
     ``warnings`` for the forecast. Returns the forecast; if the walk is over, the forecast of a restart.
     """
-    run.go_on_from(moment)
+    run.restore(snapshot)
     over = run.trip is not None or run.status is not RunStatus.COMPLETED
     run.set(loop_numbers(settings))
     if over:
@@ -101,16 +101,16 @@ def foresee(
     while run.status is RunStatus.COMPLETED and run.tick - first < HORIZON:
         if run.trip is not None and run.tick - run.trip.tick >= HELD_TICKS:
             break
-        run.advance(PIECE_TICKS)
+        run.advance(CHUNK_TICKS)
     switches = tuple(item._replace(tick=item.tick - first) for item in run.switches())
     # The trip is omitted, so that the legs are measured to the end.
-    walk = Piece(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
+    walk = LogChunk(rows=run.rows(first), switches=switches, status=run.status, reason=run.reason)
     ahead = replace(settings.experiment, duration=round(len(walk.rows) * TICK, 3), faults=())
-    shown = walked_run(walk, run.problem, ahead)
+    shown = walked_run(walk, run.setup, ahead)
     records = _records(shown, first)
     legs = [MeasuredLeg(shown, record, 1) for record in records]
-    sides, joints = [leg.by_contact() for leg in legs], tuple(records[0].angles)
-    text, bad = _told(run, first, records)
+    sides, joints = [leg.contact_measures() for leg in legs], tuple(records[0].angles)
+    text, bad = _describe_result(run, first, records)
     off = {
         str(joint): float(np.mean([side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]))
         for joint in joints
@@ -125,16 +125,16 @@ def foresee(
     )
 
 
-def _told(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[str, bool]:
+def _describe_result(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[str, bool]:
     """Return the result of a walk after its first tick in one sentence, and whether it is bad."""
     endings = [event for event in run.events if event.kind in ENDINGS]
     if endings:
         times = (f"{ENDINGS[event.kind]} after {event.time - first * TICK:.1f} s" for event in endings)
         return " and ".join(times) + (f" ({run.trip.text})" if run.trip else ""), True
     ahead = f"for the {(run.tick - first) * TICK:.0f} s looked ahead"
-    if not (run.numbers["watching"] and records[0].steady) or run.waiting():
+    if not (run.numbers["watching"] and records[0].steady) or run.waiting_legs():
         return f"does not fall {ahead}", False
-    outcome, reason = gait_verdict(records)
+    outcome, reason = judge_gait(records)
     if outcome is Outcome.WALKED:
         return f"walks on {ahead}", False
     if outcome is Outcome.TOO_SHORT:
@@ -145,9 +145,9 @@ def _told(run: SteppedRun, first: int, records: Sequence[LegRecord]) -> tuple[st
 def _records(shown: Run, first: int) -> list[LegRecord]:
     """Return the records of both legs, with the steady part counted from the first tick."""
     begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.scenario.steady)
-    steady = ((begin, end),) if shown.experiment.modes is None else shown.steady
+    steady = ((begin, end),) if shown.experiment.modes is None else shown.steady_spans
     names = shown.table.phase_names
     return [
-        leg_record(shown.columns, side, names, TICK, steady=steady, waiting=shown.waiting)
+        leg_record(shown.columns, side, names, TICK, steady=steady, waiting=shown.waiting_mask)
         for side in shown.sides
     ]

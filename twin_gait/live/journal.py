@@ -28,15 +28,15 @@ from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control.safety import Trip
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.files import plain, require_regular
+from twin_gait.files import to_json_value, require_regular
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
 from twin_gait.live.session_records import SessionError, add_folders
-from twin_gait.runs.folders import hold, journal_of, staged_directory
+from twin_gait.runs.folders import try_lock, journal_path, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, write_run
 from twin_gait.simulation.log import LogArrays, log_layout
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.worlds.faults import parse_fault
 
@@ -46,7 +46,7 @@ LONGEST_PICTURES = 120.0  # [s], longest walk that is drawn
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class LogChunk:
     """Chunk of a walk since the previous chunk."""
 
     __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
@@ -58,40 +58,40 @@ class Piece:
     reason: str = ""  # reason why the walk has ended; empty before its end
     trip: Trip | None = None  # trip of the safety monitor, or None
     wall_s: float = 0.0  # time since the start of the walk in [s], including pauses
-    over: bool = False  # whether this is the last chunk of the walk
+    is_last: bool = False  # whether this is the last chunk of the walk
 
 
-_PIECE = TypeAdapter(Piece)
-_SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
+_CHUNK_ADAPTER = TypeAdapter(LogChunk)
+_SETUP, _CHUNK_KEY = b"twin_gait.setup", b"twin_gait.news"
 
 
-def joined(pieces: Sequence[Piece]) -> Piece:
+def join_chunks(chunks: Sequence[LogChunk]) -> LogChunk:
     """Join several chunks into one."""
     return replace(
-        pieces[-1],
-        rows=np.concatenate([piece.rows for piece in pieces]),
-        switches=tuple(item for piece in pieces for item in piece.switches),
-        events=tuple(item for piece in pieces for item in piece.events),
+        chunks[-1],
+        rows=np.concatenate([piece.rows for piece in chunks]),
+        switches=tuple(item for piece in chunks for item in piece.switches),
+        events=tuple(item for piece in chunks for item in piece.events),
     )
 
 
-def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
+def split_walks(chunks: Iterable[LogChunk], max_ticks: int) -> Iterator[LogChunk]:
     """Join chunks, and yield one chunk for every walk with at least one tick.
 
     A walk that is shorter than ``longest`` in ticks without having ended is marked as interrupted, with the
     reason.
     """
-    parts: list[list[Piece]] = [[]]
-    for piece in pieces:
+    parts: list[list[LogChunk]] = [[]]
+    for piece in chunks:
         parts[-1].append(piece)
-        if piece.over:
+        if piece.is_last:
             parts.append([])
-    for walk in (joined(part) for part in parts if part):
+    for walk in (join_chunks(part) for part in parts if part):
         ticks = len(walk.rows)
-        if ticks and walk.status is RunStatus.COMPLETED and ticks < longest:
+        if ticks and walk.status is RunStatus.COMPLETED and ticks < max_ticks:
             how = (
                 "stopped at"
-                if walk.over
+                if walk.is_last
                 else "the process of the walk died, or could not write; it is kept up to"
             )
             yield replace(walk, status=RunStatus.INTERRUPTED, reason=f"{how} {ticks * TICK:.3f} s")
@@ -100,13 +100,13 @@ def walks_in(pieces: Iterable[Piece], longest: int) -> Iterator[Piece]:
 
 
 @contextlib.contextmanager
-def locked(journal: Path) -> Iterator[None]:
+def lock_journal(journal: Path) -> Iterator[None]:
     """Lock a journal, so that no other process writes or completes it.
 
     Raises RunDirectoryError if it cannot be opened, or if it is locked.
     """
     try:
-        held = hold(journal)
+        held = try_lock(journal)
     except OSError as error:
         raise RunDirectoryError(f"{journal}: cannot be used ({error.strerror})") from error
     if held is None:
@@ -124,15 +124,15 @@ class Journal:
         path: Path of the journal.
     """
 
-    def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], lost: Callable[[str], None]) -> None:
+    def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], on_write_error: Callable[[str], None]) -> None:
         """Create the file, readable by this user only, and its folder if it does not exist.
 
         ``setup``: data of the run directories in addition to the log, as values for JSON; ``lost``: called
         once if nothing can be written any more, with the reason. Raises RunDirectoryError if the file cannot
         be created.
         """
-        self.path = journal_of(Path(setup["folder"]))
-        self._columns, self._lost, self._held = list(columns), lost, contextlib.ExitStack()
+        self.path = journal_path(Path(setup["folder"]))
+        self._columns, self._on_write_error, self._resources = list(columns), on_write_error, contextlib.ExitStack()
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self.path.touch(mode=0o600, exist_ok=False)
@@ -140,45 +140,45 @@ class Journal:
             raise RunDirectoryError(f"{self.path}: cannot be made ({error.strerror})") from error
         schema = pa.schema([(name, pa.float64()) for name in columns], metadata={_SETUP: json.dumps(setup)})
         options = pa.ipc.IpcWriteOptions(compression="zstd", use_threads=False)
-        self._held.enter_context(locked(self.path))
-        file = self._held.enter_context(pa.OSFile(str(self.path), "wb"))
-        self._stream: Any = self._held.enter_context(pa.ipc.new_stream(file, schema, options=options))
-        self._waiting: list[Piece] = []
+        self._resources.enter_context(lock_journal(self.path))
+        file = self._resources.enter_context(pa.OSFile(str(self.path), "wb"))
+        self._stream: Any = self._resources.enter_context(pa.ipc.new_stream(file, schema, options=options))
+        self._waiting: list[LogChunk] = []
         self._thread = ThreadPoolExecutor(1, "journal")
 
-    def keep(self, piece: Piece) -> None:
+    def store(self, chunk: LogChunk) -> None:
         """Store a chunk; the call returns immediately."""
         # An unexpected error in the writer is an internal error, which is printed.
-        self._thread.submit(self._write, piece).add_done_callback(Future.result)
+        self._thread.submit(self._write, chunk).add_done_callback(Future.result)
 
     def close(self) -> None:
         """Wait until all chunks are written, and release the file."""
         self._thread.shutdown()
         with contextlib.suppress(OSError, pa.ArrowException):
-            self._held.close()
+            self._resources.close()
 
-    def _write(self, piece: Piece) -> None:
+    def _write(self, chunk: LogChunk) -> None:
         """Write the waiting chunks if they are a batch, or if simulated time has stopped.
 
         If nothing can be written any more, ``lost`` is called once, and the session continues.
         """
         if self._stream is None:
             return
-        self._waiting.append(piece)
-        if len(piece.rows) and not piece.over and sum(len(item.rows) for item in self._waiting) < BATCH_TICKS:
+        self._waiting.append(chunk)
+        if len(chunk.rows) and not chunk.is_last and sum(len(item.rows) for item in self._waiting) < BATCH_TICKS:
             return
-        whole, self._waiting = joined(self._waiting), []
+        whole, self._waiting = join_chunks(self._waiting), []
         try:
             columns = [pa.array(column) for column in np.ascontiguousarray(whole.rows.T)]
             batch = pa.RecordBatch.from_arrays(columns, names=self._columns)
-            news = _PIECE.dump_json(whole, exclude={"rows"})
-            self._stream.write_batch(batch, custom_metadata={_NEWS: news})
+            news = _CHUNK_ADAPTER.dump_json(whole, exclude={"rows"})
+            self._stream.write_batch(batch, custom_metadata={_CHUNK_KEY: news})
         except (OSError, pa.ArrowException) as error:
             self._stream = None
-            self._lost(f"{self.path}: cannot be written any more ({one_line(error)})")
+            self._on_write_error(f"{self.path}: cannot be written any more ({one_line(error)})")
 
 
-def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[Piece]]:
+def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[LogChunk]]:
     """Read a journal, even if its writer was killed.
 
     Returns the set-up, the columns of the log, and the chunks up to the last complete one. Raises
@@ -190,17 +190,17 @@ def read_journal(path: Path) -> tuple[dict[str, Any], tuple[str, ...], Iterator[
         setup = json.loads(stream.schema.metadata[_SETUP])
     except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
         raise RunDirectoryError(f"{path}: is no journal of a walk ({one_line(error)})") from error
-    return setup, tuple(stream.schema.names), _pieces(stream)
+    return setup, tuple(stream.schema.names), _read_chunks(stream)
 
 
-def _pieces(stream: Any) -> Iterator[Piece]:
+def _read_chunks(stream: Any) -> Iterator[LogChunk]:
     while True:
         try:
             batch, metadata = stream.read_next_batch_with_custom_metadata()
         except (StopIteration, OSError, pa.ArrowException):  # end of the file, or a kill of the writer
             return
         rows = np.column_stack([column.to_numpy() for column in batch.columns])
-        yield _PIECE.validate_python({**json.loads(metadata[_NEWS]), "rows": rows})
+        yield _CHUNK_ADAPTER.validate_python({**json.loads(metadata[_CHUNK_KEY]), "rows": rows})
 
 
 def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, Any]]:
@@ -211,22 +211,22 @@ def complete(journal: Path, *, pictures: bool = False) -> dict[Path, dict[str, A
     RunDirectoryError if the journal cannot be read or is still being written, or if a run directory cannot be
     made.
     """
-    with locked(journal):
+    with lock_journal(journal):
         setup, columns, pieces = read_journal(journal)
         experiment = experiment_from_mapping(setup["document"], "experiment", Path())
         # The columns of the log do not depend on a user's controller, whose module may have been deleted.
-        problem = replace(build_problem(replace(experiment, controller=None)), experiment=experiment)
+        problem = replace(build_setup(replace(experiment, controller=None)), experiment=experiment)
         if columns != log_layout(problem).names:
             raise RunDirectoryError(
                 f"{journal}: its log has other columns than this version writes; use the version that made it"
             )
-        walks, done = list(walks_in(pieces, problem.experiment.n_ticks)), dict[Path, dict[str, Any]]()
+        walks, done = list(split_walks(pieces, problem.experiment.n_ticks)), dict[Path, dict[str, Any]]()
         for walk, folder in zip(walks, _names(Path(setup["folder"]), setup["force"]), strict=False):
             document = walked_document(walk, setup["document"])
             run = walked_run(walk, problem, experiment_from_mapping(document, "experiment", Path()))
             drawn = pictures and walk is walks[-1] and run.duration <= LONGEST_PICTURES
             with staged_directory(folder, RUN_DIRECTORY, force=setup["force"]) as staging:
-                done[folder] = plain(write_run(run, staging, document=document, pictures=drawn))
+                done[folder] = to_json_value(write_run(run, staging, document=document, pictures=drawn))
         journal.unlink()
     if setup.get("records") is not None:
         with contextlib.suppress(SessionError):  # the run directories are more important than their list
@@ -242,7 +242,7 @@ def _names(folder: Path, force: bool) -> Iterator[Path]:
     yield from (path for path in numbered if not path.exists())
 
 
-def walked_document(walk: Piece, document: Mapping[str, Any]) -> dict[str, Any]:
+def walked_document(walk: LogChunk, document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the experiment file that reproduces a live walk, with all changes of the walk as events.
 
     ``document``: experiment file of the session. Faults and events after the last tick are omitted.
@@ -254,7 +254,7 @@ def walked_document(walk: Piece, document: Mapping[str, Any]) -> dict[str, Any]:
     return {**document, **{key: value for key, value in more.items() if value or key in document}}
 
 
-def walked_run(walk: Piece, problem: Problem, experiment: Experiment) -> Run:
+def walked_run(walk: LogChunk, problem: SimulationSetup, experiment: Experiment) -> Run:
     """Return a live walk as a run of an experiment that is as long as the walk."""
     names, weight = log_layout(problem).names, problem.world.body_weight
     log = LogArrays(walk.rows.T, names, problem.table.phase_names)

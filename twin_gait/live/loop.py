@@ -15,9 +15,9 @@ from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment.events import FADE_TICKS
 from twin_gait.files import dump
 from twin_gait.gait.table import TICK
-from twin_gait.live.journal import Piece
+from twin_gait.live.journal import LogChunk
 from twin_gait.live.protocol import DeadlineStatistics, one_line
-from twin_gait.simulation.problem import ticks
+from twin_gait.simulation.problem import to_ticks
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.page import event_entries
@@ -89,37 +89,37 @@ class LiveLoop:
     sleep: Callable[[float], None]  # waits for a time in [s]
     commands: Callable[[], Command | None]  # returns the next command, or None, immediately
     send: Callable[[Mapping[str, Any]], None]  # sends telemetry or an answer; returns immediately
-    keep: Callable[[Piece], None]  # stores a chunk of the walk, the last one marked; returns immediately
+    store_chunk: Callable[[LogChunk], None]  # stores a chunk of the walk, the last one marked; returns immediately
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
         """Begin the first walk."""
-        self._longest = self.run.problem.experiment.n_ticks
+        self._longest = self.run.setup.experiment.n_ticks
         self._ended = self.paused = False
-        self._whole: Mapping[str, Any] = {}  # all changes from the preset, in the form of an event's ``set``
+        self._all_changes: Mapping[str, Any] = {}  # all changes from the preset, in the form of an event's ``set``
         self._begin()
 
     def _begin(self) -> None:
         """Begin a walk."""
-        self._began = self.now()
-        self._told = self._switches = 0  # numbers of ticks and switches that have been sent
+        self._start_time = self.now()
+        self._sent_ticks = self._switches = 0  # numbers of ticks and switches that have been sent
         self._events: list[Mapping[str, Any]] = []  # events that have not been stored
-        self._script = 0  # number of characters of the events of this walk
+        self._script_length = 0  # number of characters of the events of this walk
 
     # ------------------------------------------------------------------ the loop
 
     def walk(self) -> None:
         """Run until a command ends the loop, or a walk reaches its longest duration."""
         while not self._ended:
-            self._take_commands()
-            if self._moving:
-                self._one_block()
+            self._execute_commands()
+            if self._is_advancing:
+                self._run_block()
             else:
                 self.clock.pause()
                 self.sleep(PERIOD)
                 self.send({"kind": "beat"})  # otherwise, the telemetry of a block is the heartbeat
             self._ended = self._ended or self.run.tick >= self._longest
-        self._hand_over(over=True)
+        self._store_and_send(over=True)
 
     @property
     def status(self) -> str:
@@ -132,14 +132,14 @@ class LiveLoop:
             return "held"
         if self.paused:
             return "paused"
-        return "waiting" if self.run.waiting() else "walking"
+        return "waiting" if self.run.waiting_legs() else "walking"
 
     @property
-    def _moving(self) -> bool:
+    def _is_advancing(self) -> bool:
         """Whether simulated time advances: also in a hold, so that the legs are lowered even in a pause."""
         return self.status in ("walking", "waiting", "held")
 
-    def _one_block(self) -> None:
+    def _run_block(self) -> None:
         """Wait for the next block, or run it if it is due."""
         wait, run = self.clock.wait(self.now()), self.run
         if wait > 0.0:
@@ -147,19 +147,19 @@ class LiveLoop:
             return  # so that commands are read first
         run.advance(min(BLOCK_TICKS - run.tick % BLOCK_TICKS, self._longest - run.tick))
         self.clock.finished(self.now())
-        self._hand_over()
-        run.forget_rows(self._told - 1)  # the last row stays available
+        self._store_and_send()
+        run.discard_rows(self._sent_ticks - 1)  # the last row stays available
 
-    def _hand_over(self, *, over: bool = False) -> None:
+    def _store_and_send(self, *, over: bool = False) -> None:
         """Store the next chunk of the walk, and send it with the state of the walk."""
-        run, first, trip = self.run, self._told, self.run.trip
-        piece = Piece(
+        run, first, trip = self.run, self._sent_ticks, self.run.trip
+        piece = LogChunk(
             rows=run.rows(first), switches=run.switches(self._switches), events=tuple(self._events),
-            status=run.status, reason=run.reason, trip=trip, wall_s=self.now() - self._began, over=over,
+            status=run.status, reason=run.reason, trip=trip, wall_s=self.now() - self._start_time, is_last=over,
         )  # fmt: skip
-        self._told, self._events = run.tick, []
+        self._sent_ticks, self._events = run.tick, []
         self._switches += len(piece.switches)
-        self.keep(piece)
+        self.store_chunk(piece)
         self.send(
             {"kind": "news", "first": first, "tick": run.tick, "status": self.status,
              "rows": base64.b64encode(np.ascontiguousarray(piece.rows)).decode(),
@@ -169,26 +169,26 @@ class LiveLoop:
 
     # ------------------------------------------------------------------ commands
 
-    def _take_commands(self) -> None:
+    def _execute_commands(self) -> None:
         """Execute the received commands, and answer them."""
         while (command := self.commands()) is not None:
             answer: dict[str, Any] = {"kind": "answer", "refused": "", "text": ""}
             try:
-                answer |= self._obey(command)
+                answer |= self._execute(command)
             except TwinGaitError as error:
                 answer["refused"] = one_line(error)
             answer.setdefault("tick", self.run.tick)  # after a restart, the tick of the new walk
             self.send(answer)
-            if not self._moving:  # otherwise, the next block sends the state
-                self._hand_over()
+            if not self._is_advancing:  # otherwise, the next block sends the state
+                self._store_and_send()
 
-    def _obey(self, command: Command) -> dict[str, Any]:
+    def _execute(self, command: Command) -> dict[str, Any]:
         """Execute a command, and record it as an event; return the fields of its answer, such as ``text``."""
         name, run = command["command"], self.run
-        if name in RECORDED and self._script > LONGEST_SCRIPT:
+        if name in RECORDED and self._script_length > LONGEST_SCRIPT:
             raise ParameterError(f"{name}: too many events in one walk; restart")
         if name in ("walk", "push", "fault", "step", "request"):
-            self._require_going(name)
+            self._require_walking(name)
         match name:
             case "end":
                 self._ended = True
@@ -201,31 +201,31 @@ class LiveLoop:
             case "restart":
                 self._restart(command)
             case "settings":  # they fade in
-                self._whole = command["whole"]
+                self._all_changes = command["whole"]
                 self._record(command, set=command["set"], fade_ms=FADE_TICKS)
                 run.set(command["numbers"])
             case "moment":
-                return {"moment": run.moment()}
+                return {"moment": run.snapshot()}
             case "request":
                 answer = run.request(command["request"])  # this runs the next tick, in which it is handled
                 self._record(command, answer.time, request=answer.request)
-                if answer.refused:
-                    raise ParameterError(answer.refused)
-                return {"text": f"{answer.request}: {answer.before} → {answer.after}", "tick": answer.tick}
+                if answer.rejection:
+                    raise ParameterError(answer.rejection)
+                return {"text": f"{answer.request}: {answer.mode_before} → {answer.mode_after}", "tick": answer.tick}
             case "push":
                 joint, torque, duration = (command[name] for name in ("joint", "torque", "duration"))
-                names = [f"{item.side}_{item.joint}" for item in run.problem.joints]
-                run.push(names.index(joint), torque, ticks(duration))
-                push = {"joint": joint, "torque_Nm": torque, "duration_ms": ticks(duration)}
+                names = [f"{item.side}_{item.joint}" for item in run.setup.joints]
+                run.push(names.index(joint), torque, to_ticks(duration))
+                push = {"joint": joint, "torque_Nm": torque, "duration_ms": to_ticks(duration)}
                 self._record(command, push=push)
                 return {"text": f"push {joint}: {torque:g} Nm for {duration:g} s"}
             case "fault":
                 fault = parse_fault(command["fault"])
                 run.inject(fault)
-                self._record(command, fault=fault.without_time)
+                self._record(command, fault=fault.untimed_notation)
                 return {"text": f"fault {command['fault'].partition('@')[0]}"}
             case "step":
-                if not run.waiting():
+                if not run.waiting_legs():
                     raise ParameterError("step: no leg waits for one; switch steps by hand on, and wait")
                 run.release()
                 self._record(command, step=True)
@@ -236,9 +236,9 @@ class LiveLoop:
         time = self.run.tick * TICK if time is None else time
         by = {"by": command["user"]} if command.get("user") else {}
         self._events.append({"time_s": round(time, 3), **action, **by})
-        self._script += len(dump(self._events[-1]))
+        self._script_length += len(dump(self._events[-1]))
 
-    def _require_going(self, name: str) -> None:
+    def _require_walking(self, name: str) -> None:
         """Raise ParameterError if the walk is over; in a hold, the supervisor still handles requests."""
         held = self.run.trip is not None and name != "request"
         if held or self.run.status is not RunStatus.COMPLETED:
@@ -247,10 +247,10 @@ class LiveLoop:
     def _restart(self, command: Command) -> None:
         """Begin a new walk, whose first event contains all changes from the preset."""
         if self.run.tick > 0:
-            self._hand_over(over=True)
+            self._store_and_send(over=True)
         self.run.restart()
         self.paused = False
         self._begin()
-        if self._whole:
-            self._record(command, set=self._whole, fade_ms=0)
+        if self._all_changes:
+            self._record(command, set=self._all_changes, fade_ms=0)
         self.clock.pause()

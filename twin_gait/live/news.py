@@ -17,20 +17,20 @@ import numpy as np
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import dump
 from twin_gait.gait.table import TICK
-from twin_gait.live.protocol import Event, Message, MessageRefused, Response, SetControl, SetControls
+from twin_gait.live.protocol import Event, Message, MessageRejected, Response, SetControl, SetControls
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 
 MOST_EVENTS = 1_000  # number of events that are stored for pages that are opened later
 MOST_BLOCKS = 800  # number of blocks that are stored for pages: eight seconds, as much as a page shows
 END_TIME = 30.0  # [s], timeout of the process for closing its journal
-SILENCE = 0.5  # [s], time without a message after which the process counts as hung
+HANG_TIMEOUT = 0.5  # [s], time without a message after which the process counts as hung
 
 Answer = Mapping[str, Any]
 
 
-class EventBook:
+class EventLog:
     """Events of one session; its methods may be called from any thread.
 
     Attributes:
@@ -86,16 +86,16 @@ class Block(NamedTuple):
 _ENDINGS = ("held", "fell", "diverged")
 
 
-class WalkNews:
+class WalkProcess:
     """Process of the walk, and the state of its walks; one thread reads it, any thread may use it."""
 
     def __init__(
         self,
-        book: EventBook,
-        problem: Problem,
+        event_log: EventLog,
+        problem: SimulationSetup,
         *,
         on_compile: Callable[[], None],
-        on_unkept: Callable[[str], None],
+        on_store_failure: Callable[[str], None],
     ) -> None:
         """Prepare the interface, without starting the process.
 
@@ -104,10 +104,10 @@ class WalkNews:
         """
         # Newest telemetry of the walk.
         self.frame: Mapping[str, Any] = {"status": "starting", "tick": 0, "deadlines": {}, "events": []}
-        self.death = ""  # description of the death of the process, or empty
+        self.exit_reason = ""  # description of the death of the process, or empty
         self.on_block: Callable[[Block], None] = lambda block: None  # receives the walk, block by block
-        self.unkept = ""  # reason why the walk is no longer stored, or empty
-        self._book, self._on_compile, self._on_unkept = book, on_compile, on_unkept
+        self.store_failure = ""  # reason why the walk is no longer stored, or empty
+        self._event_log, self._on_compile, self._on_store_failure = event_log, on_compile, on_store_failure
         self._layout, self._phases = log_layout(problem), np.array(problem.table.phase_names)
         self._blocks: deque[Block] = deque(maxlen=MOST_BLOCKS)
         self.process: subprocess.Popen[str] | None = None  # None before the start
@@ -125,7 +125,7 @@ class WalkNews:
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
         self._thread.start()
-        self.ask(setup)
+        self.send_command(setup)
 
     @property
     def status(self) -> str:
@@ -137,7 +137,7 @@ class WalkNews:
         """Whether the process runs, or its end has not been processed yet."""
         return self._thread.is_alive()
 
-    def silence(self) -> float:
+    def time_since_message(self) -> float:
         """Return the time in [s] since the last message of the process; call it at least every ``SILENCE``.
 
         The loop of the process sends a message at least every 0.1 s in every state of the walk. An event is
@@ -145,16 +145,16 @@ class WalkNews:
         suspended then, and messages may be waiting to be read.
         """
         now = time.monotonic()
-        silent, late, self._last_look = now - self._last_message, now - self._last_look > SILENCE, now
+        silent, late, self._last_look = now - self._last_message, now - self._last_look > HANG_TIMEOUT, now
         if late:
             return silent
-        if self._hung_since is None and silent > SILENCE and self.alive:
+        if self._hung_since is None and silent > HANG_TIMEOUT and self.alive:
             self._hung_since = self._last_message
-            text = f"the process of the simulation has sent nothing for {SILENCE:g} s; it may hang"
-            self._book.emit("note", text)
-        elif self._hung_since is not None and silent <= SILENCE:
+            text = f"the process of the simulation has sent nothing for {HANG_TIMEOUT:g} s; it may hang"
+            self._event_log.emit("note", text)
+        elif self._hung_since is not None and silent <= HANG_TIMEOUT:
             hung, self._hung_since = self._last_message - self._hung_since, None
-            self._book.emit("note", f"the process of the simulation sends again, after {hung:.1f} s")
+            self._event_log.emit("note", f"the process of the simulation sends again, after {hung:.1f} s")
         return silent
 
     def close(self) -> None:
@@ -171,7 +171,7 @@ class WalkNews:
         self._thread.join()
         self.process.stdout.close()
 
-    def ask(self, command: Mapping[str, Any]) -> Answer:
+    def send_command(self, command: Mapping[str, Any]) -> Answer:
         """Send a command and wait for its answer, which is sent within a block.
 
         Raises ParameterError if the process has ended or has not been started. Raises MessageRefused if it
@@ -187,7 +187,7 @@ class WalkNews:
                 raise ParameterError("the walk has ended") from error
             answer = self._answers.get()
         if answer["refused"]:
-            raise MessageRefused(answer["refused"])
+            raise MessageRejected(answer["refused"])
         return answer
 
     # ------------------------------------------------------------------ messages of the process
@@ -196,23 +196,23 @@ class WalkNews:
         assert self.process is not None and self.process.stdout is not None  # start() opened them
         for line in self.process.stdout:
             self._last_message = time.monotonic()
-            self._hear(json.loads(line))
+            self._receive(json.loads(line))
         self._note_end(self.process.wait())
         self._answers.put({"refused": "the walk has ended"})  # for a caller that waits for an answer
 
-    def _hear(self, message: Mapping[str, Any]) -> None:
+    def _receive(self, message: Mapping[str, Any]) -> None:
         match message["kind"]:
             case "answer":
                 self._answers.put(message)
             case "news":
-                self._note_news(message)
+                self._store_telemetry(message)
             case "compiling":
                 self._on_compile()
             case "unkept":
-                self.unkept = message["text"]
-                self._on_unkept(self.unkept)
+                self.store_failure = message["text"]
+                self._on_store_failure(self.store_failure)
 
-    def _note_news(self, news: Mapping[str, Any]) -> None:
+    def _store_telemetry(self, news: Mapping[str, Any]) -> None:
         """Store rows and state of the walk for the pages, and emit a note if the walk has ended."""
         names = self._layout.names
         rows = np.frombuffer(base64.b64decode(news["rows"])).reshape(-1, len(names))
@@ -225,19 +225,19 @@ class WalkNews:
             block = Block(news["first"], news["tick"], columns, news["tripped"])
             self._blocks.append(block)
             self.on_block(block)
-        before, self._book.tick = self.status, max(news["tick"] - 1, 0)
-        self.frame = {**news, "tick": self._book.tick}
+        before, self._event_log.tick = self.status, max(news["tick"] - 1, 0)
+        self.frame = {**news, "tick": self._event_log.tick}
         if self.status != before and self.status in _ENDINGS:
             told = [event["text"] for event in news["events"]]
-            self._book.emit("note", "; ".join([*told, f"{self.status}: restart to walk"]))
+            self._event_log.emit("note", "; ".join([*told, f"{self.status}: restart to walk"]))
 
     def _note_end(self, status: int) -> None:
         """Process the exit status of the process; a negative one is the signal that killed it."""
         if status != 0:
             how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
-            self.death = f"the process of the walk died at {self._book.tick * TICK:.1f} s ({how})"
+            self.exit_reason = f"the process of the walk died at {self._event_log.tick * TICK:.1f} s ({how})"
             self.frame = {**self.frame, "status": "died"}
-            self._book.emit("note", f"{self.death}; the walk is kept up to its last second")
+            self._event_log.emit("note", f"{self.exit_reason}; the walk is kept up to its last second")
 
     def blocks(self) -> list[Block]:
         """Return the blocks since the last call in their order, at most those of the last eight seconds."""

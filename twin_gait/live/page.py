@@ -22,18 +22,18 @@ from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live import protocol
 from twin_gait.live.news import Block
-from twin_gait.live.protocol import RateLimit
+from twin_gait.live.protocol import RateLimiter
 from twin_gait.live.session import LiveSession
 from twin_gait.report.walk_words import describe
-from twin_gait.runs.run_page import modes_of, setting_of
+from twin_gait.runs.run_page import mode_names, scene_options
 from twin_gait.simulation.log import log_layout, state_columns
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Window
+from twin_gait.viewer.commands import CommandBuffer
 from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, extremes, leg_columns, leg_values
-from twin_gait.viewer.page import About, live_page, page_data
+from twin_gait.viewer.page import PageTexts, live_page, page_data
 from twin_gait.viewer.scene import build_scene
-from twin_gait.viewer.server import Change, Guarded, GuardedSocket, SceneServer
+from twin_gait.viewer.server import Change, GuardedHandler, GuardedSocket, SceneServer
 from twin_gait.vocabulary import HOLD
 
 PERIOD = 0.03  # [s], period of the updates from the session: about 33 frames per second
@@ -44,7 +44,7 @@ _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 Message = Mapping[str, Any]
 
 
-class LiveFigure:
+class LiveScene:
     """Scene of the legs of an experiment, which blocks of the log move.
 
     Attributes:
@@ -54,13 +54,13 @@ class LiveFigure:
         mode: Mode of operation; None in a walk without modes, and before the first block.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: SimulationSetup) -> None:
         """Draw the legs of an experiment. Raises ModelError if the URDF cannot be read."""
         experiment, model, columns = problem.experiment, problem.world.model, log_layout(problem).names
-        self.window = Window()
+        self.window = CommandBuffer()
         self.mode: str | None = None
-        self._scene = build_scene(self.window, model, **setting_of(experiment))
-        self._names, self._modes = (*experiment.table.phase_names, HOLD), modes_of(experiment)
+        self._scene = build_scene(self.window, model, **scene_options(experiment))
+        self._names, self._modes = (*experiment.table.phase_names, HOLD), mode_names(experiment)
         self._coordinates, self._travelled = state_columns(model)[0], 0.0
         self.phases: dict[str, str | None] = dict.fromkeys(map(str, model.sides))
         self._shown = {
@@ -69,7 +69,7 @@ class LiveFigure:
         }
         title = f"twin_gait live · {experiment.name}"
         self.page = page_data(
-            About(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
+            PageTexts(title=title, subtitle=describe(experiment), modes=self._modes), mode="live",
             view=self._scene.view, phases=self._names, shown=self._shown,
         )  # fmt: skip
         self.window.send({"type": "page", "path": "", "page": self.page})
@@ -116,7 +116,7 @@ def _curve(ticks: np.ndarray, values: np.ndarray) -> dict[str, list[float | None
     return {"times": times, "values": list(map(finite_or_none, found.tolist()))}
 
 
-class StopHandler(Guarded):
+class StopHandler(GuardedHandler):
     """Handler of a stop over HTTP, for a page whose socket is not open."""
 
     needs_origin = True
@@ -131,17 +131,17 @@ class StopHandler(Guarded):
         self.write("stopped\n")
 
 
-class Panel(GuardedSocket):
+class PanelSocket(GuardedSocket):
     """Web socket of the panel of a page."""
 
     def open(self) -> None:
         """Send the initial messages of the panel."""
         super().open()
-        self.limit = RateLimit(MOST_MESSAGES, BURST)
+        self.limit = RateLimiter(MOST_MESSAGES, BURST)
         for message in self.server.greeting():
-            self.tell(message)
+            self.send(message)
 
-    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
+    def send(self, message: Message, *, key: Hashable | None = None) -> None:
         """Send a message as soon as this panel accepts it; ``key`` as in :meth:`LivePage.tell`."""
         text = json.dumps(message, allow_nan=False)
         self.outbox.post([(object() if key is None else key, text)])
@@ -152,10 +152,10 @@ class Panel(GuardedSocket):
 
     async def write_batch(self, batch: list[str]) -> None:
         """Write a batch as one message: a list of its messages."""
-        await self.write_or_leave(f"[{','.join(batch)}]")
+        await self.try_write(f"[{','.join(batch)}]")
 
 
-class LivePage(SceneServer):
+class LivePageServer(SceneServer):
     """Server of the pages of one live session; it must be used inside of one event loop."""
 
     def __init__(self, session: LiveSession, *, port: int) -> None:
@@ -165,94 +165,94 @@ class LivePage(SceneServer):
         """
         self._session = session
         self._controls: tuple[protocol.Control, ...] = ()  # controls that were last sent to the panels
-        self._told: dict[str, Any] = {}  # frame that was last sent to the panels
-        self._frame = session.news.frame  # last telemetry
+        self._sent_frame: dict[str, Any] = {}  # frame that was last sent to the panels
+        self._frame = session.walk.frame  # last telemetry
         self._serial = 0
         self._last_beat = -math.inf
         self._id = secrets.token_hex(8)  # lets a page that outlives the session detect the next session
-        self.figure = LiveFigure(session.panel.problem)
+        self.figure = LiveScene(session.panel.problem)
         super().__init__(live_page(), first_port=port)
 
     def update(self) -> None:
         """Send the changes of the session to all pages; call it every ``PERIOD``."""
-        for event in self._session.book.after(self._serial):
+        for event in self._session.event_log.after(self._serial):
             self._serial = event.serial
-            self.tell(event.to_dict())
+            self.publish(event.to_dict())
         state = self._session.state()
         if state.controls is not self._controls:
             self._controls = state.controls
-            self.tell(state.to_dict(), key="state")
-        silence, now = self._session.news.silence(), time.monotonic()
-        if self._session.news.alive and now - self._last_beat >= BEAT:
+            self.publish(state.to_dict(), key="state")
+        silence, now = self._session.walk.time_since_message(), time.monotonic()
+        if self._session.walk.alive and now - self._last_beat >= BEAT:
             self._last_beat = now
-            self.tell(protocol.Beat(silence_s=round(silence, 3)).to_dict(), key="beat")
-        before, self._frame = self._frame, self._session.news.frame
+            self.publish(protocol.Heartbeat(time_since_message_s=round(silence, 3)).to_dict(), key="beat")
+        before, self._frame = self._frame, self._session.walk.frame
         if self._frame is not before:
             self._show(self._frame)
 
     def _show(self, frame: Message) -> None:
         """Show the telemetry of the walk on all pages."""
-        if blocks := self._session.news.blocks():
+        if blocks := self._session.walk.blocks():
             self.figure.show(blocks, frame["events"])
             self.show(self.figure.window.changes())
-        self._told = protocol.Frame(
+        self._sent_frame = protocol.Frame(
             tick=frame["tick"], time_s=frame["tick"] * TICK, status=frame["status"],
             phases=self.figure.phases, mode=self.figure.mode,
             deadlines=protocol.DeadlineStatistics(**frame["deadlines"]), events=tuple(frame["events"]),
         ).to_dict()  # fmt: skip
-        self.tell(self._told, key="frame")
+        self.publish(self._sent_frame, key="frame")
 
     # ------------------------------------------------------------------ functions for the server
 
     @property
-    def pages(self) -> list[Panel]:
+    def pages(self) -> list[PanelSocket]:
         """Sockets of the open panels."""
-        return [one for one in self.sockets if isinstance(one, Panel)]
+        return [one for one in self.sockets if isinstance(one, PanelSocket)]
 
-    def tell(self, message: Message, *, key: Hashable | None = None) -> None:
+    def publish(self, message: Message, *, key: Hashable | None = None) -> None:
         """Send a message to all panels.
 
         ``key``: a later message of the same key replaces a waiting one; None sends every message.
         """
         for panel in self.pages:
-            panel.tell(message, key=key)
+            panel.send(message, key=key)
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
         """Return the paths and their handlers."""
-        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", Panel)]
+        return [*super().routes(), (r"/stop", StopHandler), (r"/panel", PanelSocket)]
 
     def scene(self) -> Iterable[Change]:
         """Return the whole scene for a newly opened page."""
         return [("scene", self.figure.window.packed())]
 
-    def greeting(self) -> Iterator[Message]:
+    def initial_messages(self) -> Iterator[Message]:
         """Yield session, state, events and last frame for a newly opened panel."""
         yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         yield self._session.state().to_dict()
-        yield from (event.to_dict() for event in self._session.book.after(0))
-        if self._told:
-            yield self._told
+        yield from (event.to_dict() for event in self._session.event_log.after(0))
+        if self._sent_frame:
+            yield self._sent_frame
 
-    def hear(self, panel: Panel, text: str | bytes) -> None:
+    def receive(self, panel: PanelSocket, text: str | bytes) -> None:
         """Parse a message of a page and submit it to the session, unless the rate of messages is too high."""
         user, limit = self._session.user, panel.limit
         message: protocol.Message | str
         try:
             message = protocol.read_message(text)
-        except protocol.MessageRefused as error:
+        except protocol.MessageRejected as error:
             message = str(error)
         stops = isinstance(message, protocol.DoAction) and message.action == "stop"
         dropped = limit.dropped
         if not stops and not limit.allows(time.monotonic()):
             if not dropped:
                 faster = f"messages of a page come faster than {MOST_MESSAGES} a second"
-                self._session.book.emit("refused", f"{faster}: those beyond are dropped", user=user)
+                self._session.event_log.emit("refused", f"{faster}: those beyond are dropped", user=user)
             return
         if dropped and not stops:
             limit.dropped = 0
-            self._session.book.emit("note", f"{dropped} messages of a page were dropped", user=user)
+            self._session.event_log.emit("note", f"{dropped} messages of a page were dropped", user=user)
         if isinstance(message, str):
-            self._session.book.emit("refused", message, user=user)
+            self._session.event_log.emit("refused", message, user=user)
         else:
             self._session.submit(message.model_copy(update={"user": message.user or user}))
 

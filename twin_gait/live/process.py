@@ -25,7 +25,7 @@ from twin_gait.files import dump
 from twin_gait.live.journal import Journal
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import one_line
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 
 SWITCH_INTERVAL = 1e-3  # [s], time after which a thread must yield to another one
@@ -74,21 +74,21 @@ def _walk(setup: Mapping[str, Any], send: Callable[[Mapping[str, Any]], None]) -
     """Run the walk; the answer to the set-up states that the walk can begin, or why it cannot."""
     try:
         experiment = experiment_from_mapping(setup["document"], "experiment", Path())
-        run = SteppedRun(build_problem(experiment), on_compile=lambda: send({"kind": "compiling"}))
+        run = SteppedRun(build_setup(experiment), on_compile=lambda: send({"kind": "compiling"}))
         journal = Journal(run.layout.names, setup, lambda text: send({"kind": "unkept", "text": text}))
     except TwinGaitError as error:
         send({"kind": "answer", "refused": one_line(error)})
         return
     commands = commands_from(sys.stdin)
     send({"kind": "answer", "refused": ""})
-    go_before_others()
+    raise_priority()
     LiveLoop(
-        run=run, now=time.monotonic, sleep=time.sleep, commands=commands, send=send, keep=journal.keep
+        run=run, now=time.monotonic, sleep=time.sleep, commands=commands, send=send, store_chunk=journal.store
     ).walk()
     journal.close()
 
 
-def go_before_others() -> None:
+def raise_priority() -> None:
     """Prevent interruptions by garbage collection, other threads and other processes."""
     sys.setswitchinterval(SWITCH_INTERVAL)
     gc.collect()

@@ -22,7 +22,7 @@ from pydantic import BeforeValidator
 
 from twin_gait.configuration.validation import Strict, short, validate
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
-from twin_gait.files import plain
+from twin_gait.files import to_json_value
 
 LARGEST_MESSAGE = 4096  # characters of a message; the longest reasonable one has about 300
 LONGEST_NAME = 64  # characters of an id, a user, a control
@@ -30,7 +30,7 @@ LONGEST_TEXT = 200  # characters of any other text
 LONGEST_REASON = 400  # characters of an error that is sent to a page; the longest of the check has about 350
 
 
-class MessageRefused(TwinGaitError, ValueError):
+class MessageRejected(TwinGaitError, ValueError):
     """Error: a message of a page is invalid, or requests something that is not allowed."""
 
 
@@ -40,7 +40,7 @@ def one_line(error: Exception) -> str:
     return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 1]}…"
 
 
-class RateLimit:
+class RateLimiter:
     """Token bucket: it limits the rate of an operation, and counts the operations beyond the limit."""
 
     def __init__(self, rate: float, burst: int) -> None:
@@ -65,10 +65,10 @@ Response = Literal["applied", "refused", "note", "forecast"]  # types of an even
 Value = float | str | bool
 
 
-def _text(value: Any, longest: int = LONGEST_NAME, least: int = 0) -> str:
-    if isinstance(value, str) and least <= len(value) <= longest and value.isprintable():
+def _text(value: Any, max_length: int = LONGEST_NAME, min_length: int = 0) -> str:
+    if isinstance(value, str) and min_length <= len(value) <= max_length and value.isprintable():
         return value
-    raise ValueError(f"expected a text of {least} to {longest} printable characters, got {short(value)}")
+    raise ValueError(f"expected a text of {min_length} to {max_length} printable characters, got {short(value)}")
 
 
 def _value(value: Any) -> Any:
@@ -79,9 +79,9 @@ def _value(value: Any) -> Any:
     raise ValueError(f"expected a number, a short text or true or false, got {short(value)}")
 
 
-Name = Annotated[str, BeforeValidator(partial(_text, least=1))]
+Name = Annotated[str, BeforeValidator(partial(_text, min_length=1))]
 User = Annotated[str, BeforeValidator(_text)]
-Said = Annotated[Value, BeforeValidator(_value)]
+ReceivedValue = Annotated[Value, BeforeValidator(_value)]
 
 
 def user_name(name: str) -> str:
@@ -89,7 +89,7 @@ def user_name(name: str) -> str:
     try:
         return _text(name)
     except ValueError as error:
-        raise MessageRefused(f"user: {error}") from None
+        raise MessageRejected(f"user: {error}") from None
 
 
 class SetControl(Strict):
@@ -99,7 +99,7 @@ class SetControl(Strict):
     id: Name  # id of the message, which its answer repeats
     user: User = ""  # name of the user
     control: Name  # name of the control
-    value: Said  # new value in the unit of the control
+    value: ReceivedValue  # new value in the unit of the control
 
 
 class SetControls(Strict):
@@ -109,7 +109,7 @@ class SetControls(Strict):
     id: Name  # id of the message, which its answer repeats
     user: User = ""  # name of the user
     # new values by control in the units of the controls; null reverts a control to the preset
-    changes: Mapping[Name, Said | None]
+    changes: Mapping[Name, ReceivedValue | None]
 
 
 class DoAction(Strict):
@@ -120,7 +120,7 @@ class DoAction(Strict):
     user: User = ""  # name of the user
     action: Name  # name of an action in the state
     # values of the fields of the action; missing fields have their defaults
-    values: Mapping[Name, Said] = {}
+    values: Mapping[Name, ReceivedValue] = {}
 
 
 Message = SetControl | SetControls | DoAction
@@ -133,11 +133,11 @@ def read_message(text: str | bytes) -> Message:
     with the reason for any other text.
     """
     if len(text) > LARGEST_MESSAGE:
-        raise MessageRefused(f"message: {len(text)} characters, at most {LARGEST_MESSAGE} are read")
+        raise MessageRejected(f"message: {len(text)} characters, at most {LARGEST_MESSAGE} are read")
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
-        raise MessageRefused("message: expected JSON") from None
+        raise MessageRejected("message: expected JSON") from None
     schema: type[Message] = SetControl
     if isinstance(data, dict):
         several = SetControls if "changes" in data else SetControl
@@ -145,7 +145,7 @@ def read_message(text: str | bytes) -> Message:
     try:
         return validate(schema, data, "message")
     except ParameterFileError as error:
-        raise MessageRefused(one_line(error)) from None
+        raise MessageRejected(one_line(error)) from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,13 +159,13 @@ class Control:
     value: Value = 0.0  # present value; initial value for a field of an action
     default: Value = 0.0  # value of the preset
     unit: str = ""  # unit of the value; empty for a pure number or a word
-    least: float | None = None  # smallest allowed number
-    largest: float | None = None  # largest allowed number
+    minimum: float | None = None  # smallest allowed number
+    maximum: float | None = None  # largest allowed number
     step: float | None = None  # increment of the number
     choices: tuple[str, ...] = ()  # options of a choice
     # options that are valid for each value of another field of the action, which ``choices_by`` names
-    choices_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    choices_by: str = ""  # name of that field, such as ``kind``; empty if all options are always valid
+    choices_by_value: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    depends_on: str = ""  # name of that field, such as ``kind``; empty if all options are always valid
     phase: str | None = None  # phase of gait of a table's control
     joint: str | None = None  # joint of the control, or null
     side: str | None = None  # leg of the control, or null
@@ -184,13 +184,13 @@ class ActionSpec:
     fields: tuple[Control, ...] = ()  # inputs of the action
 
 
-class ToPage:
+class PageMessage:
     """Message to a page: a dataclass, which is in JSON a mapping with the name of its class as ``kind``."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as values for JSON; numbers that are not finite become null."""
         fields: Any = self
-        return dict(plain({"kind": type(self).__name__.lower(), **asdict(fields)}))
+        return dict(to_json_value({"kind": type(self).__name__.lower(), **asdict(fields)}))
 
 
 @dataclass
@@ -204,7 +204,7 @@ class DeadlineStatistics:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame(ToPage):
+class Frame(PageMessage):
     """State of the walk at one time."""
 
     tick: int  # tick of the last row of the log
@@ -219,14 +219,14 @@ class Frame(ToPage):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Beat(ToPage):
+class Heartbeat(PageMessage):
     """Heartbeat with the time since the last message of the process of the simulation."""
 
-    silence_s: float  # time in [s] since the last message of that process, which sends at least every 0.1 s
+    time_since_message_s: float  # time in [s] since the last message of that process, which sends at least every 0.1 s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Event(ToPage):
+class Event(PageMessage):
     """Result of a message, or an action of the simulation itself."""
 
     serial: int  # number of the event, starting at 1
@@ -242,7 +242,7 @@ class Event(ToPage):
 
 
 @dataclass(frozen=True, kw_only=True)
-class State(ToPage):
+class State(PageMessage):
     """State of the panel."""
 
     experiment: str  # name of the preset or file
@@ -252,7 +252,7 @@ class State(ToPage):
     actions: tuple[ActionSpec, ...]  # all actions
 
 
-def checked(control: Control, value: Value) -> Value:
+def check_value(control: Control, value: Value) -> Value:
     """Return a value if it is valid for a control.
 
     Raises MessageRefused if it has the wrong type or is out of range.
@@ -264,10 +264,10 @@ def checked(control: Control, value: Value) -> Value:
     elif control.kind == "text":
         fits, wanted = isinstance(value, str), "a text"
     else:
-        assert control.least is not None and control.largest is not None  # numbers have ranges
-        fits = isinstance(value, float) and control.least <= value <= control.largest
-        wanted = f"{control.least:.6g} to {control.largest:.6g} {control.unit}".rstrip()
+        assert control.minimum is not None and control.maximum is not None  # numbers have ranges
+        fits = isinstance(value, float) and control.minimum <= value <= control.maximum
+        wanted = f"{control.minimum:.6g} to {control.maximum:.6g} {control.unit}".rstrip()
     if not fits:
         shown = f"{value:.6g}" if isinstance(value, float) else short(value)
-        raise MessageRefused(f"{control.name}: expected {wanted}, got {shown}")
+        raise MessageRejected(f"{control.name}: expected {wanted}, got {shown}")
     return value

@@ -21,14 +21,14 @@ from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
-from twin_gait.live.controls import EVERYTHING, Panel, action_specs, fault_text, values_of
-from twin_gait.live.forecast import Place, errors_of, foresee, warnings_of
+from twin_gait.live.controls import EVERYTHING, ControlPanel, action_specs, fault_text, action_values
+from twin_gait.live.forecast import FindingKey, find_errors, predict, find_warnings
 from twin_gait.live.journal import complete
-from twin_gait.live.news import EventBook, WalkNews
+from twin_gait.live.news import EventLog, WalkProcess
 from twin_gait.live.protocol import (
     DoAction,
     Message,
-    MessageRefused,
+    MessageRejected,
     SetControl,
     SetControls,
     State,
@@ -37,7 +37,7 @@ from twin_gait.live.protocol import (
     user_name,
 )
 from twin_gait.live.session_records import SessionRecorder
-from twin_gait.runs.folders import check_target, journal_of
+from twin_gait.runs.folders import check_target, journal_path
 from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.simulation.settings import Settings, loop_numbers
 from twin_gait.simulation.stepping import SteppedRun
@@ -72,7 +72,7 @@ class LiveSession:
     can: str | None = None  # name of the CAN bus of the walk for open_bus, or None
     # called if the walk must be compiled first, which takes 10–20 s
     on_compile: Callable[[], None] = lambda: None
-    on_unkept: Callable[[str], None] = lambda text: None  # called with the reason if the walk is not stored
+    on_store_failure: Callable[[str], None] = lambda text: None  # called with the reason if the walk is not stored
 
     def __post_init__(self) -> None:
         """Prepare the session; raise MessageRefused if the name of the user is invalid in a message."""
@@ -80,16 +80,16 @@ class LiveSession:
         self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
         self._link: CanLink | None = None
-        self.book = EventBook()
-        self.panel = Panel(self.loaded.experiment)
+        self.event_log = EventLog()
+        self.panel = ControlPanel(self.loaded.experiment)
         self.settings: Settings = self.panel.preset
         self.controls = self.panel.controls(self.settings)
-        self._known: Mapping[Place, str] = {}
+        self._known_errors: Mapping[FindingKey, str] = {}
         self._actions = tuple(action_specs(self.panel.problem))
-        self.news = WalkNews(
-            self.book, self.panel.problem, on_compile=self.on_compile, on_unkept=self._unkept
+        self.walk = WalkProcess(
+            self.event_log, self.panel.problem, on_compile=self.on_compile, on_store_failure=self._report_store_failure
         )
-        self._worker, self._hands = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
+        self._check_executor, self._action_executor = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
 
     # ------------------------------------------------------------------ start and end
 
@@ -100,8 +100,8 @@ class LiveSession:
         be walked live, ParameterError if it has events or if the bus cannot be opened, and
         MissingOptionalDependency if a bus is given without python-can.
         """
-        if journal_of(self.folder).exists():  # journal of an earlier session that was killed
-            complete(journal_of(self.folder))
+        if journal_path(self.folder).exists():  # journal of an earlier session that was killed
+            complete(journal_path(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=self.force)
         document, name = self.loaded.document, self.loaded.experiment.name
         if document.get("events"):
@@ -109,13 +109,13 @@ class LiveSession:
             raise ParameterError(f"{name}: has {has}; leave them out with --set events=[]")
         if self.can is not None:
             self._link = CanLink(self.can, self)
-            self.news.on_block = self._link.take
+            self.walk.on_block = self._link.add_block
         records = None if self.records is None else str(self.records.expanduser().absolute())
         setup = {"document": document, "folder": str(self.folder), "force": self.force, "records": records}
-        self.news.start(setup)
-        self._worker.submit(self._prepare).add_done_callback(Future.result)
+        self.walk.start(setup)
+        self._check_executor.submit(self._prepare).add_done_callback(Future.result)
         if self.records is not None:
-            self.book.recorder = SessionRecorder(
+            self.event_log.recorder = SessionRecorder(
                 self.records, user=self.user, experiment=name, document=document, folder=self.folder
             )
 
@@ -123,35 +123,35 @@ class LiveSession:
         """End the walk, write the run directories, and close the record."""
         if self._link is not None:
             self._link.close()
-        self.news.close()
-        for worker in (self._worker, self._hands):
+        self.walk.close()
+        for worker in (self._check_executor, self._action_executor):
             worker.shutdown(cancel_futures=True)
         try:
-            if (journal := journal_of(self.folder)).exists():
+            if (journal := journal_path(self.folder)).exists():
                 self.summaries = complete(journal, pictures=self.pictures)
         except RunDirectoryError as error:
-            self.failure = f"{one_line(error)}; {self.way_out}"
-            self.book.emit("note", f"the run folder could not be written: {self.failure}")
+            self.failure = f"{one_line(error)}; {self.recovery_hint}"
+            self.event_log.emit("note", f"the run folder could not be written: {self.failure}")
         for folder in self.summaries:
-            self.book.emit("note", f"the run is in {folder}")
-        if self.book.recorder is not None:
+            self.event_log.emit("note", f"the run is in {folder}")
+        if self.event_log.recorder is not None:
             folders = [self.folder] if self.failure else self.summaries
-            self.book.recorder.close(self.news.status, self.book.tick, self.summary, folders)
-            self.book.recorder = None
+            self.event_log.recorder.close(self.walk.status, self.event_log.tick, self.summary, folders)
+            self.event_log.recorder = None
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """Summary of the last walk after its end; empty if its run directory could not be written."""
         return next(reversed(self.summaries.values()), {})
 
-    def _unkept(self, why: str) -> None:
+    def _report_store_failure(self, why: str) -> None:
         """Report that the walk is no longer stored: in the terminal, the record and the pages."""
-        text = f"the walk is no longer kept: {why}; {self.way_out}"
-        self.book.emit("note", text)
-        self.on_unkept(text)
+        text = f"the walk is no longer kept: {why}; {self.recovery_hint}"
+        self.event_log.emit("note", text)
+        self.on_store_failure(text)
 
     @property
-    def way_out(self) -> str:
+    def recovery_hint(self) -> str:
         """Command that restores the part of the walk that was stored."""
         return f"make room, then get what was kept: twin-gait sessions complete {self.folder}"
 
@@ -163,7 +163,7 @@ class LiveSession:
         Returns a future whose result is whether the message was applied; None if the session is closed.
         """
         checked = not isinstance(message, DoAction) or message.action in CHECKED
-        worker = self._worker if checked else self._hands
+        worker = self._check_executor if checked else self._action_executor
         with contextlib.suppress(RuntimeError):  # the session has been closed
             coming = worker.submit(self._work, message)
             # An unexpected error of the work is an internal error, which is printed.
@@ -186,45 +186,45 @@ class LiveSession:
         try:
             if isinstance(message, SetControl):
                 settings = self.panel.set(self.settings, message.control, message.value)
-                self._turn(message, settings, message.control)
+                self._apply_settings(message, settings, message.control)
             elif isinstance(message, SetControls):
                 settings = self.panel.set_all(self.settings, message.changes)
-                self._turn(message, settings, *message.changes)
+                self._apply_settings(message, settings, *message.changes)
             elif message.action == "revert":
-                name = str(values_of(self._actions, message)["control"])
+                name = str(action_values(self._actions, message)["control"])
                 settings = self.panel.revert(self.settings, name)
-                self._turn(message, settings, name)
+                self._apply_settings(message, settings, name)
             elif message.action == "save":
                 self._save(message)
             else:
-                self._do(message, values_of(self._actions, message))
+                self._do(message, action_values(self._actions, message))
         except TwinGaitError as error:
-            self.book.answer(message, "refused", one_line(error), value=getattr(message, "value", None))
+            self.event_log.answer(message, "refused", one_line(error), value=getattr(message, "value", None))
             return False
         return True
 
     def _prepare(self) -> None:
         """Find the errors that exist before any change, and build the run for forecasts."""
-        self._known = errors_of(self.settings)
-        self._ahead = SteppedRun(self.panel.problem)
+        self._known_errors = find_errors(self.settings)
+        self._forecast_run = SteppedRun(self.panel.problem)
 
-    def _turn(self, message: Message, settings: Settings, *names: str) -> None:
+    def _apply_settings(self, message: Message, settings: Settings, *names: str) -> None:
         """Check new settings of some controls, and send them to the walk, or only predict their effect."""
-        controls, known = self.panel.controls(settings), errors_of(settings)
+        controls, known = self.panel.controls(settings), find_errors(settings)
         old, new = ({item.name: item.value for item in shown} for shown in (self.controls, controls))
         changes = [{"subject": name, "before": old.get(name), "value": new.get(name)} for name in names]
-        texts = [_told(name, old.get(name), new.get(name)) for name in names]
+        texts = [_describe_change(name, old.get(name), new.get(name)) for name in names]
         for place, error in known.items():
-            if place not in self._known:
-                raise MessageRefused(error)
+            if place not in self._known_errors:
+                raise MessageRejected(error)
         if message.kind == "try":
-            now = self.news.ask({"command": "moment"})
-            known_warnings = warnings_of(self.settings)
-            warnings = tuple(item for item in warnings_of(settings) if item not in known_warnings)
-            found = foresee(self._ahead, now["moment"], settings, warnings)
+            now = self.walk.send_command({"command": "moment"})
+            known_warnings = find_warnings(self.settings)
+            warnings = tuple(item for item in find_warnings(settings) if item not in known_warnings)
+            found = predict(self._forecast_run, now["moment"], settings, warnings)
             change = changes[0] if len(changes) == 1 else {"subject": ""}
             text, forecast = f"forecast of {'; '.join(texts)}: {found.text}", asdict(found)
-            self.book.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
+            self.event_log.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)
             return
         command = {
             "command": "settings",
@@ -233,20 +233,20 @@ class LiveSession:
             "set": changed_keys(self.settings, settings),
             "whole": changed_keys(self.panel.preset, settings),
         }
-        tick = self.news.ask(command)["tick"]
-        if settings.table != self.settings.table and self.book.recorder is not None:
-            self.book.recorder.table(table_document(settings.table), tick)
-        self.settings, self._known, self.controls = settings, known, controls
+        tick = self.walk.send_command(command)["tick"]
+        if settings.table != self.settings.table and self.event_log.recorder is not None:
+            self.event_log.recorder.table(table_document(settings.table), tick)
+        self.settings, self._known_errors, self.controls = settings, known, controls
         for change, text in zip(changes, texts, strict=True):
-            self.book.answer(message, "applied", text, tick=tick, **change)
+            self.event_log.answer(message, "applied", text, tick=tick, **change)
 
     def _do(self, message: DoAction, values: Mapping[str, Value]) -> None:
         """Send an action to the process of the walk, and emit its result."""
         name = str(message.action)
         if name == "fault":
             values = {"fault": fault_text(values)}
-        answer = self.news.ask({"command": name, "user": message.user, **values})
-        self.book.answer(message, "applied", answer["text"], tick=answer["tick"])
+        answer = self.walk.send_command({"command": name, "user": message.user, **values})
+        self.event_log.answer(message, "applied", answer["text"], tick=answer["tick"])
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML next to the run directory."""
@@ -256,10 +256,10 @@ class LiveSession:
         names = (self.folder.with_name(f"{name}{number}.yaml") for number in itertools.count(1))
         path = write_new(names, dump_yaml({**table_document(table), "name": f"{table.name}_live"}))
         text = f"saved {path}; run it with: twin-gait simulate EXPERIMENT --set table={path}"
-        self.book.answer(message, "applied", text, value=str(path))
+        self.event_log.answer(message, "applied", text, value=str(path))
 
 
-def _told(subject: str, before: Value | None, value: Value | None) -> str:
+def _describe_change(subject: str, before: Value | None, value: Value | None) -> str:
     if subject == EVERYTHING:
         return "everything as it began"
     shown = (f"{item:.4g}" if isinstance(item, float) else str(item) for item in (before, value))

@@ -21,10 +21,10 @@ from typing import Any
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import MOST_TEXT, private_files, read_bytes, write_new
 from twin_gait.live.protocol import Event
-from twin_gait.runs.folders import hold, journal_of
+from twin_gait.runs.folders import try_lock, journal_path
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
-KILLED, GOING_ON = "killed", "going on"
+KILLED, RUNNING = "killed", "going on"
 _DETAILS = frozenset({"document", "summary", "tables", "log"})  # keys that a list of sessions omits
 
 
@@ -145,14 +145,14 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
     """
     path = _file(folder, session)
     try:
-        if (held := hold(path)) is not None:
+        if (held := try_lock(path)) is not None:
             os.close(held)
         text = read_bytes(path, MOST_TEXT).decode(errors="replace")
     except FileNotFoundError:
         raise SessionError(f"{folder}: no session {session}; twin-gait sessions list shows all") from None
     except OSError as error:
         raise _unusable(path, error) from error
-    found: dict[str, Any] = {"id": session, "status": GOING_ON if held is None else KILLED}
+    found: dict[str, Any] = {"id": session, "status": RUNNING if held is None else KILLED}
     found |= {"ended": None, "tick": 0, "summary": {}, "tables": [], "log": []}
     try:
         for line in text.split("\n")[:-1]:
@@ -162,8 +162,8 @@ def read_session(folder: Path, session: int) -> dict[str, Any]:
                     found[key].append(value)
                 else:
                     found[key] = value
-        left = [item for item in found["folders"] if journal_of(Path(item)).exists()]
-        found["unfinished"] = [] if found["status"] == GOING_ON else left
+        left = [item for item in found["folders"] if journal_path(Path(item)).exists()]
+        found["unfinished"] = [] if found["status"] == RUNNING else left
         responses = [item["response"] for item in found["log"]]
         found |= {"changes": responses.count("applied"), "refusals": responses.count("refused")}
         return found | {"versions": len(found["tables"]), "began": found["began"]}
@@ -180,7 +180,7 @@ def add_folders(folder: Path, first: Path, folders: Iterable[Path]) -> None:
     """
     found = (entry for entry in list_sessions(folder) if str(first) in entry["folders"])
     session = next(found, None)
-    if session is None or session["status"] == GOING_ON:
+    if session is None or session["status"] == RUNNING:
         return
     path = _file(folder, session["id"])
     try:
@@ -197,6 +197,6 @@ def delete_session(folder: Path, session: int) -> None:
 
     Raises SessionError if there is no such session, or if it is still going on.
     """
-    if read_session(folder, session)["status"] == GOING_ON:
+    if read_session(folder, session)["status"] == RUNNING:
         raise SessionError(f"{folder}: session {session} is going on; end it first")
     _file(folder, session).unlink(missing_ok=True)

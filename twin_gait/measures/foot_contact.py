@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.measures.strides import last_before
+from twin_gait.measures.strides import last_event_before
 
 # A foot is loaded from a rise above the first threshold to a fall below the second one, so that a force that
 # fluctuates about either threshold is one contact. Force plates are read at 20 N in the field; the release at
@@ -24,7 +24,7 @@ SHORTEST_SWING = 0.25  # [s]
 # A foot has also not swung if the hip flexes by less than this from the angle at which the foot left the
 # ground. In healthy swings it flexes by 25 to 30° (Koopman 2014); after a heel strike the leg goes back, also
 # while its foot bounces.
-LEAST_ADVANCE = math.radians(5.0)
+MIN_HIP_FLEXION = math.radians(5.0)
 # A touch that is shorter than this between two swings is a scuff, not a stance.
 SHORTEST_STANCE = 0.15  # [s]
 
@@ -38,7 +38,7 @@ class FootContacts(NamedTuple):
     toe_offs: np.ndarray  # ticks at which the foot leaves the ground for a swing, shape ``(m,)``
     further_contacts: np.ndarray  # ticks of all other rises of the force: bounces and scuffs
 
-    def before(self, tick: int) -> FootContacts:
+    def truncate(self, tick: int) -> FootContacts:
         """Return the contacts before a tick."""
         return FootContacts(*(ticks[ticks < tick] for ticks in self))
 
@@ -90,28 +90,28 @@ def _groups(
     """Join contacts without a swing between them, each given as first tick and first tick after it."""
     groups: list[list[tuple[int, int]]] = []
     for start, end in spells:
-        if groups and not _swings(groups[-1][-1][1], start, shortest_gap, hip_angle):
+        if groups and not _is_swing(groups[-1][-1][1], start, shortest_gap, hip_angle):
             groups[-1].append((start, end))
         else:
             groups.append([(start, end)])
     return groups
 
 
-def _swings(start: int, end: int, shortest: float, hip_angle: np.ndarray | None) -> bool:
+def _is_swing(start: int, end: int, shortest: float, hip_angle: np.ndarray | None) -> bool:
     """Decide whether a time off the ground is a swing."""
     if end - start < shortest:
         return False
     if hip_angle is None:
         return True
     known = hip_angle[start:end][~np.isnan(hip_angle[start:end])]
-    return len(known) == 0 or bool(known.max() - known[0] >= LEAST_ADVANCE)
+    return len(known) == 0 or bool(known.max() - known[0] >= MIN_HIP_FLEXION)
 
 
 # Lift-off and landing are left out, because the foot has to be low there.
 MIDDLE_OF_SWING = (0.25, 0.75)
 
 
-def swings(contacts: FootContacts) -> np.ndarray:
+def find_swings(contacts: FootContacts) -> np.ndarray:
     """Find the swings that the record contains from toe-off to heel strike.
 
     Returns the first tick of each swing and of the stance after it, shape ``(n, 2)``, integers.
@@ -129,18 +129,18 @@ def swing_clearances(clearance: np.ndarray, contacts: FootContacts) -> np.ndarra
     """
     early, late = MIDDLE_OF_SWING
     least = []
-    for start, end in swings(contacts):
+    for start, end in find_swings(contacts):
         first = start + round(early * (end - start))
         last = start + round(late * (end - start))
         least.append(clearance[first : last + 1].min())
     return np.array(least)
 
 
-def scuffs(contacts: FootContacts) -> np.ndarray:
+def find_scuffs(contacts: FootContacts) -> np.ndarray:
     """Find the further contacts in swing; those in stance are bounces.
 
     Returns ticks, shape ``(n,)``, integers.
     """
     touches = contacts.further_contacts
-    left = last_before(contacts.toe_offs, touches) > last_before(contacts.heel_strikes, touches)
+    left = last_event_before(contacts.toe_offs, touches) > last_event_before(contacts.heel_strikes, touches)
     return np.asarray(touches[left])

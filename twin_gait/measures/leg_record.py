@@ -52,7 +52,7 @@ def phase_indices(log: LogColumns, side: Side, phase_names: tuple[str, ...]) -> 
 
 
 Spans = tuple[tuple[float, float], ...]  # first and last time in [s] of each span
-ALWAYS: Spans = ((0.0, math.inf),)
+WHOLE_RUN: Spans = ((0.0, math.inf),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +67,12 @@ class LegRecord:
     normal_force: np.ndarray | None  # normal force on the foot in [N], shape ``(n,)``, or None without ground
     clearance: np.ndarray | None  # clearance of the foot in [m], shape ``(n,)``, or None without ground
     # Start and end in [s] of each span in which the leg walks evenly; strides outside do not count.
-    steady: Spans = ALWAYS
+    steady: Spans = WHOLE_RUN
     # Whether the legs wait for a step request at each tick, shape ``(n,)``, or None if they never wait.
     waiting: np.ndarray | None = None
 
     @cached_property
-    def clock(self) -> np.ndarray:
+    def walking_ticks(self) -> np.ndarray:
         """Number of ticks before each tick, and before the end, in which the leg did not wait.
 
         Shape ``(n + 1,)``.
@@ -100,14 +100,14 @@ class LegRecord:
         return find_foot_contacts(self.normal_force, self.tick, self.angles.get(JointName.HIP))
 
     @cached_property
-    def entries(self) -> np.ndarray:
+    def first_phase_entries(self) -> np.ndarray:
         """Ticks at which the first phase of the table begins, shape ``(n,)``."""
         return phase_entries(self.phases, 0)
 
     @property
     def stride_events(self) -> np.ndarray:
         """Ticks at which strides begin: heel strikes, or entries into the first phase without ground."""
-        return self.entries if self.contacts is None else self.contacts.heel_strikes
+        return self.first_phase_entries if self.contacts is None else self.contacts.heel_strikes
 
     def strides(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
         """Return the strides by heel strike, or by entry into the first phase without ground.
@@ -123,7 +123,7 @@ class LegRecord:
         ``skip``: number of strides at the start that do not count. Returns the first tick of each stride and
         of the next one, shape ``(n_strides, 2)``.
         """
-        return self._steady_strides(self.entries)[skip:]
+        return self._steady_strides(self.first_phase_entries)[skip:]
 
     def _steady_strides(self, events: np.ndarray) -> np.ndarray:
         """Return the strides between events that lie within one span of even walking."""
@@ -140,7 +140,7 @@ def leg_record(
     phase_names: Sequence[str],
     tick: float,
     *,
-    steady: Spans = ALWAYS,
+    steady: Spans = WHOLE_RUN,
     waiting: np.ndarray | None = None,
     device: bool = False,
 ) -> LegRecord:

@@ -24,7 +24,7 @@ from twin_gait.measures.phases import phase_spells
 TWO_PEAKS = "two peaks"
 # The following three numbers are assumptions.
 SWING_LOAD = 0.05  # share of the carried weight below which the foot counts as unloaded in the mean stride
-LEAST_PROMINENCE = 0.02  # share of the carried weight by which a peak rises above the lower of its two sides
+MIN_PROMINENCE = 0.02  # share of the carried weight by which a peak rises above the lower of its two sides
 MIDDLE_TENTH, MIDDLE_THIRD = (0.45, 0.55), (1.0 / 3.0, 2.0 / 3.0)  # intervals of stance, as shares of it
 
 
@@ -47,7 +47,7 @@ def load_shape(cycle: np.ndarray) -> LoadShape:
         return _undefined("no stride counts")
     stance = cycle[: _stance_end(cycle)]
     # The foot is unloaded before and after stance, so that its first and last sample can be peaks, too.
-    places = prominent_peaks(np.concatenate(([0.0], stance, [0.0])), LEAST_PROMINENCE) - 1
+    places = prominent_peaks(np.concatenate(([0.0], stance, [0.0])), MIN_PROMINENCE) - 1
     halves = places[places < 0.5 * len(stance)], places[places >= 0.5 * len(stance)]
     highest = [int(half[np.argmax(stance[half])]) for half in halves if len(half)]
     for place in highest:

@@ -43,7 +43,7 @@ class Verdict(NamedTuple):
     reason: str = ""  # reason in one line; empty for a walk
 
 
-def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
+def judge_gait(legs: Sequence[LegRecord]) -> Verdict:
     """Judge whether legs that neither fell nor were held walked.
 
     Only the times in which the legs are to walk evenly count, and each of them is judged separately. Returns
@@ -52,7 +52,7 @@ def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
     gaps = [_longest_without_stride(leg) for leg in legs]
     for leg, (_, longest) in zip(legs, gaps, strict=True):
         if leg.steady and longest <= LONGEST_STRIDE and not len(leg.strides(skip=0)):
-            ticks = sum(int(leg.clock[span.stop] - leg.clock[span.start]) for span in leg.steady_ticks)
+            ticks = sum(int(leg.walking_ticks[span.stop] - leg.walking_ticks[span.start]) for span in leg.steady_ticks)
             text = f"the {leg.side} leg made no whole stride in {ticks * leg.tick:g} s"
             return Verdict(Outcome.TOO_SHORT, f"{text}; simulate a longer run")
     flight = flight_share(legs)
@@ -64,7 +64,7 @@ def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
             text = f"the {leg.side} leg began no stride for {longest:.1f} s from {start:.1f} s on"
             return Verdict(Outcome.STALLED, text)
     for leg in legs:
-        variation = coefficient_of_variation(stride_times(leg.clock[leg.strides()], leg.tick))
+        variation = coefficient_of_variation(stride_times(leg.walking_ticks[leg.strides()], leg.tick))
         if variation > HIGHEST_STRIDE_VARIATION:
             text = f"no regular walk: stride times of the {leg.side} leg vary by {100.0 * variation:.0f} %"
             return Verdict(Outcome.STALLED, text)
@@ -92,7 +92,7 @@ def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:
     for span in leg.steady_ticks:
         inside = events[(events >= span.start) & (events < span.stop)]
         edges = np.concatenate(([span.start], inside, [span.stop]))
-        gaps = np.diff(leg.clock[edges])
+        gaps = np.diff(leg.walking_ticks[edges])
         longest = int(np.argmax(gaps))
         found.append((float(edges[longest] * leg.tick), float(gaps[longest] * leg.tick)))
     return max(found, key=itemgetter(1))
@@ -113,16 +113,16 @@ class RunEvent(NamedTuple):
     kind: EventKind  # kind of the event
     time: float  # time of the event in [s]; for a fall or a divergence the last instant of the log
     cause: str = ""  # kind of the fault or cause of the trip in words; empty for the other two
-    place: str = ""  # affected part in words, such as ``left knee``; empty where there is none
+    location: str = ""  # affected part in words, such as ``left knee``; empty where there is none
 
     @property
     def text(self) -> str:
         """Text of the event, such as ``trip: encoder frozen, left knee``."""
-        details = ", ".join(part for part in dict.fromkeys((self.cause, self.place)) if part)
+        details = ", ".join(part for part in dict.fromkeys((self.cause, self.location)) if part)
         return f"{self.kind}: {details}" if details else str(self.kind)
 
 
-def held_from(events: Iterable[RunEvent]) -> float | None:
+def trip_time(events: Iterable[RunEvent]) -> float | None:
     """Return the time in [s] from which on the phases of a run no longer describe the motion of the legs.
 
     This is the time of the trip; None without one.

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.measures.effort import root_mean_square
-from twin_gait.parameters.quantities import POSITIVE, of_kind, require
+from twin_gait.parameters.quantities import POSITIVE, coerce, require
 from twin_gait.vocabulary import JointName
 
 KILOMETRES_PER_HOUR = 3.6  # kilometres per hour in a metre per second
@@ -56,7 +56,7 @@ def key_events(joint: JointName, *, speed: float, height: float) -> np.ndarray:
     height is not positive.
     """
     _require_covered(speed, height)
-    b0, b1, b2, b3 = _coefficients()[of_kind(JointName, "joint", joint)]
+    b0, b1, b2, b3 = _coefficients()[coerce(JointName, "joint", joint)]
     v = speed * KILOMETRES_PER_HOUR
     events = b0 + b1 * v + b2 * v * v + b3 * height
     events[:, 0] = (events[:, 0] - FIRST_SAMPLE) / SAMPLES_PER_PERCENT
@@ -86,12 +86,12 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
     """
     events = key_events(joint, speed=speed, height=height)
     starts = np.append(events[:, 0], CYCLE)
-    pieces, at = _bernstein(starts, *events[:, 1:].T), np.mod(np.asarray(percent, dtype=float), CYCLE)
+    coefficients, at = _bernstein(starts, *events[:, 1:].T), np.mod(np.asarray(percent, dtype=float), CYCLE)
     place = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(events) - 1)
     share = (at - starts[place]) / (starts[place + 1] - starts[place])
     found = np.zeros_like(share)
     for j, binomial in enumerate((1.0, 5.0, 10.0, 10.0, 5.0, 1.0)):
-        found = found + binomial * _power(share, j) * _power(1.0 - share, 5 - j) * pieces[place, j]
+        found = found + binomial * _power(share, j) * _power(1.0 - share, 5 - j) * coefficients[place, j]
     return np.asarray(found)
 
 

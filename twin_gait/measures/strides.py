@@ -30,7 +30,7 @@ def stride_bounds(events: np.ndarray) -> np.ndarray:
     return np.column_stack((ticks[:-1], ticks[1:]))
 
 
-def stride_count(counted: int, found: int) -> str:
+def describe_stride_count(counted: int, found: int) -> str:
     """Describe how many strides a mean is taken over, and why others are left out.
 
     Returns a text such as ``6 strides (the first 2 of 8 settle)``.
@@ -39,12 +39,12 @@ def stride_count(counted: int, found: int) -> str:
     return text if counted == found else f"{text} (the first {found - counted} of {found} settle)"
 
 
-def last_before(events: np.ndarray, ticks: np.ndarray) -> np.ndarray:
+def last_event_before(events: np.ndarray, ticks: np.ndarray) -> np.ndarray:
     """Return the last of ascending ``events`` before each tick, in the shape of ``ticks``; -1 if none is."""
     return np.append(-1, events)[np.searchsorted(events, ticks)]
 
 
-def walks(bounds: np.ndarray) -> np.ndarray:
+def join_strides(bounds: np.ndarray) -> np.ndarray:
     """Join strides that follow each other into walks: legs at rest between two walks make no stride.
 
     ``bounds``: strides in ascending order, shape ``(n_strides, 2)``. Returns first tick of each walk and
@@ -56,16 +56,16 @@ def walks(bounds: np.ndarray) -> np.ndarray:
     return np.array([bounds[begins, 0], bounds[ends, 1]]).T
 
 
-def in_strides(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
+def is_in_stride(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
     """Determine which ticks are in a stride, or at the end of one with ``last``; booleans."""
     begun = np.searchsorted(bounds[:, 0], ticks, side="right")
     ended = np.searchsorted(bounds[:, 1], ticks, side="left" if last else "right")
     return np.asarray(begun > ended)
 
 
-def over_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def values_in_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Return the values of a signal of one value a tick in all strides, one after the other."""
-    parts = [signal[start:end] for start, end in walks(bounds).tolist()]
+    parts = [signal[start:end] for start, end in join_strides(bounds).tolist()]
     return parts[0] if len(parts) == 1 else np.concatenate([signal[:0], *parts])
 
 
@@ -110,7 +110,7 @@ def swing_shares(bounds: np.ndarray, toe_offs: np.ndarray) -> np.ndarray:
     in [0, 1], shape ``(n_strides,)``; NaN for a stride without a toe-off.
     """
     start, end = bounds.T
-    last = last_before(toe_offs, end)
+    last = last_event_before(toe_offs, end)
     return np.where(last > start, (end - last) / (end - start), np.nan)
 
 
@@ -211,7 +211,7 @@ def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> n
     ascending order, shape ``(n,)``; ``other_strikes``: heel strikes of the other foot, shape ``(m,)``;
     ``tick``: sampling period in [s]. Returns durations in [s], shape ``(k,)`` with k at most n.
     """
-    begin, last = last_before(other_strikes, strikes), np.append(-1, strikes[:-1])
+    begin, last = last_event_before(other_strikes, strikes), np.append(-1, strikes[:-1])
     return np.asarray((strikes - begin)[begin > last] * tick)
 
 
@@ -221,5 +221,5 @@ def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, bounds: n
     ``loaded``: whether one foot carries load, one value a tick, shape ``(n_ticks,)``; ``other_loaded``: the
     same for the other foot; ``bounds``: strides. Returns the share in [0, 1]; NaN without strides.
     """
-    both = over_strides(loaded & other_loaded, bounds)
+    both = values_in_strides(loaded & other_loaded, bounds)
     return float(both.mean()) if len(both) else math.nan

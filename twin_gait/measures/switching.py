@@ -84,7 +84,7 @@ def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle
     return injected
 
 
-def sums_over(values: np.ndarray, spans: np.ndarray) -> np.ndarray:
+def span_sums(values: np.ndarray, spans: np.ndarray) -> np.ndarray:
     """Sum a signal over each of several spans of ticks.
 
     ``values``: one value a tick, shape ``(n,)``; ``spans``: first tick of each span and first tick after it,

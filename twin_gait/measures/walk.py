@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin_gait.measures import strides
-from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, swings
+from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, find_swings
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.phases import phase_entries
@@ -35,14 +35,14 @@ YIELD_UNTIL = 30  # [%] of the cycle; the knee yields under load before midstanc
 # A belt whose mean pull on both feet is less than this share of the carried weight does not carry a walk. In
 # healthy walking at an even speed the mean pull is zero. The share is an assumption: a tenth of the peak
 # braking force of a foot.
-LEAST_DRAG = 0.02
+MIN_DRAG_SHARE = 0.02
 # Sources of torque on a driven joint from outside the device, as in the names of log columns;
 # patient_torque_Nm is their sum.
-OUTSIDE_SOURCES = ("voluntary", "passive", "push")
+EXTERNAL_SOURCES = ("voluntary", "passive", "push")
 
 
 @dataclass(frozen=True)
-class Walkway:
+class WalkConditions:
     """Parameters of belt and support that the measures of a walk need."""
 
     # Weight of wearer and device less the supported part, in [N]; NaN if nothing is left.
@@ -55,7 +55,7 @@ def walk_measures(
     log: LogColumns,
     leg: LegRecord,
     other: LegRecord,
-    walkway: Walkway,
+    walkway: WalkConditions,
     *,
     swing_phase: int | None,
     skip: int = strides.SKIPPED_STRIDES,
@@ -75,29 +75,29 @@ def walk_measures(
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
     fore_aft = np.asarray(log[f"{leg.side}_foot_friction_force_N"])
     load = force / walkway.carried_weight
-    counted = strides.in_strides(swings(contacts)[:, 0], bounds)
+    counted = strides.is_in_stride(find_swings(contacts)[:, 0], bounds)
     clearances = swing_clearances(leg.clearance, contacts)[counted]
     return {
         "cadence_per_min": strides.cadence(times),
-        "step_length_m": ground_speed(log, bounds, leg.tick) * _mean(counted_steps(leg, other, bounds)),
+        "step_length_m": ground_speed(log, bounds, leg.tick) * _mean(counted_step_times(leg, other, bounds)),
         "load_peak": _mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_measures(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         "pressure_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_pressure_place"]), force, bounds),
         **_joints(log, leg.side, bounds),
         "clearance_m": float(min(clearances, default=math.nan)),
-        "slip_m": mean_over(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
-        **_swing(force, entries[strides.in_strides(entries, bounds)], bounds),
-        "belt_power_W": -mean_over(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
+        "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
+        **_swing(force, entries[strides.is_in_stride(entries, bounds)], bounds),
+        "belt_power_W": -mean_over_strides(fore_aft * np.asarray(log["belt_speed_m_per_s"]), bounds),
         **_powers(log, leg, bounds),
     }
 
 
-def counted_steps(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.ndarray:
+def counted_step_times(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> np.ndarray:
     """Compute the durations in [s] of the steps that end at a heel strike of ``bounds``, in the same walk."""
     contacts, others = leg.contacts, other.contacts
     assert contacts is not None and others is not None  # there is ground
-    strikes = contacts.heel_strikes[strides.in_strides(contacts.heel_strikes, bounds, last=True)]
+    strikes = contacts.heel_strikes[strides.is_in_stride(contacts.heel_strikes, bounds, last=True)]
     found = [np.zeros(0)]
     for span in leg.steady_ticks:
         own, before = (
@@ -121,11 +121,11 @@ def ground_speed(log: LogColumns, bounds: np.ndarray, tick: float) -> float:
 
     This is the speed of the belt, or that of the pelvis where no belt moves.
     """
-    belt = mean_over(np.asarray(log["belt_speed_m_per_s"]), bounds)
+    belt = mean_over_strides(np.asarray(log["belt_speed_m_per_s"]), bounds)
     if belt != 0.0 or "pelvis_forward_m" not in log or len(bounds) == 0:
         return belt
     place = np.asarray(log["pelvis_forward_m"])
-    first, last = strides.walks(bounds).clip(max=len(log) - 1).T
+    first, last = strides.join_strides(bounds).clip(max=len(log) - 1).T
     return float(np.sum(place[last] - place[first]) / (tick * np.sum(last - first)))
 
 
@@ -145,13 +145,13 @@ def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     return np.asarray(strides.normalise_strides(signal, bounds).mean(axis=0))
 
 
-def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
+def mean_over_strides(signal: np.ndarray, bounds: np.ndarray) -> float:
     """Compute the mean of a signal over the time of all strides.
 
     ``signal``: one value a tick, shape ``(n_ticks,)``; ``bounds``: strides, shape ``(n_strides, 2)``.
     Returns the mean in the unit of the signal; NaN without strides.
     """
-    return _mean(strides.over_strides(signal, bounds))
+    return _mean(strides.values_in_strides(signal, bounds))
 
 
 def load_measures(cycle: np.ndarray) -> dict[str, float]:
@@ -189,18 +189,18 @@ def knee_shape(cycle: np.ndarray) -> dict[str, float]:
     return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
 
 
-def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkway) -> dict[str, float]:
+def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: WalkConditions) -> dict[str, float]:
     """Compute impulses, mean and peaks of the fore-aft force."""
     time = _mean(strides.stride_times(bounds, tick))
     return {
-        "braking_impulse_Ns": time * mean_over(np.minimum(force, 0.0), bounds),
-        "propulsion_impulse_Ns": time * mean_over(np.maximum(force, 0.0), bounds),
-        "fore_aft_force_N": mean_over(force, bounds),
+        "braking_impulse_Ns": time * mean_over_strides(np.minimum(force, 0.0), bounds),
+        "propulsion_impulse_Ns": time * mean_over_strides(np.maximum(force, 0.0), bounds),
+        "fore_aft_force_N": mean_over_strides(force, bounds),
         **fore_aft_peaks(mean_stride(force, bounds) / walkway.carried_weight),
     }
 
 
-def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def cop_curve(cop_ratio: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Compute the centre of pressure over the mean stride, each stride weighted with its load.
 
     ``place``: centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
@@ -209,14 +209,14 @@ def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> n
     """
     carried = mean_stride(load, bounds)
     loaded = carried > CONTACT_FORCE
-    weighted = mean_stride(load * place, bounds)
+    weighted = mean_stride(load * cop_ratio, bounds)
     return np.where(loaded, weighted / np.where(loaded, carried, 1.0), np.nan)
 
 
 def _midfoot(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> float:
     """Return the share of the cycle at which the centre of pressure passes the middle of the sole."""
     # The curve ends at the least load, after which the next stance begins.
-    stance = pressure_curve(place, load, bounds)[: int(np.argmin(mean_stride(load, bounds)))]
+    stance = cop_curve(place, load, bounds)[: int(np.argmin(mean_stride(load, bounds)))]
     known = stance[np.isfinite(stance)]
     behind = np.flatnonzero(stance < 0.5)
     return float(behind[-1] + 1) / 100.0 if len(behind) and known[-1] >= 0.5 else math.nan
@@ -235,7 +235,7 @@ def _joints(log: LogColumns, side: Side, bounds: np.ndarray) -> dict[str, float]
     }
 
 
-def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.ndarray:
+def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: WalkConditions) -> np.ndarray:
     r"""Compute the speed of a loaded sole on the belt, from the law of its friction.
 
     .. math::
@@ -271,7 +271,7 @@ def _powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[str, fl
     for joint in leg.angles:
         name = f"{leg.side}_{joint}"
         motor = np.asarray(log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"])
-        found[f"{joint}_motor_power_W"] = mean_over(motor, bounds)
+        found[f"{joint}_motor_power_W"] = mean_over_strides(motor, bounds)
     return {**wearer_powers(log, leg, bounds), **found}
 
 
@@ -284,44 +284,44 @@ def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[s
     drive the leg, by the names in a summary; NaN without strides.
     """
     found = {}
-    for source in OUTSIDE_SOURCES:
+    for source in EXTERNAL_SOURCES:
         power = 0.0
         for joint in leg.angles:
             torque = log[f"{leg.side}_{joint}_{source}_torque_Nm"]
             own = () if source == "push" else log
             velocity = log[wearer_column(own, leg.side, joint, "velocity_rad_per_s")]
-            power += mean_over(np.asarray(torque * velocity), bounds)
+            power += mean_over_strides(np.asarray(torque * velocity), bounds)
         found[f"{source}_power_W"] = power
     return found
 
 
 def walk_power(
-    log: LogColumns, legs: Collection[Mapping[str, float]], bounds: np.ndarray, walkway: Walkway
+    log: LogColumns, legs: Collection[Mapping[str, float]], bounds: np.ndarray, walkway: WalkConditions
 ) -> dict[str, float]:
     """Add up the powers that drive a walk, from the measures of its legs; by their names in a summary.
 
     ``guide_W`` is the power that guide or harness (and arms and seat off the rails) supply to the pelvis in
     the forward direction, ``guide_force_N`` is their mean forward force.
     """
-    belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *OUTSIDE_SOURCES))
+    belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *EXTERNAL_SOURCES))
     motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
     force, power = np.asarray(log["guide_force_N"]), 0.0
-    holding, speed = mean_over(force, bounds), mean_over(np.asarray(log["belt_speed_m_per_s"]), bounds)
+    holding, speed = mean_over_strides(force, bounds), mean_over_strides(np.asarray(log["belt_speed_m_per_s"]), bounds)
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
         if forward in log:  # with braces the harness holds the wearer
-            power = mean_over(force * np.asarray(log[forward]), bounds)
-    carried = belt_carries(holding, speed, motors + sum(outside), walkway.carried_weight)
+            power = mean_over_strides(force * np.asarray(log[forward]), bounds)
+    carried = is_belt_driven(holding, speed, motors + sum(outside), walkway.carried_weight)
     return {
         "belt_W": belt,
         "motors_W": motors,
-        **{f"{source}_W": value for source, value in zip(OUTSIDE_SOURCES, outside, strict=True)},
+        **{f"{source}_W": value for source, value in zip(EXTERNAL_SOURCES, outside, strict=True)},
         "guide_W": power,
         "guide_force_N": holding,
         "carried_by_belt": carried,
     }
 
 
-def belt_carries(holding: float, speed: float, legs: float, carried_weight: float) -> bool:
+def is_belt_driven(holding: float, speed: float, legs: float, carried_weight: float) -> bool:
     """Check whether the belt carries a walk: it drags the wearer and supplies more power than the legs do.
 
     The criterion is the force that holds the pelvis against the belt: on level ground the drag on the feet,
@@ -329,4 +329,4 @@ def belt_carries(holding: float, speed: float, legs: float, carried_weight: floa
     on the pelvis in [N]; ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors, wearer and pushes
     in [W]; ``carried_weight``: as in :class:`Walkway`. Returns false without strides.
     """
-    return holding > LEAST_DRAG * carried_weight and holding * speed > legs
+    return holding > MIN_DRAG_SHARE * carried_weight and holding * speed > legs

@@ -3,15 +3,15 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, Frame, Node, Outage, mixed
+from twin_gait.core.can_bus import FULL_SCALE, NEVER, NO_INDEX, Bus, Frame, Node, OutageRecord, mix_bits
 from twin_gait.core.can_frame import new_header
 from twin_gait.network.dbc import Message
 from twin_gait.parameters.network import BOARDS, CCU, NODES, NetworkParameters, OutageKind
 from twin_gait.parameters.network import Outage as OutageParameters
 
-SETPOINT, MEASUREMENT = "setpoint", "measurement"  # The two frames of a board.
+SETPOINT_SUFFIX, MEASUREMENT_SUFFIX = "setpoint", "measurement"  # The two frames of a board.
 _PICOSECONDS = 1e12  # Number of picoseconds in a second.
-_ROOM = 8  # The number of outages in a record is a multiple of this, so that few loops are compiled.
+_CAPACITY_STEP = 8  # The number of outages in a record is a multiple of this, so that few loops are compiled.
 
 
 def picoseconds(time: float) -> int:
@@ -21,7 +21,7 @@ def picoseconds(time: float) -> int:
 
 def cyclic_messages(messages: Mapping[str, Message], boards: Sequence[str] = BOARDS) -> list[Message]:
     """Return the setpoint and measurement frames of some boards, the lowest identifier first."""
-    found = [messages[f"{board}_{kind}"] for kind in (SETPOINT, MEASUREMENT) for board in boards]
+    found = [messages[f"{board}_{kind}"] for kind in (SETPOINT_SUFFIX, MEASUREMENT_SUFFIX) for board in boards]
     return sorted(found, key=lambda message: message.identifier)
 
 
@@ -31,14 +31,14 @@ def new_bus(network: NetworkParameters, messages: Sequence[Message], seed: int, 
     ``network``: parameters of the bus. ``messages``: its frames, from :func:`cyclic_messages`. ``seed``: seed
     of all random numbers. ``tick``: length of a tick in [s].
     """
-    never = Outage(OutageKind.SILENCE.code, NOBODY, NEVER, NEVER)
+    never = OutageRecord(OutageKind.SILENCE.code, NO_INDEX, NEVER, NEVER)
     outages = sorted((_outage(item) for item in network.outages), key=lambda item: item.start)
-    room = (len(outages) // _ROOM + 1) * _ROOM
+    room = (len(outages) // _CAPACITY_STEP + 1) * _CAPACITY_STEP
     return Bus(
         tick=picoseconds(tick),
         bit=picoseconds(1.0 / network.bit_rate),
-        error_share=round(network.error_share * EVERYTHING),
-        loss_share=round(network.loss * EVERYTHING),
+        error_share=round(network.error_share * FULL_SCALE),
+        loss_share=round(network.loss * FULL_SCALE),
         recovers=network.bus_off_recovery,
         frames=[_frame(network, message, seed) for message in messages],
         nodes=[Node() for _ in NODES],
@@ -49,9 +49,9 @@ def new_bus(network: NetworkParameters, messages: Sequence[Message], seed: int, 
 def _frame(network: NetworkParameters, message: Message, seed: int) -> Frame:
     """Create a frame that a board sends to the central unit, or receives from it."""
     board, _, kind = message.name.rpartition("_")
-    sender, receiver = (CCU, board) if kind == SETPOINT else (board, CCU)
+    sender, receiver = (CCU, board) if kind == SETPOINT_SUFFIX else (board, CCU)
     phase = picoseconds(network.phase.get(sender, 0.0))
-    key = mixed(mixed(seed & 0xFFFFFFFF) ^ (seed >> 32 & 0xFFFFFFFF) ^ mixed(message.identifier))
+    key = mix_bits(mix_bits(seed & 0xFFFFFFFF) ^ (seed >> 32 & 0xFFFFFFFF) ^ mix_bits(message.identifier))
     return Frame(
         header=new_header(message.identifier, message.length),
         sender=NODES.index(sender),
@@ -64,7 +64,7 @@ def _frame(network: NetworkParameters, message: Message, seed: int) -> Frame:
     )
 
 
-def _outage(item: OutageParameters) -> Outage:
-    node = NOBODY if item.node is None else NODES.index(item.node)
+def _outage(item: OutageParameters) -> OutageRecord:
+    node = NO_INDEX if item.node is None else NODES.index(item.node)
     start = picoseconds(item.time)
-    return Outage(item.kind.code, node, start, min(start + picoseconds(item.duration), NEVER))
+    return OutageRecord(item.kind.code, node, start, min(start + picoseconds(item.duration), NEVER))

@@ -6,9 +6,9 @@ from typing import Annotated
 
 from twin_gait.parameters import quantities
 
-LEANS = quantities.Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
+LEAN_ANGLES = quantities.Range(-0.5, 1.0, words="-0.5 to 1 rad (-29 to 57 deg)")
 DELAYS = quantities.Range(0.0, 1.0, words="0 to 1 s")
-CRUTCHES = quantities.Range(0.0, 5.0, above=True, reason="ten times a crutch of aluminium")
+CRUTCHES = quantities.Range(0.0, 5.0, exclusive_minimum=True, reason="ten times a crutch of aluminium")
 PUSHES = quantities.Range(0.0, 1.0, reason="the whole weight on each hand")
 
 
@@ -95,15 +95,15 @@ class ArmParameters(quantities.Parameters):
     """
 
     delay: Annotated[quantities.Time, DELAYS] = 0.15
-    lean: Annotated[quantities.Angle, LEANS] = 8.0 * quantities.DEGREE
-    push: Annotated[quantities.Ratio, PUSHES] = 0.1
-    push_per_lean: Annotated[quantities.PerAngle, quantities.NOT_NEGATIVE] = 0.7
-    push_per_rate: Annotated[quantities.PerAngularVelocity, quantities.NOT_NEGATIVE] = 0.2
-    turn: quantities.Torque = 5.0
+    lean: Annotated[quantities.Angle, LEAN_ANGLES] = 8.0 * quantities.DEGREE
+    axial_force: Annotated[quantities.Ratio, PUSHES] = 0.1
+    axial_force_per_lean: Annotated[quantities.PerAngle, quantities.NOT_NEGATIVE] = 0.7
+    axial_force_per_lean_rate: Annotated[quantities.PerAngularVelocity, quantities.NOT_NEGATIVE] = 0.2
+    shoulder_moment: quantities.Torque = 5.0
     stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 4000.0
     damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 400.0
-    turning_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 60.0
-    turning_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 12.0
+    transverse_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 60.0
+    transverse_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 12.0
     swing_stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 300.0
     swing_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 20.0
     yielding: Annotated[quantities.Time, quantities.POSITIVE] = 0.4
@@ -114,12 +114,12 @@ class ArmParameters(quantities.Parameters):
     planted: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.2
     lowering: Annotated[quantities.Speed, quantities.POSITIVE] = 0.25
     touch: Annotated[quantities.Force, quantities.POSITIVE] = 15.0
-    chair_tilt: Annotated[quantities.Angle, LEANS] = 10.0 * quantities.DEGREE
-    stand_reach: Annotated[quantities.Angle, LEANS] = 18.0 * quantities.DEGREE
+    chair_tilt: Annotated[quantities.Angle, LEAN_ANGLES] = 10.0 * quantities.DEGREE
+    stand_reach: Annotated[quantities.Angle, LEAN_ANGLES] = 18.0 * quantities.DEGREE
     stand_slack: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.1
     still: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 1.0
-    chair_push: Annotated[quantities.Ratio, PUSHES] = 0.05
-    chair_turn: quantities.Torque = 0.0
+    chair_axial_force: Annotated[quantities.Ratio, PUSHES] = 0.05
+    chair_shoulder_moment: quantities.Torque = 0.0
     risen_length: Annotated[quantities.Ratio, quantities.Range(0.4, 1.2)] = 0.98
     seated_length: Annotated[quantities.Ratio, quantities.Range(0.4, 1.2)] = 0.65
     chair_time: Annotated[quantities.Time, quantities.POSITIVE] = 2.0

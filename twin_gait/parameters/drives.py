@@ -10,8 +10,8 @@ from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, Side
 
 # Efficiency below which a back-driven gear locks itself, and its load does not settle (core.plant.gear_load).
-LEAST_EFFICIENCY = 0.5
-EFFICIENCIES = quantities.Range(LEAST_EFFICIENCY, 1.0, words=f"{LEAST_EFFICIENCY:g} to 1")
+MIN_GEAR_EFFICIENCY = 0.5
+EFFICIENCIES = quantities.Range(MIN_GEAR_EFFICIENCY, 1.0, words=f"{MIN_GEAR_EFFICIENCY:g} to 1")
 
 ROTORS = quantities.Range(0.0, 0.01, reason="thirty times that of the motors, 3.06e-4 kg m²")
 
@@ -107,7 +107,7 @@ HARD_TORQUE_LIMIT = 100.0  # Torque in [N m] just below the repeated peak torque
 TORQUE_RANGE = quantities.Range(
     0.0,
     HARD_TORQUE_LIMIT,
-    above=True,
+    exclusive_minimum=True,
     words=f"above 0 and at most {HARD_TORQUE_LIMIT:g} N·m, the limit of the gear",
 )
 
@@ -169,10 +169,10 @@ class TrunkSensorParameters(quantities.Parameters):
     time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 3.0
 
 
-COUNTS = quantities.whole(1, 2**26, "the finest encoders")
+COUNTS = quantities.integer_range(1, 2**26, "the finest encoders")
 # A mean over more ticks does not represent a velocity of a gait; the samples are kept in memory.
 LONGEST_WINDOW = 2000  # Length in ticks; the delay of 0.5 s that the thesis states takes 1010.
-SAMPLES = quantities.whole(1, LONGEST_WINDOW, "at most 2 s of samples")
+SAMPLES = quantities.integer_range(1, LONGEST_WINDOW, "at most 2 s of samples")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +196,7 @@ class SensorParameters(quantities.Parameters):
     encoder_counts: Annotated[int, COUNTS] = 8192
     angle_noise: Annotated[quantities.Angle, quantities.NOT_NEGATIVE] = 0.0
     offset: Annotated[
-        Mapping[Side, Mapping[JointName, quantities.Angle]], OFFSETS, quantities.UnitInside()
+        Mapping[Side, Mapping[JointName, quantities.Angle]], OFFSETS, quantities.UnitInKeys()
     ] = field(default_factory=dict)
     fast_time_constant: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.005
     decimation: Annotated[int, SAMPLES] = 10
@@ -213,13 +213,13 @@ class SensorParameters(quantities.Parameters):
 
 
 # Bounds beyond which a monitor detects nothing; to run without a monitor, switch it off as a whole.
-SHARES = quantities.Range(0.0, 5.0, above=True, reason="a larger share of a limit is no limit")
-STEPS = quantities.Range(0.0, 0.2, above=True, reason="200 rad/s, fifty times the speed of the drives")
-DEVIATIONS = quantities.Range(0.0, 0.5, above=True, reason="29 deg; a leg has fallen before")
-REACTIONS = quantities.Range(0.0, 1.0, above=True, reason="after 1 s a leg has moved through its range")
-OVERLOADS = quantities.Range(0.0, 10.0, above=True, reason="a fifth of the winding's time constant")
-VOLTAGES = quantities.Range(0.0, 1.0, above=True, reason="a share of the open-circuit voltage")
-LOWERINGS = quantities.Range(0.0, 60.0, above=True, reason="a longer hold is not plausible")
+SHARES = quantities.Range(0.0, 5.0, exclusive_minimum=True, reason="a larger share of a limit is no limit")
+STEPS = quantities.Range(0.0, 0.2, exclusive_minimum=True, reason="200 rad/s, fifty times the speed of the drives")
+DEVIATIONS = quantities.Range(0.0, 0.5, exclusive_minimum=True, reason="29 deg; a leg has fallen before")
+REACTIONS = quantities.Range(0.0, 1.0, exclusive_minimum=True, reason="after 1 s a leg has moved through its range")
+OVERLOADS = quantities.Range(0.0, 10.0, exclusive_minimum=True, reason="a fifth of the winding's time constant")
+VOLTAGES = quantities.Range(0.0, 1.0, exclusive_minimum=True, reason="a share of the open-circuit voltage")
+LOWERINGS = quantities.Range(0.0, 60.0, exclusive_minimum=True, reason="a longer hold is not plausible")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,9 +281,9 @@ class SafetyParameters(quantities.Parameters):
     thermal_time_constant: Annotated[quantities.Time, quantities.POSITIVE] = 52.6
     drive_deviation: Annotated[quantities.Current, quantities.POSITIVE] = 1.0
     drive_time: Annotated[quantities.Time, REACTIONS] = 0.02
-    phase_time_out: Annotated[quantities.Time, quantities.POSITIVE] = 5.0
+    phase_timeout: Annotated[quantities.Time, quantities.POSITIVE] = 5.0
     frozen_load_time: Annotated[quantities.Time, OVERLOADS] = 0.1
-    least_voltage_share: Annotated[quantities.Ratio, VOLTAGES] = 0.6
+    min_voltage_share: Annotated[quantities.Ratio, VOLTAGES] = 0.6
     voltage_time: Annotated[quantities.Time, REACTIONS] = 0.01
     hold_damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 60.0
     lowering_time: Annotated[quantities.Time, LOWERINGS] = 3.0

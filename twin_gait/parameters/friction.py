@@ -10,12 +10,12 @@ from twin_gait.core.friction import ASYMMETRIC, BRISTLE, FRICTIONLESS, ROTATIONA
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import declarations, require
 
-EXPONENTS = quantities.Range(0.0, 10.0, above=True, reason="fits of joints have 0.3 to 4")
+EXPONENTS = quantities.Range(0.0, 10.0, exclusive_minimum=True, reason="fits of joints have 0.3 to 4")
 
 
 # The deflection of stiffer bristles is below the finest encoder resolution; the step size determines whether
 # they can be integrated.
-BRISTLES = quantities.Range(0.0, 1e9, above=True, reason="4 N·m bend them by 4 nrad")
+BRISTLES = quantities.Range(0.0, 1e9, exclusive_minimum=True, reason="4 N·m bend them by 4 nrad")
 
 
 class _FrictionLaw(quantities.Parameters):
@@ -79,7 +79,7 @@ class FrictionParameters(_FrictionLaw):
         changes = {name: -getattr(self, name) for name in ("breakaway_torque", "coulomb_friction")}
         return replace(self, **changes, breakaway_velocity=-self.breakaway_velocity)
 
-    def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
+    def to_plant_friction(self, gear_efficiency: float = 1.0) -> PlantFriction:
         """Return the record of the friction in the plant.
 
         ``gear_efficiency``: efficiency of the gear under load, in addition to the friction.
@@ -144,7 +144,7 @@ class StribeckFriction(_FrictionLaw):
         """Return the law multiplied by a ratio; with 0 it is :data:`NO_FRICTION`."""
         return NO_FRICTION if ratio == 0.0 else super().scaled(ratio)
 
-    def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
+    def to_plant_friction(self, gear_efficiency: float = 1.0) -> PlantFriction:
         """Return the record of the friction in the plant, see :meth:`FrictionParameters.in_plant`."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         given: dict[str, Any] = {name: value for name, value in values.items() if value is not None}

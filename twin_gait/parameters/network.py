@@ -10,7 +10,7 @@ from typing import Annotated
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import Coded, JointName, Side
+from twin_gait.vocabulary import CodedEnum, JointName, Side
 
 CCU = "ccu"  # The central control unit.
 BOARD_JOINTS = (JointName.HIP, JointName.KNEE)  # The DBC file has the frames of TWIN's boards.
@@ -26,14 +26,14 @@ _SECONDS = r"(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
 _SHAPE = re.compile(rf"([a-z_]+)(?::([a-z_]+))?@{_SECONDS}s(?:={_SECONDS}(m?)s)?")
 
 
-class ImpedancePlace(StrEnum):
+class ImpedanceLocation(StrEnum):
     """Location where virtual springs and dampers are computed."""
 
     BOARD = "board"  # On the board of the joint, from its own angle; the bus transmits k, b, θ0, G.
     CCU = "ccu"  # In the central unit, from measurements received over the bus, which transmits torques.
 
 
-class OutageKind(Coded):
+class OutageKind(CodedEnum):
     """Kind of an outage of a node; ``code`` is its number in :mod:`twin_gait.core.can_bus`."""
 
     SILENCE = "silence"  # A broken wire: of the branch of a node, or of the bus.
@@ -120,10 +120,10 @@ class NetworkParameters(quantities.Parameters):
     bit_rate: Annotated[quantities.BitRate, BIT_RATES] = 1e6
     dbc: str = "twin.dbc"
     cycle: Annotated[quantities.Time, CYCLES] = 2e-3
-    phase: Annotated[Mapping[str, quantities.ShortTime], quantities.Named(BOARDS)] = field(
+    phase: Annotated[Mapping[str, quantities.ShortTime], quantities.AllowedKeys(BOARDS)] = field(
         default_factory=dict
     )
-    clock_drift: Annotated[Mapping[str, quantities.Drift], DRIFTS, quantities.Named(BOARDS)] = field(
+    clock_drift: Annotated[Mapping[str, quantities.Drift], DRIFTS, quantities.AllowedKeys(BOARDS)] = field(
         default_factory=dict
     )
     jitter: quantities.ShortTime = 0.0
@@ -131,9 +131,9 @@ class NetworkParameters(quantities.Parameters):
     loss: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     error_share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     bus_off_recovery: bool = True
-    impedance: ImpedancePlace = ImpedancePlace.BOARD
-    board_silence: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
-    ccu_silence: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
+    impedance: ImpedanceLocation = ImpedanceLocation.BOARD
+    board_timeout: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
+    ccu_timeout: Annotated[quantities.Time, quantities.POSITIVE] = 0.02
     outages: Annotated[tuple[Outage, ...], quantities.Notation(parse_outage)] = ()
 
     def __post_init__(self) -> None:

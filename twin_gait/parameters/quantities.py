@@ -20,15 +20,15 @@ from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origi
 
 from twin_gait.docstrings import docstring_of
 from twin_gait.parameters.ranges import FINITE as FINITE
-from twin_gait.parameters.ranges import LATER as LATER
+from twin_gait.parameters.ranges import NON_NEGATIVE_OR_INFINITE as NON_NEGATIVE_OR_INFINITE
 from twin_gait.parameters.ranges import NOT_NEGATIVE as NOT_NEGATIVE
 from twin_gait.parameters.ranges import POSITIVE as POSITIVE
 from twin_gait.parameters.ranges import SEEDS as SEEDS
 from twin_gait.parameters.ranges import SHARE as SHARE
 from twin_gait.parameters.ranges import Range as Range
 from twin_gait.parameters.ranges import require as require
-from twin_gait.parameters.ranges import whole as whole
-from twin_gait.parameters.ranges import within as within
+from twin_gait.parameters.ranges import integer_range as integer_range
+from twin_gait.parameters.ranges import symmetric_range as symmetric_range
 
 Record = TypeVar("Record")
 
@@ -38,7 +38,7 @@ DEGREE, KM_PER_H = math.pi / 180.0, 1.0 / 3.6  # Values in SI.
 EXCHANGEABLE: set[str] = set()
 
 
-class Unit:
+class QuantityUnits:
     """Units in which a file may give a quantity.
 
     Attributes:
@@ -49,7 +49,7 @@ class Unit:
     def __init__(self, si: str, general: "Range | None" = None, **others: float) -> None:
         """Set the unit of SI, the range of the quantity in it, and other units with their values in SI."""
         self.factors: Mapping[str, float] = {si: 1.0, **others}
-        self.general = general
+        self.plausible_range = general
         EXCHANGEABLE.update(end for end in self.factors if others and end)
 
 
@@ -68,14 +68,14 @@ class Notation:
 
 
 @dataclass(frozen=True)
-class Named:
+class AllowedKeys:
     """Names that the keys of a mapping may have."""
 
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class UnitInside:
+class UnitInKeys:
     """A mapping with the unit at the end of each of its keys, ``{hip_deg: 18}``, instead of its own key."""
 
 
@@ -85,59 +85,59 @@ class Inline:
 
 
 @dataclass(frozen=True)
-class Word:
+class LiteralAlias:
     """Words that a file may give instead of a section."""
 
-    without: str  # Word for None.
+    null_word: str  # Word for None.
     kind: str  # Word for the parameters, which a section may give under ``kind``.
 
 
 @dataclass(frozen=True)
-class AsInFile:
+class CustomSerialized:
     """A field with its own serialization, for which its section has a reader."""
 
 
 # Quantities with their units in files, and the largest magnitude that is plausible in a device, a wearer and
 # their surroundings, with the reason. A field may narrow it.
-Angle = Annotated[float, Unit("rad", within(math.pi, "half a turn"), deg=DEGREE)]
+Angle = Annotated[float, QuantityUnits("rad", symmetric_range(math.pi, "half a turn"), deg=DEGREE)]
 AngularVelocity = Annotated[
-    float, Unit("rad_per_s", within(50.0, "ten times the no-load speed"), deg_per_s=DEGREE)
+    float, QuantityUnits("rad_per_s", symmetric_range(50.0, "ten times the no-load speed"), deg_per_s=DEGREE)
 ]
-Acceleration = Annotated[float, Unit("m_per_s2", within(30.0, "three times gravity"))]
-AngularAcceleration = Annotated[float, Unit("rad_per_s2", within(1e3, "100 N·m on a foot of 0.1 kg m²"))]
-BitRate = Annotated[float, Unit("bit_per_s", within(1e6, "the most that CAN 2.0 has"), kbit_per_s=1e3)]
-Current = Annotated[float, Unit("A", within(100.0, "above the stall current of the motors, 70 A at 24 V"))]
-Drift = Annotated[float, Unit("", within(0.01, "a hundred times that of a poor oscillator"), ppm=1e-6)]
-Energy = Annotated[float, Unit("J", within(1e7, "2.8 kWh, 15 kg of lithium cells"))]
-Force = Annotated[float, Unit("N", within(5e3, "four times the weight of wearer and device"))]
-Frequency = Annotated[float, Unit("Hz", within(1e5, "the fastest inverters of such drives"))]
-HertzStiffness = Annotated[float, Unit("N_per_m1p5", within(1e7, "a heel 1 mm deep under 316 N"))]
-Inertia = Annotated[float, Unit("kgm2", within(10.0, "a straight leg about its hip has 6"))]
-Length = Annotated[float, Unit("m", within(3.0, "more than a person with raised arms"))]
-LinearDamping = Annotated[float, Unit("Ns_per_m", within(9e4, "critical for 200 kg on 1e7 N/m"))]
-LinearDissipation = Annotated[float, Unit("s_per_m", within(100.0, "forces that double at 1 cm/s"))]
-LinearStiffness = Annotated[float, Unit("N_per_m", within(1e7, "0.1 mm under 1000 N"))]
-Mass = Annotated[float, Unit("kg", within(200.0, "the heaviest wearer with device and load"))]
-PerAngle = Annotated[float, Unit("per_rad", within(100.0, "the whole effect within 0.6 deg"))]
-PerAngularVelocity = Annotated[float, Unit("s_per_rad", within(1e3, "the whole effect within 1 mrad/s"))]
-Power = Annotated[float, Unit("W", within(5e3, "ten times the power of the battery"))]
-Ratio = Annotated[float, Unit("", within(1e3, "three orders of magnitude"))]
-Resistance = Annotated[float, Unit("Ohm", within(100.0, "0.3 A at the voltage of the battery"))]
+Acceleration = Annotated[float, QuantityUnits("m_per_s2", symmetric_range(30.0, "three times gravity"))]
+AngularAcceleration = Annotated[float, QuantityUnits("rad_per_s2", symmetric_range(1e3, "100 N·m on a foot of 0.1 kg m²"))]
+BitRate = Annotated[float, QuantityUnits("bit_per_s", symmetric_range(1e6, "the most that CAN 2.0 has"), kbit_per_s=1e3)]
+Current = Annotated[float, QuantityUnits("A", symmetric_range(100.0, "above the stall current of the motors, 70 A at 24 V"))]
+Drift = Annotated[float, QuantityUnits("", symmetric_range(0.01, "a hundred times that of a poor oscillator"), ppm=1e-6)]
+Energy = Annotated[float, QuantityUnits("J", symmetric_range(1e7, "2.8 kWh, 15 kg of lithium cells"))]
+Force = Annotated[float, QuantityUnits("N", symmetric_range(5e3, "four times the weight of wearer and device"))]
+Frequency = Annotated[float, QuantityUnits("Hz", symmetric_range(1e5, "the fastest inverters of such drives"))]
+HertzStiffness = Annotated[float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel 1 mm deep under 316 N"))]
+Inertia = Annotated[float, QuantityUnits("kgm2", symmetric_range(10.0, "a straight leg about its hip has 6"))]
+Length = Annotated[float, QuantityUnits("m", symmetric_range(3.0, "more than a person with raised arms"))]
+LinearDamping = Annotated[float, QuantityUnits("Ns_per_m", symmetric_range(9e4, "critical for 200 kg on 1e7 N/m"))]
+LinearDissipation = Annotated[float, QuantityUnits("s_per_m", symmetric_range(100.0, "forces that double at 1 cm/s"))]
+LinearStiffness = Annotated[float, QuantityUnits("N_per_m", symmetric_range(1e7, "0.1 mm under 1000 N"))]
+Mass = Annotated[float, QuantityUnits("kg", symmetric_range(200.0, "the heaviest wearer with device and load"))]
+PerAngle = Annotated[float, QuantityUnits("per_rad", symmetric_range(100.0, "the whole effect within 0.6 deg"))]
+PerAngularVelocity = Annotated[float, QuantityUnits("s_per_rad", symmetric_range(1e3, "the whole effect within 1 mrad/s"))]
+Power = Annotated[float, QuantityUnits("W", symmetric_range(5e3, "ten times the power of the battery"))]
+Ratio = Annotated[float, QuantityUnits("", symmetric_range(1e3, "three orders of magnitude"))]
+Resistance = Annotated[float, QuantityUnits("Ohm", symmetric_range(100.0, "0.3 A at the voltage of the battery"))]
 RotaryDamping = Annotated[
     float,
-    Unit("Nms_per_rad", within(1e4, "ten times critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
+    QuantityUnits("Nms_per_rad", symmetric_range(1e4, "ten times critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
 ]
-RotaryDissipation = Annotated[float, Unit("s_per_rad", within(100.0, "torques that double at 10 mrad/s"))]
+RotaryDissipation = Annotated[float, QuantityUnits("s_per_rad", symmetric_range(100.0, "torques that double at 10 mrad/s"))]
 RotaryStiffness = Annotated[
     float,
-    Unit("Nm_per_rad", within(1e6, "0.1 mrad under 100 N·m"), Nm_per_deg=1.0 / DEGREE),
+    QuantityUnits("Nm_per_rad", symmetric_range(1e6, "0.1 mrad under 100 N·m"), Nm_per_deg=1.0 / DEGREE),
 ]
-Speed = Annotated[float, Unit("m_per_s", within(10.0, "faster than people run"), km_per_h=KM_PER_H)]
-Time = Annotated[float, Unit("s", within(3600.0, "the longest run"), ms=1e-3)]
-ShortTime = Annotated[float, Unit("s", within(0.1, "the longest cycle of the bus"), ms=1e-3, us=1e-6)]
-Torque = Annotated[float, Unit("Nm", within(1e3, "ten times the limit of the gear"))]
-TorqueConstant = Annotated[float, Unit("Nm_per_A", within(10.0, "a hundred times that of the motors"))]
-Voltage = Annotated[float, Unit("V", within(120.0, "where extra-low voltage ends, IEC 61140"))]
+Speed = Annotated[float, QuantityUnits("m_per_s", symmetric_range(10.0, "faster than people run"), km_per_h=KM_PER_H)]
+Time = Annotated[float, QuantityUnits("s", symmetric_range(3600.0, "the longest run"), ms=1e-3)]
+ShortTime = Annotated[float, QuantityUnits("s", symmetric_range(0.1, "the longest cycle of the bus"), ms=1e-3, us=1e-6)]
+Torque = Annotated[float, QuantityUnits("Nm", symmetric_range(1e3, "ten times the limit of the gear"))]
+TorqueConstant = Annotated[float, QuantityUnits("Nm_per_A", symmetric_range(10.0, "a hundred times that of the motors"))]
+Voltage = Annotated[float, QuantityUnits("V", symmetric_range(120.0, "where extra-low voltage ends, IEC 61140"))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,29 +148,29 @@ class Declaration:
     kind: Any  # Type of the field without ``None``.
     optional: bool  # Whether the value may be None.
     default: Any  # Default value; ``dataclasses.MISSING`` without one.
-    unit: Unit | None  # Units, None if it is no quantity.
+    unit: QuantityUnits | None  # Units, None if it is no quantity.
     range: Range | None  # Range, None if it is no number.
     key: str  # Name in a file, without the unit.
     meaning: str  # Meaning from the docstring of the class, in one line.
-    marks: tuple[Any, ...]  # Further annotations of the field.
+    annotations: tuple[Any, ...]  # Further annotations of the field.
 
     @property
     def keys(self) -> Mapping[str, float]:
         """Keys in a file, with the SI value of their unit."""
-        own = self.unit is not None and not self.mark(UnitInside) and not self.mark(Inline)
+        own = self.unit is not None and not self.find_annotation(UnitInKeys) and not self.find_annotation(Inline)
         factors = self.unit.factors if self.unit is not None and own else {"": 1.0}
         return {f"{self.key}_{end}" if end else self.key: factor for end, factor in factors.items()}
 
-    def mark(self, kind: type[Any]) -> Any:
+    def find_annotation(self, kind: type[Any]) -> Any:
         """Return the first annotation of a type, or None."""
-        return next((item for item in self.marks if isinstance(item, kind)), None)
+        return next((item for item in self.annotations if isinstance(item, kind)), None)
 
-    def taken(self, value: Any) -> Any:
+    def coerce(self, value: Any) -> Any:
         """Convert a value to the type of the field; raise ParameterError if it is invalid.
 
         Words become members of enumerations, numbers of NumPy become numbers of Python.
         """
-        return value if value is None and self.optional else of_kind(self.kind, self.name, value, self.range)
+        return value if value is None and self.optional else coerce(self.kind, self.name, value, self.range)
 
 
 class Parameters:
@@ -184,11 +184,11 @@ class Parameters:
         for item in declarations(type(self)):
             value = getattr(self, item.name)
             # A value of the exact type within its range needs no conversion.
-            if type(value) is not item.kind or (item.range is not None and not item.range.holds(value)):
-                object.__setattr__(self, item.name, item.taken(value))
+            if type(value) is not item.kind or (item.range is not None and not item.range.contains(value)):
+                object.__setattr__(self, item.name, item.coerce(value))
 
 
-def of_kind(kind: Any, name: str, value: Any, bounds: Range | None = None) -> Any:
+def coerce(kind: Any, name: str, value: Any, bounds: Range | None = None) -> Any:
     """Convert a value to a type and check its range; raise ParameterError if it does not fit."""
     if type(value) is kind and bounds is None:
         return value
@@ -199,7 +199,7 @@ def of_kind(kind: Any, name: str, value: Any, bounds: Range | None = None) -> An
         of_key, of_item = get_args(kind)
         inside = f"{name} " if " of the " in name else f"{name} of the "
         return {
-            of_kind(of_key, name, key): of_kind(of_item, f"{inside}{key}", item, bounds)
+            coerce(of_key, name, key): coerce(of_item, f"{inside}{key}", item, bounds)
             for key, item in value.items()
         }
     if get_origin(kind) is tuple:
@@ -207,7 +207,7 @@ def of_kind(kind: Any, name: str, value: Any, bounds: Range | None = None) -> An
         kinds = get_args(kind)
         each = kinds[:1] * len(value) if Ellipsis in kinds else kinds
         require(len(value) == len(each), name, f"a tuple of {len(each)}", value)
-        return tuple(of_kind(one, name, item, bounds) for one, item in zip(each, value, strict=True))
+        return tuple(coerce(one, name, item, bounds) for one, item in zip(each, value, strict=True))
     if isinstance(kind, type) and issubclass(kind, Enum):
         require(value in list(kind), name, f"one of {', '.join(map(str, kind))}", value)
         return kind(value)
@@ -247,12 +247,12 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
     while get_origin(numbers) is Annotated or is_mapping(numbers):
         marks += get_args(numbers)[1:] if get_origin(numbers) is Annotated else ()
         numbers = get_args(numbers)[0 if get_origin(numbers) is Annotated else -1]
-    unit = next((mark for mark in marks if isinstance(mark, Unit)), None)
+    unit = next((mark for mark in marks if isinstance(mark, QuantityUnits)), None)
     bounds = next((mark for mark in marks if isinstance(mark, Range)), None)
     if bounds is None and numbers in (float, int):
         bounds = FINITE
-    if bounds is not None and unit is not None and unit.general is not None:
-        bounds = bounds.completed(unit.general)
+    if bounds is not None and unit is not None and unit.plausible_range is not None:
+        bounds = bounds.fill_limits(unit.plausible_range)
     key = next((mark.name for mark in marks if isinstance(mark, Key)), item.name)
     default = item.default if item.default_factory is dataclasses.MISSING else item.default_factory()
     return Declaration(item.name, kind, optional, default, unit, bounds, key, meaning, tuple(marks))
@@ -279,7 +279,7 @@ def _meanings(parameters: Any) -> dict[str, str]:
     return {name: _ROLE.sub(r"`\1`", text) for name, text in found.items()}
 
 
-def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
+def from_attributes(kind: type[Record], source: Any, **more: Any) -> Record:
     """Create a record whose fields are attributes of the same name of another object, or among ``more``.
 
     A field that is found in neither keeps its default.

@@ -25,43 +25,43 @@ SMALLEST_SHARE = 1e-30  # Minimum of a number above 0 as a share of its largest 
 class Range:
     """Range of a number."""
 
-    least: float = -math.inf  # Smallest value.
-    most: float = math.inf  # Largest value.
-    above: bool = False  # Whether the smallest value itself is excluded.
+    minimum: float = -math.inf  # Smallest value.
+    maximum: float = math.inf  # Largest value.
+    exclusive_minimum: bool = False  # Whether the smallest value itself is excluded.
     words: str = ""  # Accepted values, for messages; made from the numbers if empty.
     # Whether infinity is included, too: a time that is never reached, ``null`` in a file.
-    endless: bool = False
+    allows_infinity: bool = False
     reason: str = ""  # Reason for the limits, for messages and pages.
 
-    def holds(self, value: float) -> bool:
+    def contains(self, value: float) -> bool:
         """Check whether a value is within the range."""
         if value == math.inf:
-            return self.endless
-        inside = self.least < value <= self.most if self.above else self.least <= value <= self.most
-        if self.above and self.least == 0.0 and math.isfinite(self.most):
+            return self.allows_infinity
+        inside = self.minimum < value <= self.maximum if self.exclusive_minimum else self.minimum <= value <= self.maximum
+        if self.exclusive_minimum and self.minimum == 0.0 and math.isfinite(self.maximum):
             # A value so far below the largest one is a mistake; a division by it overflows.
-            inside = SMALLEST_SHARE * self.most <= value <= self.most
+            inside = SMALLEST_SHARE * self.maximum <= value <= self.maximum
         return inside and math.isfinite(value)
 
-    def completed(self, general: "Range") -> "Range":
+    def fill_limits(self, general: "Range") -> "Range":
         """Return the range with missing limits, and the reason, taken from a general range."""
-        least = self.least if math.isfinite(self.least) else general.least
-        most = self.most if math.isfinite(self.most) else general.most
-        if (least, most) == (self.least, self.most):
+        least = self.minimum if math.isfinite(self.minimum) else general.minimum
+        most = self.maximum if math.isfinite(self.maximum) else general.maximum
+        if (least, most) == (self.minimum, self.maximum):
             return self
         return dataclasses.replace(
             self, least=least, most=most, words="", reason=self.reason or general.reason
         )
 
-    def in_unit(self, factor: float) -> "Range":
+    def convert_unit(self, factor: float) -> "Range":
         """Return the range in a unit, given by its value in SI; ``words`` are in SI and dropped otherwise."""
         words = self.words if factor == 1.0 else ""
-        return dataclasses.replace(self, least=self.least / factor, most=self.most / factor, words=words)
+        return dataclasses.replace(self, least=self.minimum / factor, most=self.maximum / factor, words=words)
 
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
         """Raise a :class:`ParameterError` unless a value, or a whole number, is within the range."""
         fits = isinstance(value, int if whole else Real)
-        if not (fits and self.holds(value)):  # The text of the range is only made for an error.
+        if not (fits and self.contains(value)):  # The text of the range is only made for an error.
             require(False, name, self.expected, value)
 
     @property
@@ -70,25 +70,25 @@ class Range:
         if self.words:
             return self.words
         reason = f" ({self.reason})" if self.reason else ""
-        if math.isfinite(self.most):
-            link = f"above {self.least:g} and at most" if self.above else f"from {self.least:g} to"
-            return f"a number {link} {self.most:g}{reason}"
-        if math.isinf(self.least):
+        if math.isfinite(self.maximum):
+            link = f"above {self.minimum:g} and at most" if self.exclusive_minimum else f"from {self.minimum:g} to"
+            return f"a number {link} {self.maximum:g}{reason}"
+        if math.isinf(self.minimum):
             return "a finite number"
-        return f"a number above {self.least:g}" if self.above else f"a number of {self.least:g} or more"
+        return f"a number above {self.minimum:g}" if self.exclusive_minimum else f"a number of {self.minimum:g} or more"
 
 
 # Ranges by sign; limits that are not given are those of the quantity.
-POSITIVE, NOT_NEGATIVE, SHARE = Range(0.0, above=True), Range(0.0), Range(0.0, 1.0)
-FINITE, LATER = Range(), Range(0.0, endless=True)
+POSITIVE, NOT_NEGATIVE, SHARE = Range(0.0, exclusive_minimum=True), Range(0.0), Range(0.0, 1.0)
+FINITE, NON_NEGATIVE_OR_INFINITE = Range(), Range(0.0, allows_infinity=True)
 SEEDS = Range(0, 2**64 - 1, words="a whole number from 0 to 2^64 - 1")
 
 
-def whole(least: int, most: int, reason: str) -> Range:
+def integer_range(least: int, most: int, reason: str) -> Range:
     """Return a range of whole numbers."""
     return Range(least, most, words=f"a whole number from {least} to {most} ({reason})")
 
 
-def within(most: float, reason: str) -> Range:
+def symmetric_range(most: float, reason: str) -> Range:
     """Return the range of a quantity that may have either sign; the sign of a field narrows it."""
     return Range(-most, most, reason=reason)

@@ -23,7 +23,7 @@ class BeltProfile(quantities.Parameters):
     """
 
     start: Annotated[quantities.Time, quantities.NOT_NEGATIVE]
-    stop: Annotated[quantities.Time, quantities.LATER] = math.inf
+    stop: Annotated[quantities.Time, quantities.NON_NEGATIVE_OR_INFINITE] = math.inf
     ramp: Annotated[quantities.Time, quantities.POSITIVE]
     delay: Annotated[quantities.Time, quantities.NOT_NEGATIVE] = 0.0
 
@@ -132,8 +132,8 @@ class SupportParameters(quantities.Parameters):
     guide: PelvisGuide = PelvisGuide.HARNESS
     forward_stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 1500.0
     forward_damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 300.0
-    catch_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 20.0e3
-    catch_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
+    lock_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 20.0e3
+    lock_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the pelvis can move."""
@@ -189,7 +189,7 @@ class BraceParameters(quantities.Parameters):
     knee: SpringDamper = SpringDamper(stiffness=400.0, damping=8.0)
     ankle: SpringDamper = SpringDamper(stiffness=1000.0, damping=3.0)
 
-    def of(self, joint: JointName) -> SpringDamper:
+    def joint_brace(self, joint: JointName) -> SpringDamper:
         """Return the brace of a joint."""
         brace: SpringDamper = getattr(self, joint)
         return brace
@@ -225,7 +225,7 @@ class ChairParameters(quantities.Parameters):
 
     height: Annotated[quantities.Length, quantities.Range(0.3, 0.7)] = 0.45
     front: Annotated[quantities.Length, FRONTS] = 0.25
-    behind: quantities.Length = 0.1
+    standing_distance: quantities.Length = 0.1
     depth: Annotated[quantities.Length, quantities.POSITIVE] = 0.4
     rounding: Annotated[quantities.Length, quantities.POSITIVE] = 0.03
     stiffness: Annotated[quantities.LinearStiffness, quantities.POSITIVE] = 44.0e3
@@ -233,6 +233,6 @@ class ChairParameters(quantities.Parameters):
     thigh_share: Annotated[quantities.Ratio, quantities.SHARE] = 0.3
     hip_height: Annotated[quantities.Length, quantities.POSITIVE] = 0.1
     thigh_thickness: Annotated[quantities.Length, quantities.NOT_NEGATIVE] = 0.08
-    thigh_place: Annotated[quantities.Ratio, quantities.SHARE] = 0.5
+    thigh_position: Annotated[quantities.Ratio, quantities.SHARE] = 0.5
     friction_coefficient: Annotated[quantities.Ratio, COEFFICIENTS] = 0.7
     transition_velocity: Annotated[quantities.Speed, quantities.POSITIVE] = 0.02

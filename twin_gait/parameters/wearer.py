@@ -58,7 +58,7 @@ class JointCondition(quantities.Parameters):
         require(self.contracture == 0.0 or self.passive > 0.0, "contracture", expected, self.contracture)
 
     @property
-    def does_nothing(self) -> bool:
+    def is_torque_free(self) -> bool:
         """Whether the wearer produces no torque at this joint."""
         return self.passive == 0.0 and self.stretch_reflex_gain == 0.0 and self.effort * self.strength == 0.0
 
@@ -93,7 +93,7 @@ class Patient(quantities.Parameters):
     height: Annotated[quantities.Length, HEIGHTS] = 1.75
     sex: Sex = Sex.MALE
     segment_model: SegmentModel = SegmentModel.DE_LEVA
-    conditions: Annotated[Mapping[tuple[Side, JointName], JointCondition], quantities.AsInFile()] = field(
+    conditions: Annotated[Mapping[tuple[Side, JointName], JointCondition], quantities.CustomSerialized()] = field(
         default_factory=dict
     )
     effort_delay: Annotated[quantities.Time, quantities.Range(0.0, 1.0, words="0 to 1 s")] = 0.1
@@ -108,6 +108,6 @@ class Patient(quantities.Parameters):
             require(joint in WEARER_JOINTS, f"condition of the {side} {joint}", "a hip or a knee", joint)
 
     @property
-    def is_mass_alone(self) -> bool:
+    def is_torque_free(self) -> bool:
         """Whether the wearer produces no torque at any joint."""
-        return all(item.does_nothing for item in self.conditions.values())
+        return all(item.is_torque_free for item in self.conditions.values())

@@ -60,9 +60,9 @@ def replay(recording: Recording, table: GaitTable) -> Replay:
     GaitTableError if the guards need a signal that was not recorded.
     """
     total, sides, program = recording.n_ticks, recording.sides, compile_guards(table)
-    own = {side: _own(recording, table, side) for side in sides}
-    known = {side: _known(recording, own, side) for side in sides}
-    assumed = _assumed(recording, table, known)
+    own = {side: _leg_signals(recording, table, side) for side in sides}
+    known = {side: _available_signals(recording, own, side) for side in sides}
+    assumed = _assumed_commands(recording, table, known)
     starts = {side: str(phases[0]) for side, phases in recording.phases.items()} | {**recording.starts}
     first = {side: phase for side, phase in starts.items() if phase in table.phases}
     machines = [
@@ -88,12 +88,12 @@ def replay(recording: Recording, table: GaitTable) -> Replay:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
     driven = [(side, joint) for side, joint in recording.angles if joint in table.joints]
-    velocities = {(side, joint): own[side][signals.VELOCITY.of(joint)] for side, joint in driven}
+    velocities = {(side, joint): own[side][signals.VELOCITY.joint_signal_name(joint)] for side, joint in driven}
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
     return Replay(table, recording, velocities, phases, tuple(switches), assumed)
 
 
-def _own(recording: Recording, table: GaitTable, side: Side) -> Signals:
+def _leg_signals(recording: Recording, table: GaitTable, side: Side) -> Signals:
     """Compute the signals of a leg: angles as its boards measure them, fast velocity estimates, the load."""
     sensors, found = SensorParameters(), Signals()
     gain = first_order_gain(TICK, recording.fast_time_constant)
@@ -102,13 +102,13 @@ def _own(recording: Recording, table: GaitTable, side: Side) -> Signals:
         for tick, value in enumerate(recording.angles[side, joint].tolist()):
             measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
-        found[signals.ANGLE.of(joint)], found[signals.VELOCITY.of(joint)] = measured
+        found[signals.ANGLE.joint_signal_name(joint)], found[signals.VELOCITY.joint_signal_name(joint)] = measured
     if recording.body_weight is not None and side in recording.loads:
         found[signals.LOAD.name] = recording.loads[side] / recording.body_weight
     return found
 
 
-def _known(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
+def _available_signals(recording: Recording, own: Mapping[Side, Signals], side: Side) -> Signals:
     """Return the signals that the guards of a leg can read; 0 for those that are counted tick by tick."""
     counted = [signals.TIME] if len(own) == 1 else [signals.TIME, signals.OTHER_TIME, OTHER_PHASE]
     others = {
@@ -123,11 +123,11 @@ def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
 
     Unknown signals have their initial value, or 0 if there is none.
     """
-    unknown = {name: np.full(ticks, np.nan_to_num(signals.signal_of(name).first)) for name in table.signals}
+    unknown = {name: np.full(ticks, np.nan_to_num(signals.find_signal(name).initial_value)) for name in table.signals}
     return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
-def _assumed(recording: Recording, table: GaitTable, known: Mapping[Side, Signals]) -> dict[str, float]:
+def _assumed_commands(recording: Recording, table: GaitTable, known: Mapping[Side, Signals]) -> dict[str, float]:
     """Return the commands that no log contains, with their assumed values.
 
     Raises GaitTableError if the walk lacks any other signal that a guard reads.
@@ -137,14 +137,14 @@ def _assumed(recording: Recording, table: GaitTable, known: Mapping[Side, Signal
         for atom in atoms(item.guard):
             read = (OTHER_PHASE,) if isinstance(atom, PhaseMembership) else atom.names
             for name in (name for name in read if name not in known[side]):
-                if name == OTHER_PHASE or name not in signals.DEVICE_NAMES or signals.signal_of(name).column:
+                if name == OTHER_PHASE or name not in signals.DEVICE_NAMES or signals.find_signal(name).column:
                     raise GaitTableError(
                         f"{recording.source}: the table {table.name} reads {name} in {item.source} → "
                         f"{item.target} ({item.cause}), not known of the {side} leg: name its column with "
                         f"--columns (of {signals.LOAD.name} add --total-mass KG; of {signals.OTHER}… name "
                         "those of both legs), or take another table"
                     )
-                assumed[name] = signals.signal_of(name).first / signals.signal_of(name).unit.factor
+                assumed[name] = signals.find_signal(name).initial_value / signals.find_signal(name).unit.factor
     return assumed
 
 
@@ -175,8 +175,8 @@ def replay_log(
     else:
         chosen = experiment.table
     if experiment is not None:
-        recording = _of_run(recording, experiment, chosen)
-        walking, patient = experiment.scenario.walking, experiment.known_patient
+        recording = _add_run_data(recording, experiment, chosen)
+        walking, patient = experiment.scenario.walking, experiment.assumed_patient
         if walking is not None:
             speed, height = speed or walking.speed, None if patient is None else patient.height
     if mass is not None:
@@ -200,23 +200,23 @@ def _open(log: str, log_format: LogFormat) -> tuple[Recording, Experiment | None
     return recording, load_experiment(path / EXPERIMENT_FILE).experiment
 
 
-def _of_run(recording: Recording, experiment: Experiment, table: GaitTable) -> Recording:
+def _add_run_data(recording: Recording, experiment: Experiment, table: GaitTable) -> Recording:
     """Add the data of a run to its recording: initial phases of the legs, and commands they received."""
     world, modes, walking = experiment.build_world(), experiment.modes, experiment.scenario.walking
     # A signal of the device that a run does not log kept its initial value: nothing in the run changed it.
-    device = {item.name: np.full(recording.n_ticks, item.first) for item in signals.DEVICE_SIGNALS}
+    device = {item.name: np.full(recording.n_ticks, item.initial_value) for item in signals.DEVICE_SIGNALS}
     device, postures = device | {**recording.device}, dict[int, str]()
     if modes is not None:
         replace(experiment, table=table)  # rejects a table that lacks their postures
         log = pd.read_parquet(Path(recording.source).expanduser() / LOG_FILE, columns=["mode"])
-        codes, told = log["mode"].to_numpy(int)[: recording.n_ticks], list(modes.phases.values())
+        codes, modes_by_code = log["mode"].to_numpy(int)[: recording.n_ticks], list(modes.phases.values())
         first = modes.phase_index(experiment.initial_mode or modes.phase_names[0])
         for tick in np.flatnonzero(np.diff(codes, prepend=first)).tolist():
-            posture = told[codes[tick]].posture
+            posture = modes_by_code[codes[tick]].posture
             if posture is not None:
                 postures[tick] = posture
-        device[signals.WALK.name] = np.array([mode.walk for mode in told], dtype=float)[codes]
-        device[signals.STEP.name] = np.array([mode.step for mode in told], dtype=float)[codes]
+        device[signals.WALK.name] = np.array([mode.walk for mode in modes_by_code], dtype=float)[codes]
+        device[signals.STEP.name] = np.array([mode.step for mode in modes_by_code], dtype=float)[codes]
     elif walking is not None and walking.belt.ramp > 0.0:
         start, stop = walking.belt.start, walking.belt.stop
         device[signals.WALK.name] = np.array([walk_command(time, start, stop) for time in recording.time])

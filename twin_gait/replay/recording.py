@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from twin_gait.control.safety import SafetyState
-from twin_gait.conventions import CONVENTIONS, DEGREES, HOUSE, RADIANS, Convention
+from twin_gait.conventions import CONVENTIONS, DEGREES, OWN_CONVENTION, RADIANS, Convention
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.gait.signals import DEVICE_SIGNALS
 from twin_gait.gait.table import TICK
 from twin_gait.measures import reference
 from twin_gait.parameters.quantities import POSITIVE, require
 from twin_gait.parameters.wearer import Patient
-from twin_gait.replay.samples import LONGEST_GAP, Recording, at_ticks, repeat_stride
+from twin_gait.replay.samples import LONGEST_GAP, Recording, resample_to_ticks, repeat_stride
 from twin_gait.runs.column_units import ANGLES, FORCES, TIMES, find_unit, plain_name, split_heading
-from twin_gait.runs.log_files import LogTable, number_of, read_table
+from twin_gait.runs.log_files import LogTable, parse_number, read_log_table
 from twin_gait.vocabulary import JointName, Side
 
 TIME = "time"
@@ -27,21 +27,21 @@ STRIDES = 8  # number of strides of a walk that repeats one stride
 _ANGLES = {f"{side}_{joint}_angle": (side, joint) for side, joint in product(Side, JointName)}
 _LOADS = {side: f"{side}_foot_normal_force" for side in Side}
 _PHASES = {side: f"{side}_phase" for side in Side}
-_OF_DEVICE = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
+_DEVICE_QUANTITIES = {signal.field: signal for signal in DEVICE_SIGNALS if signal.column}
 _UNITS: Mapping[str, Mapping[str, float]] = {
     TIME: TIMES,
     **dict.fromkeys(_ANGLES, ANGLES),
     **dict.fromkeys(_LOADS.values(), FORCES),
     **{name: {} for name in _PHASES.values()},
-    **{name: ANGLES if signal.column.endswith("_rad") else {} for name, signal in _OF_DEVICE.items()},
+    **{name: ANGLES if signal.column.endswith("_rad") else {} for name, signal in _DEVICE_QUANTITIES.items()},
 }
 # Usual names of the column of a quantity, without the unit. The preferred one is first: the controller reads
 # the measured angle.
-_USUAL: Mapping[str, tuple[str, ...]] = {
+_USUAL_NAMES: Mapping[str, tuple[str, ...]] = {
     TIME: ("time", "t", "timestamp"),
     **{name: (f"{name[:-5]}measured_angle", name) for name in _ANGLES},
     **{name: (name.lower(),) for name in (*_LOADS.values(), *_PHASES.values())},
-    **{name: (plain_name(signal.column, _UNITS[name]),) for name, signal in _OF_DEVICE.items()},
+    **{name: (plain_name(signal.column, _UNITS[name]),) for name, signal in _DEVICE_QUANTITIES.items()},
 }
 
 
@@ -64,8 +64,8 @@ class LogFormat:
     def __post_init__(self) -> None:
         """Check names, units and numbers."""
         for quantity in self.columns:
-            if quantity not in _USUAL:
-                raise ParameterError(f"columns: no quantity {quantity!r}; there are {', '.join(_USUAL)}")
+            if quantity not in _USUAL_NAMES:
+                raise ParameterError(f"columns: no quantity {quantity!r}; there are {', '.join(_USUAL_NAMES)}")
         require(self.units in (None, RADIANS, DEGREES), "units", "rad or deg", self.units)
         require(self.time_unit in (None, *TIMES), "time_unit", " or ".join(TIMES), self.time_unit)
         POSITIVE.require("max_gap", self.max_gap)
@@ -83,7 +83,7 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
     Returns the walk at the ticks of the controller, in the signs of this package. Raises ParameterFileError
     if the file has a mistake; the message names file, column and remedy.
     """
-    table, log_format = read_table(path), log_format or LogFormat()
+    table, log_format = read_log_table(path), log_format or LogFormat()
     if "safety_state" in table:  # after a trip no guard switches the legs
         held = np.flatnonzero(table.numbers("safety_state") == SafetyState.HOLD.code)
         table = replace(table, frame=table.frame.iloc[: held[0]]) if len(held) else table
@@ -93,9 +93,9 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
             "(flexion negative) or rajagopal (flexion positive)"
         )
         raise ParameterFileError(table.source, "convention", text)
-    convention = log_format.convention or HOUSE
-    found = _columns_of(table, log_format, convention)
-    table, time = _without_repeated_rows(table, *_time_of(table, found, log_format))
+    convention = log_format.convention or OWN_CONVENTION
+    found = _find_columns(table, log_format, convention)
+    table, time = _drop_repeated_rows(table, *_read_time(table, found, log_format))
 
     def values(quantity: str) -> np.ndarray:
         column, sign = found[quantity]
@@ -104,27 +104,27 @@ def read_recording(path: Path, log_format: LogFormat | None = None) -> Recording
         )
 
     angles: dict[tuple[Side, str], np.ndarray] = {
-        (side, joint): convention.turned(joint, values(name))
+        (side, joint): convention.convert_angle(joint, values(name))
         for name, (side, joint) in _ANGLES.items()
         if name in found
     }
     loads = {side: values(name) for side, name in _LOADS.items() if name in found}
-    phases = {side: table.words(found[name][0]) for side, name in _PHASES.items() if name in found}
-    device = {signal.name: values(name) for name, signal in _OF_DEVICE.items() if name in found}
+    phases = {side: table.texts(found[name][0]) for side, name in _PHASES.items() if name in found}
+    device = {signal.name: values(name) for name, signal in _DEVICE_QUANTITIES.items() if name in found}
     warnings = (*table.notices, *_unit_notices(table, found, log_format))
     recording = Recording(table.source, 0.0, angles, loads, phases, device, warnings=warnings)
     if log_format.cycle_time is not None:
         recording, time = repeat_stride(recording, time, log_format.cycle_time, STRIDES)
-    return at_ticks(recording, time, max_gap=log_format.max_gap)
+    return resample_to_ticks(recording, time, max_gap=log_format.max_gap)
 
 
 _Columns = Mapping[str, tuple[str, float]]  # name and sign of the column of each quantity
 
 
-def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) -> _Columns:
+def _find_columns(table: LogTable, log_format: LogFormat, convention: Convention) -> _Columns:
     """Return the column that is named for each quantity, or else its first usual one in the table."""
-    usual = dict(_USUAL)
-    if convention.name != HOUSE.name:
+    usual = dict(_USUAL_NAMES)
+    if convention.name != OWN_CONVENTION.name:
         own = convention.columns
         usual |= {name: (own[place].lower(),) if place in own else () for name, place in _ANGLES.items()}
     found = {quantity: table.signed_name(column) for quantity, column in log_format.columns.items()}
@@ -137,7 +137,7 @@ def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) 
     if not _ANGLES.keys() & found.keys():
         names = ", ".join(convention.columns.values()) or f"columns, of which {convention.name} names none"
         way_out = "name the columns with --columns, or choose one of --convention"
-        text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}; there are {table.listed()}"
+        text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}; there are {table.format_column_names()}"
         raise ParameterFileError(table.source, "", text)
     users = dict[str, str]()
     for quantity, (name, sign) in found.items():
@@ -150,7 +150,7 @@ def _columns_of(table: LogTable, log_format: LogFormat, convention: Convention) 
     return found
 
 
-def _time_of(table: LogTable, found: _Columns, log_format: LogFormat) -> tuple[np.ndarray, str]:
+def _read_time(table: LogTable, found: _Columns, log_format: LogFormat) -> tuple[np.ndarray, str]:
     """Return the time of each row in [s], and its column."""
     column, sign = found.get(TIME, (TIME, 1.0))
     values = sign * table.numbers(column)
@@ -163,7 +163,7 @@ def _time_of(table: LogTable, found: _Columns, log_format: LogFormat) -> tuple[n
     return values * TIMES[stated or given or "s"], column
 
 
-def _without_repeated_rows(table: LogTable, time: np.ndarray, column: str) -> tuple[LogTable, np.ndarray]:
+def _drop_repeated_rows(table: LogTable, time: np.ndarray, column: str) -> tuple[LogTable, np.ndarray]:
     """Remove each row that equals the row before, with a notice."""
     same = np.flatnonzero(np.diff(time) == 0.0) + 1
     if not len(same):
@@ -230,7 +230,7 @@ def normative_walk(name: str, *, strides: int = STRIDES) -> Recording:
     cycle_time = reference.WINTER_CYCLE_TIME
     if name != WINTER:
         kind, _, text = name.partition("@")
-        speed, height = number_of(text) / reference.KILOMETRES_PER_HOUR, Patient().height
+        speed, height = parse_number(text) / reference.KILOMETRES_PER_HOUR, Patient().height
         expected = f"{WINTER}, or {KOOPMAN}@ and the speed in km/h"
         require(kind == KOOPMAN and math.isfinite(speed), "log", expected, name)
         curve = partial(reference.reference_curve, speed=speed, height=height)

@@ -69,7 +69,7 @@ class Recording:
         return self.start + np.arange(self.n_ticks) * TICK
 
 
-def at_ticks(samples: Recording, time: np.ndarray, *, max_gap: float = LONGEST_GAP) -> Recording:
+def resample_to_ticks(samples: Recording, time: np.ndarray, *, max_gap: float = LONGEST_GAP) -> Recording:
     """Resample samples of any rate to ticks of 1 ms.
 
     Samples that coincide with the ticks are kept bit for bit. Others are interpolated by PCHIP, a cubic
@@ -84,13 +84,13 @@ def at_ticks(samples: Recording, time: np.ndarray, *, max_gap: float = LONGEST_G
     than ``LONGEST_GAP`` apart, a longer gap, a duration above one hour, or an angle that is implausible in
     its unit and sign.
     """
-    for problem in _mistakes_in_time(time, max_gap):
+    for problem in _find_time_errors(time, max_gap):
         raise ParameterFileError(samples.source, "time", problem)
-    samples, time = _trimmed(samples, time)
-    samples = _without_gaps(samples, time, max_gap)
-    for key, problem in _mistakes_in_angles(samples.angles):
+    samples, time = _trim_ends(samples, time)
+    samples = _fill_gaps(samples, time, max_gap)
+    for key, problem in _find_angle_errors(samples.angles):
         raise ParameterFileError(samples.source, key, problem)
-    doubts = tuple(_doubts(samples.angles))
+    doubts = tuple(_find_doubtful_angles(samples.angles))
     recorded = replace(samples, start=float(time[0]), warnings=(*samples.warnings, *doubts))
     grid = time[0] + np.arange(round((time[-1] - time[0]) / TICK) + 1) * TICK
     if len(grid) == len(time) and np.abs(time - grid).max() <= SAME_INSTANT:
@@ -132,12 +132,12 @@ def repeat_stride(
         for (side, joint), values in samples.angles.items()
         if (degrees := abs(np.degrees(values[-1] - values[0]))) > _CLOSED
     ]
-    repeated = _mapped(samples, {name: values[rows] for name, values in columns.items()}, rows)
+    repeated = _replace_signals(samples, {name: values[rows] for name, values in columns.items()}, rows)
     text = f"one stride of {cycle_time:g} s was repeated {strides} times"
     return replace(repeated, warnings=(*samples.warnings, text, *open_ended)), instants
 
 
-def _mistakes_in_time(time: np.ndarray, max_gap: float) -> Iterator[str]:
+def _find_time_errors(time: np.ndarray, max_gap: float) -> Iterator[str]:
     """Yield the mistakes in the instants of a log."""
     if len(time) < 2:
         yield f"expected at least two samples, got {len(time)}"
@@ -170,7 +170,7 @@ def _numbers(samples: Recording) -> dict[str, np.ndarray]:
     return {**angles, **loads, **samples.device}
 
 
-def _mapped(samples: Recording, change: Mapping[str, np.ndarray], phases: slice | np.ndarray) -> Recording:
+def _replace_signals(samples: Recording, change: Mapping[str, np.ndarray], phases: slice | np.ndarray) -> Recording:
     """Return a walk with changed numbers, by the names of :func:`_numbers`, and a selection of its phases."""
     return replace(
         samples,
@@ -181,7 +181,7 @@ def _mapped(samples: Recording, change: Mapping[str, np.ndarray], phases: slice 
     )
 
 
-def _trimmed(samples: Recording, time: np.ndarray) -> tuple[Recording, np.ndarray]:
+def _trim_ends(samples: Recording, time: np.ndarray) -> tuple[Recording, np.ndarray]:
     """Remove the rows before all signals have begun and after one has ended."""
     columns = _numbers(samples)
     known = {name: np.flatnonzero(np.isfinite(values)) for name, values in columns.items()}
@@ -194,7 +194,7 @@ def _trimmed(samples: Recording, time: np.ndarray) -> tuple[Recording, np.ndarra
     if last - first + 1 == len(time):
         return samples, time
     within = slice(first, last + 1)
-    trimmed = _mapped(samples, {name: values[within] for name, values in columns.items()}, within)
+    trimmed = _replace_signals(samples, {name: values[within] for name, values in columns.items()}, within)
     left, missing = len(time) - (last - first + 1), _first_missing(columns)
     text = f"{left} rows at the ends of the log were left out, because {missing} has no values there"
     return replace(trimmed, warnings=(*samples.warnings, text)), time[within]
@@ -204,7 +204,7 @@ def _first_missing(columns: Mapping[str, np.ndarray]) -> str:
     return next(name for name, values in columns.items() if not np.isfinite(values[[0, -1]]).all())
 
 
-def _without_gaps(samples: Recording, time: np.ndarray, max_gap: float) -> Recording:
+def _fill_gaps(samples: Recording, time: np.ndarray, max_gap: float) -> Recording:
     """Fill the gaps of a walk whose first and last rows are complete, and list them."""
     steps = np.diff(time)
     least = max(_MISSING_ROWS * float(np.median(steps)), _SHORT_STEP - SAME_INSTANT)
@@ -229,10 +229,10 @@ def _without_gaps(samples: Recording, time: np.ndarray, max_gap: float) -> Recor
         filled[name] = np.where(
             np.isfinite(values), values, PchipInterpolator(time[known], values[known])(time)
         )
-    return replace(_mapped(samples, filled, slice(None)), gaps=tuple(gaps))
+    return replace(_replace_signals(samples, filled, slice(None)), gaps=tuple(gaps))
 
 
-def _mistakes_in_angles(angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterator[tuple[str, str]]:
+def _find_angle_errors(angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterator[tuple[str, str]]:
     """Yield the mistakes in unit or sign of the angles of a log: key and text."""
     for (side, joint), values in angles.items():
         degrees = np.degrees(values)
@@ -250,7 +250,7 @@ def _mistakes_in_angles(angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterat
             yield f"{side} {joint}", text
 
 
-def _doubts(angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterator[str]:
+def _find_doubtful_angles(angles: Mapping[tuple[Side, str], np.ndarray]) -> Iterator[str]:
     """Yield doubtful properties of the angles of a log."""
     for (side, joint), values in angles.items():
         degrees = np.degrees(values)

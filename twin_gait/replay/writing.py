@@ -22,7 +22,7 @@ from twin_gait.report import canvas
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, switches_csv
+from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, format_switches_csv
 from twin_gait.vocabulary import JointName
 
 PHASES_FILE = "phases.csv"
@@ -89,7 +89,7 @@ def doubtful_strides(hip: np.ndarray, strides: Sequence[Stride]) -> list[str]:
     ]
 
 
-def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
+def allowed_cycles(table: GaitTable) -> set[tuple[int, ...]]:
     """Return the orders of phases that a stride may have."""
     if not table.cycles:
         return {tuple(range(len(table.phases)))}
@@ -105,7 +105,7 @@ def summarise_replay(result: Replay) -> dict[str, Any]:
     one, if phases were recorded. For the log: the gaps that were interpolated, and warnings.
     """
     names, recorded = np.array(result.table.phase_names), result.recording.phases
-    cycles, sides, warnings = meant_cycles(result.table), {}, list(result.recording.warnings)
+    cycles, sides, warnings = allowed_cycles(result.table), {}, list(result.recording.warnings)
     for side in result.recording.sides:
         phases, own = result.phases[side], (item for item in result.switches if item.side is side)
         strides = stride_phases(phases)
@@ -156,9 +156,9 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     time = [f"{instant:.3f}" for instant in recording.time]
     table = pd.DataFrame({"time_s": time, **phases}).rename_axis("tick")
     measured = {"angle_rad": recording.angles, "velocity_rad_per_s": result.velocities}
-    switches = switches_csv(
+    switches = format_switches_csv(
         result.switches,
-        joints_of(result),
+        recorded_joints(result),
         lambda side, joint, name: measured[name][side, joint],
         recording.start,
     )
@@ -172,7 +172,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
         write_json(staging / SUMMARY_FILE, {**summarise_replay(result), **failed_pictures(failed)})
 
 
-def joints_of(result: Replay) -> list[str]:
+def recorded_joints(result: Replay) -> list[str]:
     """Return the joints of the table that were recorded."""
     angles, sides = result.recording.angles, result.recording.sides
     return [joint for joint in result.table.joints if all((side, joint) in angles for side in sides)]
@@ -180,7 +180,7 @@ def joints_of(result: Replay) -> list[str]:
 
 def replay_figure(result: Replay) -> Figure:
     """Draw the last seconds of a replay, one column of panels for each leg."""
-    recording, joints = result.recording, joints_of(result)
+    recording, joints = result.recording, recorded_joints(result)
     time, names = recording.time[-SHOWN_TICKS:], list(result.table.phase_names)
     names += sorted({str(name) for phases in recording.phases.values() for name in phases} - set(names))
     heights = [JOINT_HEIGHT] * len(joints) + [ROW_HEIGHT] * bool(recording.phases)

@@ -26,14 +26,14 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import LegRecord
-from twin_gait.measures.outcome import EventKind, held_from
+from twin_gait.measures.outcome import EventKind, trip_time
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES, normalise_strides
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, REFERENCE_COLOUR, phase_colour
-from twin_gait.report.failures import reason_of
+from twin_gait.report.failures import format_error
 from twin_gait.report.pages import FIGURES_FOLDER, render
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.walk_words import wearer_in_words
+from twin_gait.report.walk_words import describe_wearer
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -140,10 +140,10 @@ def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTIO
     undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
     # Half of the usual effort makes a file 7 % larger in two thirds of the time.
     packing: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
-    room = io.BytesIO()
+    buffer = io.BytesIO()
     with standard_settings({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
-        figure.savefig(room, format=form, dpi=resolution, metadata=undated.get(form), **packing)
-    return room.getvalue()
+        figure.savefig(buffer, format=form, dpi=resolution, metadata=undated.get(form), **packing)
+    return buffer.getvalue()
 
 
 def write_pictures(drawings: Mapping[str, Drawing], folder: Path) -> Pictures:
@@ -161,7 +161,7 @@ def write_pictures(drawings: Mapping[str, Drawing], folder: Path) -> Pictures:
                     pictures.written[name] = picture_bytes(figure)
                     write_atomically(folder / f"{name}.png", pictures.written[name])
         except Exception as error:
-            pictures.failed[name] = reason_of(error)
+            pictures.failed[name] = format_error(error)
     return pictures
 
 
@@ -204,11 +204,11 @@ def last_strides(run: Run) -> slice:
     """Rows of the events of a run, or of the last strides of its first leg, or of its last seconds."""
     begins = run.leg_records()[0].stride_events
     if run.events or len(begins) <= SHOWN_STRIDES:
-        return end_or_events(run, SHOWN_WITHOUT_STRIDES)
+        return event_window(run, SHOWN_WITHOUT_STRIDES)
     return slice(int(begins[-1 - SHOWN_STRIDES]), int(begins[-1]) + 1)
 
 
-def end_or_events(run: Run, duration: float) -> slice:
+def event_window(run: Run, duration: float) -> slice:
     """Rows of the end of a run, or around its first event; at most so many seconds."""
     length = round(duration / TICK)
     start = len(run.log) - length
@@ -236,7 +236,7 @@ def flexion(joint: str) -> str:
     return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
 
 
-class Sheet:
+class RunFigure:
     """A picture of a run in the making; on a screen its title says what it shows and of which run.
 
     What it labels goes into one legend under all panels.
@@ -260,7 +260,7 @@ class Sheet:
         self.records, self.names = run.leg_records(), run.table.phase_names
         self.lines: list[Artist] = []
         events = [f"{event.text}, {event.time:.2f} s" for event in run.events[:MOST_EVENTS]]
-        who, how = ", ".join(wearer_in_words(run.experiment)), run.verdict.outcome or run.status
+        who, how = ", ".join(describe_wearer(run.experiment)), run.verdict.outcome or run.status
         about = f"{run.experiment.name} · {who} · {run.duration:.1f} s · {how}"
         text = "\n".join(filter(None, (title, about, " · ".join(events))))
         self.on_screen = size[0] >= SCREEN_WIDTH
@@ -292,7 +292,7 @@ class Sheet:
 
         ``rows``: by default those of the window. Returns index of the phase, or ``HELD``, shape ``(n,)``.
         """
-        phases, held = record.phases, held_from(self.run.events)
+        phases, held = record.phases, trip_time(self.run.events)
         if held is not None:
             phases = np.where(self.run.log["time_s"] >= held, HELD, phases)
         return phases[rows or self.window]
@@ -308,7 +308,7 @@ class Sheet:
         options: dict[str, Any] = {"color": LIMIT_COLOUR, "linestyle": style, "linewidth": width}
         self.lines += [axes.axhline(value, label=label, zorder=1, **options) for value in values]
 
-    def finished_over_time(self, *lowest: Axes, phases: bool = True) -> Figure:
+    def finish_time_plot(self, *lowest: Axes, phases: bool = True) -> Figure:
         """The picture with events in all panels, the time below the lowest, by default the last row.
 
         ``phases``: whether they are in the legend.
@@ -320,9 +320,9 @@ class Sheet:
         for axes in lowest or self.figure.axes[-len(self.records) :]:
             axes.set_xlim(self.time[0], self.time[-1])
             axes.set_xlabel("time [s]")
-        return self.finished([self.phases(record) for record in self.records] if phases else ())
+        return self.finish([self.phases(record) for record in self.records] if phases else ())
 
-    def finished(self, phases: Sequence[np.ndarray] = ()) -> Figure:
+    def finish(self, phases: Sequence[np.ndarray] = ()) -> Figure:
         """The picture with its legend, in which the phases stand that occur in some arrays."""
         handles = phase_handles(self.names, np.concatenate(phases)) if phases else []
         put_legend(self.figure, self.lines, handles)

@@ -11,7 +11,7 @@ class PictureWarning(UserWarning):
     """A picture could not be drawn; everything else is written."""
 
 
-def reason_of(error: Exception) -> str:
+def format_error(error: Exception) -> str:
     """Describe the error of a picture on one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 

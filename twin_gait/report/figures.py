@@ -35,8 +35,8 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
 }
 
 # Figures that a run folder gets; all eight take longer to draw than the rest of the command takes.
-FIRST_FIGURES = ("gait_cycle", "ground_forces", "torques")
-FIRST_WITHOUT_STRIDES = ("joint_angles", "torques")
+DEFAULT_FIGURES = ("gait_cycle", "ground_forces", "torques")
+DEFAULT_WITHOUT_STRIDES = ("joint_angles", "torques")
 NARROWEST, WIDEST = 60.0, 270.0  # [mm]
 INCH = 25.4  # [mm]
 _ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] of a row of panels, around them, and of a row of the legend
@@ -117,12 +117,12 @@ def _size(figure: Figure) -> None:
         axes.locator_params(nbins=5)
 
 
-def first_figures(run: Run) -> Sequence[str]:
+def default_figures(run: Run) -> Sequence[str]:
     """Return the names of the figures that a run folder gets; ``twin-gait plot`` draws the others.
 
     A run without strides gets its joint angles over time in place of the gait cycle.
     """
-    return FIRST_FIGURES if has_cycles(run) else FIRST_WITHOUT_STRIDES
+    return DEFAULT_FIGURES if has_cycles(run) else DEFAULT_WITHOUT_STRIDES
 
 
 def write_figures(run: Run, directory: Path, names: Sequence[str]) -> dict[str, str]:

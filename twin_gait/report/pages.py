@@ -14,7 +14,7 @@ from typing import Any
 from jinja2 import Environment
 
 from twin_gait import __version__
-from twin_gait.templates import templates_in
+from twin_gait.templates import make_template_environment
 
 TEMPLATES = Path(__file__).with_name("templates")
 FIGURES_FOLDER = "figures"  # folder of the pictures inside of a folder of results
@@ -23,7 +23,7 @@ FIGURES_FOLDER = "figures"  # folder of the pictures inside of a folder of resul
 @cache
 def _environment() -> Environment:
     escaped = (".html", ".svg")
-    environment = templates_in(TEMPLATES, autoescape=lambda name: name is None or name.endswith(escaped))
+    environment = make_template_environment(TEMPLATES, autoescape=lambda name: name is None or name.endswith(escaped))
     environment.filters["address"] = address
     return environment
 

@@ -19,11 +19,11 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import usual_phases
-from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count, walks
-from twin_gait.measures.walk import pressure_curve
+from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, describe_stride_count, join_strides
+from twin_gait.measures.walk import cop_curve
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report import canvas
-from twin_gait.report.canvas import SCREEN_WIDTH, Sheet, draw_cycle_curve, flexion, shown_strides, style_panel
+from twin_gait.report.canvas import SCREEN_WIDTH, RunFigure, draw_cycle_curve, flexion, shown_strides, style_panel
 from twin_gait.report.reference import reference_cycle, reference_ground_force
 from twin_gait.simulation.run import Run
 
@@ -44,23 +44,23 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     records = run.leg_records()
     entry = f"entry into {canvas.readable(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
-    sheet = Sheet(run, f"Gait cycle from {beginning}", (width, 7.5))
+    sheet = RunFigure(run, f"Gait cycle from {beginning}", (width, 7.5))
     for axes, record, joint in sheet.leg_panels(flexion, timed=False):
         bounds = shown_strides(record)
         cycles = normalise_strides(record.angles[joint], bounds)
         canvas.shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(sheet.names)), sheet.names)
         _draw_mean_and_range(sheet, axes, np.degrees(cycles))
-        title = f"{record.side} {joint}, {stride_count(len(bounds), len(record.strides(skip=0)))}"
+        title = f"{record.side} {joint}, {describe_stride_count(len(bounds), len(record.strides(skip=0)))}"
         reference = reference_cycle(run.experiment, joint)
         if reference is not None:
             _draw_healthy(sheet, axes, np.degrees(reference), "Koopman (2014)")
             title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
         axes.set_title(title, fontsize="medium")
         axes.label_outer()
-    return sheet.finished([item.phases for item in records])
+    return sheet.finish([item.phases for item in records])
 
 
-def _draw_mean_and_range(sheet: Sheet, axes: Axes, cycles: np.ndarray) -> None:
+def _draw_mean_and_range(sheet: RunFigure, axes: Axes, cycles: np.ndarray) -> None:
     """Draw mean and range over strides."""
     low, high = cycles.min(axis=0), cycles.max(axis=0)
     label = "range over strides"
@@ -69,7 +69,7 @@ def _draw_mean_and_range(sheet: Sheet, axes: Axes, cycles: np.ndarray) -> None:
     sheet.lines += [*mean, spread]
 
 
-def _draw_healthy(sheet: Sheet, axes: Axes, cycle: np.ndarray, source: str) -> None:
+def _draw_healthy(sheet: RunFigure, axes: Axes, cycle: np.ndarray, source: str) -> None:
     sheet.lines += draw_cycle_curve(axes, cycle, **REFERENCE_STYLE, label=f"healthy, {source}")
 
 
@@ -78,7 +78,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
     records, walkway = run.leg_records(), run.walkway
     if walkway is None or not canvas.has_cycles(run):
         return None
-    sheet = Sheet(run, "Force of the ground over the gait cycle", (width, 9.5))
+    sheet = RunFigure(run, "Force of the ground over the gait cycle", (width, 9.5))
     healthy = reference_ground_force(run.experiment)
     grid = sheet.figure.subplots(
         3, len(records), squeeze=False, sharex=True, sharey="row", height_ratios=(3.0, 2.0, 1.4)
@@ -98,19 +98,19 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
             _draw_mean_and_range(sheet, axes, normalise_strides(force, bounds) / walkway.carried_weight)
             if healthy is not None:
                 _draw_healthy(sheet, axes, healthy[number], "Winter (1991)")
-        draw_cycle_curve(column[2], pressure_curve(place, load, bounds), color=BLACK, linewidth=1.8)
+        draw_cycle_curve(column[2], cop_curve(place, load, bounds), color=BLACK, linewidth=1.8)
         for axes in column:
             axes.label_outer()
     grid[0, 0].set_ylim(bottom=0.0)
     grid[2, 0].set_yticks((0.0, 0.5, 1.0), ("heel", "middle", "toe"))
     grid[2, 0].set_ylim(-0.1, 1.15)
-    return sheet.finished([item.phases for item in records])
+    return sheet.finish([item.phases for item in records])
 
 
 def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the joint angles of the last seconds with the equilibrium of the virtual spring."""
-    window = canvas.end_or_events(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
-    sheet = Sheet(run, "Joint angles", (width, 7.5), window)
+    window = canvas.event_window(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
+    sheet = RunFigure(run, "Joint angles", (width, 7.5), window)
     for axes, record, joint in sheet.leg_panels(flexion):
         name = f"{record.side}_{joint}"
         sheet.curve(axes, np.degrees(record.angles[joint]), "angle", BLACK)
@@ -119,13 +119,13 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         if run.experiment.interface is not None:
             device = np.degrees(run.log[f"{name}_angle_rad"].to_numpy())
             sheet.curve(axes, device, "angle of the device", ORANGE, linestyle="--")
-    return sheet.finished_over_time()
+    return sheet.finish_time_plot()
 
 
 def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw what the controller asks for, part by part, and what the motor gives."""
     window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
-    sheet = Sheet(run, "Motor torques and their parts", (width, 8.0), window)
+    sheet = RunFigure(run, "Motor torques and their parts", (width, 8.0), window)
     for axes, record, joint in sheet.leg_panels(lambda _: "torque [N m]"):
         name = f"{record.side}_{joint}"
         for part, colour in palette.TORQUE_COLOURS.items():
@@ -134,13 +134,13 @@ def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
                 sheet.curve(axes, values, canvas.readable(part), colour, linewidth=1.3)
         sheet.curve(axes, f"{name}_motor_torque_Nm", "motor torque", BLACK, linewidth=2.0)
         sheet.limits(axes, (limit, -limit), "--", "torque limit", 1.0)
-    return sheet.finished_over_time()
+    return sheet.finish_time_plot()
 
 
 def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor."""
     limits, plant = run.experiment.control.limits, run.experiment.plant
-    sheet = Sheet(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
+    sheet = RunFigure(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
     for axes, record, joint in sheet.leg_panels(lambda _: "current [A]"):
         name, actuator = f"{record.side}_{joint}", plant.actuators[joint]
         at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
@@ -148,18 +148,18 @@ def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         sheet.curve(axes, f"{name}_measured_current_A", "measured current", BLACK, linewidth=1.2)
         sheet.limits(axes, (limits.current, -limits.current), "--", "current limit")
         sheet.limits(axes, (at_torque, -at_torque), ":", "current at the torque limit")
-    return sheet.finished_over_time()
+    return sheet.finish_time_plot()
 
 
 def draw_battery(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the power of the battery."""
-    sheet = Sheet(run, "Battery power", (width, 6.5), canvas.last_strides(run))
+    sheet = RunFigure(run, "Battery power", (width, 6.5), canvas.last_strides(run))
     axes = sheet.figure.subplots()
     axes.axhline(0.0, color="0.6", linewidth=0.8)
     style_panel(axes, "battery, below 0 while the motors feed it", "power [W]")
     sheet.curve(axes, "battery_power_W", "battery power", palette.VERMILLION, linewidth=1.4)
     sheet.limits(axes, [run.experiment.plant.battery.continuous_power], "-.", "continuous battery power")
-    return sheet.finished_over_time(axes, phases=False)
+    return sheet.finish_time_plot(axes, phases=False)
 
 
 def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
@@ -168,7 +168,7 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     if any(record.contacts is None for record in records):
         return None
     window = canvas.last_strides(run)
-    sheet = Sheet(run, "Feet on the ground", (width, 8.5), window)
+    sheet = RunFigure(run, "Feet on the ground", (width, 8.5), window)
     force, clearance = sheet.figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for record in records:
         colour, label = palette.SIDE_COLOURS[record.side], f"{record.side} foot"
@@ -184,17 +184,17 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     clearance.axhline(0.0, color="0.6", linewidth=0.8)
     title = "clearance of the lowest point of the sole, negative while it is pressed in"
     style_panel(clearance, title, "height [mm]")
-    return sheet.finished_over_time(clearance, phases=False)
+    return sheet.finish_time_plot(clearance, phases=False)
 
 
 def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw angle against velocity, coloured by phase, over the last strides of a walk or else the run."""
     title = "Phase portraits; a dot marks each change of phase"
-    sheet, occurring = Sheet(run, title, (width, 8.5)), []
+    sheet, occurring = RunFigure(run, title, (width, 8.5)), []
     unit = "{} velocity [°/s]".format
     for axes, record, joint in sheet.leg_panels(unit, timed=False):
         bounds = shown_strides(record)[-MOST_STRIDES:]
-        rows = slice(*walks(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
+        rows = slice(*join_strides(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
         phases = sheet.phases(record, rows)
         speeds = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
         points = np.degrees(np.column_stack((record.angles[joint], speeds))[rows])
@@ -206,4 +206,4 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
-    return sheet.finished(occurring)
+    return sheet.finish(occurring)

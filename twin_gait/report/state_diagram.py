@@ -7,16 +7,16 @@ import textwrap
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from twin_gait.gait.documents import number
-from twin_gait.gait.guards import LEG_WORDS, AllOf, AnyOf, Guard, PhaseMembership, bracketed
+from twin_gait.gait.documents import format_number
+from twin_gait.gait.guards import LEG_VOCABULARY, AllOf, AnyOf, Guard, PhaseMembership, bracket_guard
 from twin_gait.gait.modes import ModeTable
-from twin_gait.gait.signals import LEFT, OTHER, RIGHT, part_of, signal_of
-from twin_gait.gait.table import TICK, GaitTable, JointImpedance, State, StateTable, Transition
+from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_part, find_signal
+from twin_gait.gait.table import TICK, GaitTable, JointImpedance, StateParameters, StateTable, Transition
 from twin_gait.palette import phase_colour
 from twin_gait.report.pages import render
 
 
-def readable(name: str) -> str:
+def name_to_words(name: str) -> str:
     """A name of the table as words on one line: ``early stance`` for ``early_stance``."""
     return " ".join(name.replace("_", " ").split()) or name
 
@@ -24,37 +24,37 @@ def readable(name: str) -> str:
 def duration(ticks: int) -> str:
     """Write a number of ticks as milliseconds, or seconds from one second on."""
     seconds = ticks * TICK
-    return f"{number(seconds)} s" if seconds >= 1.0 else f"{number(1000.0 * seconds)} ms"
+    return f"{format_number(seconds)} s" if seconds >= 1.0 else f"{format_number(1000.0 * seconds)} ms"
 
 
-def signal_words(signal: str) -> tuple[str, str]:
+def describe_signal(signal: str) -> tuple[str, str]:
     """Name of a signal in words, and its unit: ``("other hip velocity", "°/s")``."""
     leg = next((front for front in (OTHER, LEFT, RIGHT) if signal.startswith(front)), "")
-    part, declared = part_of(signal.removeprefix(leg)), signal_of(signal)
-    return f"{leg.replace('.', ' ')}{readable(part) if part else ''}{declared.words}", declared.unit.symbol
+    part, declared = signal_part(signal.removeprefix(leg)), find_signal(signal)
+    return f"{leg.replace('.', ' ')}{name_to_words(part) if part else ''}{declared.label}", declared.unit.symbol
 
 
-def guard_words(guard: Guard) -> str:
+def describe_guard(guard: Guard) -> str:
     """A guard with readable names and units: ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``."""
     if isinstance(guard, PhaseMembership):
-        names = " or ".join(readable(name) for name in guard.phases)
-        return f"other leg in {names}" if guard.of == LEG_WORDS.of else f"{guard.of} {names}"
+        names = " or ".join(name_to_words(name) for name in guard.phases)
+        return f"other leg in {names}" if guard.quantity == LEG_VOCABULARY.quantity else f"{guard.quantity} {names}"
     if isinstance(guard, (AllOf, AnyOf)):
         joiner = " and " if isinstance(guard, AllOf) else " or "
-        return joiner.join(bracketed(inner, guard_words) for inner in guard.guards)
-    left, unit = signal_words(guard.signal)
+        return joiner.join(bracket_guard(inner, describe_guard) for inner in guard.guards)
+    left, unit = describe_signal(guard.signal)
     if guard.minus is not None:
-        left = f"{left} − {signal_words(guard.minus)[0]}"
-    return f"{left} {guard.operator} {number(guard.threshold)}{unit}"
+        left = f"{left} − {describe_signal(guard.minus)[0]}"
+    return f"{left} {guard.operator} {format_number(guard.threshold)}{unit}"
 
 
-def condition_words(transition: Transition) -> str:
+def describe_condition(transition: Transition) -> str:
     """What a transition waits for: its conditions, then debounce and time."""
-    words = [] if transition.guard is None else [guard_words(transition.guard)]
+    words = [] if transition.guard is None else [describe_guard(transition.guard)]
     if transition.debounce_ticks > 1:
         words.append(f"for {duration(transition.debounce_ticks)}")
-    if transition.time_out_ticks is not None:
-        words.append(f"after {duration(transition.time_out_ticks)}")
+    if transition.timeout_ticks is not None:
+        words.append(f"after {duration(transition.timeout_ticks)}")
     return " ".join(filter(None, words))
 
 
@@ -63,9 +63,9 @@ def state_diagram_mermaid(table: StateTable) -> str:
     # Numbers, because a name of the table might be a word of Mermaid's.
     names = {phase: f"phase_{place}" for place, phase in enumerate(table.phase_names, start=1)}
     lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]
-    lines += [f'    state "{_mermaid(readable(phase))}" as {name}' for phase, name in names.items()]
+    lines += [f'    state "{_mermaid(name_to_words(phase))}" as {name}' for phase, name in names.items()]
     for item in table.transitions:
-        label = _mermaid(f"{readable(item.cause)} [{condition_words(item)}]")
+        label = _mermaid(f"{name_to_words(item.cause)} [{describe_condition(item)}]")
         lines.append(f"    {names[item.source]} --> {names[item.target]}: {label}")
     return "\n".join(lines) + "\n"
 
@@ -81,7 +81,7 @@ _BELOW = 26.0  # [px] between boxes
 _DIGITS = 4
 
 
-class Way(NamedTuple):
+class Edge(NamedTuple):
     """What one arrow stands for: the transitions between two phases that are time-outs, or are not."""
 
     source: int  # position of the phase that is left
@@ -105,7 +105,7 @@ def state_diagram_svg(table: StateTable) -> str:
     Returns SVG, ending with a line break; it needs no other file and follows a dark page.
     """
     boxes = [
-        (f"{place} {readable(phase)}", phase_colour(phase, place - 1), _box_lines(table, phase))
+        (f"{place} {name_to_words(phase)}", phase_colour(phase, place - 1), _box_lines(table, phase))
         for place, phase in enumerate(table.phases, start=1)
     ]
     height = _HEADLINE + _LINE * max(len(lines) for *_, lines in boxes)
@@ -116,16 +116,16 @@ def state_diagram_svg(table: StateTable) -> str:
         "below": _BELOW,
         "arrows": arrows(table, height),
         "said": list(_transition_lines(table)),
-        "hold": readable(table.hold) if isinstance(table, ModeTable) else "",
+        "hold": name_to_words(table.hold) if isinstance(table, ModeTable) else "",
     }
     return f"{render('state_diagram.svg', content)}\n"
 
 
 def arrows(table: StateTable, box_height: float) -> list[Arrow]:
     """Lay the arrows of a table beside its boxes, short ones within long ones."""
-    ways: dict[Way, list[str]] = {}
+    ways: dict[Edge, list[str]] = {}
     for place, item in enumerate(table.transitions, start=1):
-        way = Way(table.phase_index(item.source), table.phase_index(item.target), item.is_time_out)
+        way = Edge(table.phase_index(item.source), table.phase_index(item.target), item.is_timeout)
         ways.setdefault(way, []).append(str(place))
     # Of each box those who come to its edge, arrows that lead upwards above the others.
     edges = [
@@ -133,7 +133,7 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
         for place in range(len(table.phases))
     ]
 
-    def level(place: int, way: Way) -> float:
+    def level(place: int, way: Edge) -> float:
         edge = edges[place]
         rank = edge.index((sum(way[:2]) - place, way))
         return place * (box_height + _BELOW) + box_height * (1 + rank) / (1 + len(edge))
@@ -142,8 +142,8 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
     for way in sorted(ways, key=lambda way: abs(way.source - way.target)):
         start, end = level(way.source, way), level(way.target, way)
         low, high = sorted((start, end))
-        taken = {other.lane for other in laid if low < max(other[:2]) and min(other[:2]) < high}
-        lane = next(lane for lane in range(1, len(laid) + 2) if lane not in taken)
+        occupied = {other.lane for other in laid if low < max(other[:2]) and min(other[:2]) < high}
+        lane = next(lane for lane in range(1, len(laid) + 2) if lane not in occupied)
         laid.append(Arrow(start, end, lane, way.time_out, ", ".join(ways[way])))
     return laid
 
@@ -151,8 +151,8 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
 def _transition_lines(table: StateTable) -> Iterator[str]:
     """What the numbers of the arrows stand for."""
     for place, item in enumerate(table.transitions, start=1):
-        way = f"{readable(item.source)} → {readable(item.target)}"
-        text = f"{place}  {way}, {readable(item.cause)}: {condition_words(item)}"
+        way = f"{name_to_words(item.source)} → {name_to_words(item.target)}"
+        text = f"{place}  {way}, {name_to_words(item.cause)}: {describe_condition(item)}"
         yield from textwrap.wrap(text, _LINE_CHARACTERS, subsequent_indent="     ")
 
 
@@ -160,18 +160,18 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
     """Rows of cells in a phase's box; a row of one cell is a remark."""
     if isinstance(table, ModeTable):
         mode = table.phases[phase]
-        told = {"walk": mode.walk, "step": mode.step, f"posture {mode.posture}": mode.posture}
-        return [*((text,) for text, tells in told.items() if tells), *((text,) for text in _stay(mode))]
+        remarks_by_text = {"walk": mode.walk, "step": mode.step, f"posture {mode.posture}": mode.posture}
+        return [*((text,) for text, tells in remarks_by_text.items() if tells), *((text,) for text in _stay(mode))]
     assert isinstance(table, GaitTable)  # there is no third kind
     common = table.phases[phase]
     rows: list[tuple[str, ...]] = [("", "k", "θ0", "damping", "G")]
-    rows += [(readable(name), *_cells(joint)) for name, joint in common.joints.items()]
-    share = number(common.gravity_compensation, _DIGITS)
+    rows += [(name_to_words(name), *_cells(joint)) for name, joint in common.joints.items()]
+    share = format_number(common.gravity_compensation, _DIGITS)
     words = [f"gravity share {share}"] if common.gravity_compensation > 0.0 else []
     remarks = ", ".join([*words, *_stay(common)])
     for side, own in table.side_phases.items():
         if phase in own:
-            rows += [(f"{side} {readable(name)}", *_cells(item)) for name, item in own[phase].joints.items()]
+            rows += [(f"{side} {name_to_words(name)}", *_cells(item)) for name, item in own[phase].joints.items()]
     return [*rows, *([(remarks,)] if remarks else [])]
 
 
@@ -179,12 +179,12 @@ def _cells(joint: JointImpedance) -> tuple[str, ...]:
     sign, damping = ("b", joint.damping) if joint.damping is not None else ("ζ", joint.damping_ratio)
     assert damping is not None  # JointImpedance holds exactly one of them
     return (
-        number(joint.stiffness / math.degrees(1.0), _DIGITS),
-        f"{number(math.degrees(joint.equilibrium_angle), _DIGITS)}°",
-        f"{sign} {number(damping, _DIGITS)}",
-        number(joint.friction_compensation_gain, _DIGITS),
+        format_number(joint.stiffness / math.degrees(1.0), _DIGITS),
+        f"{format_number(math.degrees(joint.equilibrium_angle), _DIGITS)}°",
+        f"{sign} {format_number(damping, _DIGITS)}",
+        format_number(joint.friction_compensation_gain, _DIGITS),
     )
 
 
-def _stay(phase: State) -> list[str]:
+def _stay(phase: StateParameters) -> list[str]:
     return [f"at least {duration(phase.minimum_ticks)}"] if phase.minimum_ticks > 0 else []

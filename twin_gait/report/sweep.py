@@ -32,7 +32,7 @@ EPISODES_PER_BIN = 6
 MOST_BINS = 8
 
 
-def axis_of(table: pd.DataFrame, column: str) -> pd.Series | None:
+def parameter_axis(table: pd.DataFrame, column: str) -> pd.Series | None:
     """Lay a parameter out: its level in each episode, or the middle of a bin of equally many episodes.
 
     Returns an ordered category, empty where an episode has none; None if there is but one value.
@@ -46,15 +46,15 @@ def axis_of(table: pd.DataFrame, column: str) -> pd.Series | None:
     return bins.cat.rename_categories(values.groupby(bins, observed=True).median().tolist())
 
 
-def names_of(axis: pd.Series) -> list[str]:
+def level_names(axis: pd.Series) -> list[str]:
     """What stands beside the levels of an axis."""
     digits = partial(np.format_float_positional, precision=4, fractional=False, trim="-")
     return [digits(item) if isinstance(item, float) else str(item) for item in axis.cat.categories]
 
 
-def laid_out(table: pd.DataFrame, parameters: Sequence[str]) -> list[pd.Series]:
+def varying_axes(table: pd.DataFrame, parameters: Sequence[str]) -> list[pd.Series]:
     """Return the axes of the first ``MOST_PARAMETERS`` parameters that vary."""
-    axes = (axis_of(table, name) for name in parameters)
+    axes = (parameter_axis(table, name) for name in parameters)
     return [axis for axis in axes if axis is not None][:MOST_PARAMETERS]
 
 
@@ -76,14 +76,14 @@ def main_effect_rows(
     """Write the main effects as rows of text for a page; the first is the head."""
     rows: list[tuple[str, ...]] = [("measure", "parameter", "level", "episodes", "n", "mean", "SD")]
     for measure in measures:
-        values = values_of(table, measure)
-        for axis in laid_out(table, parameters) if np.isfinite(values).any() else ():
+        values = measure_values(table, measure)
+        for axis in varying_axes(table, parameters) if np.isfinite(values).any() else ():
             found = main_effect(axis, values)
             means, spreads = found["mean"].to_list(), found["sd"].to_list()
             counts = found[["episodes", "n"]].astype(str).to_numpy().tolist()
-            for name, (total, n), mean, sd in zip(names_of(axis), counts, means, spreads, strict=True):
+            for name, (total, n), mean, sd in zip(level_names(axis), counts, means, spreads, strict=True):
                 spread = "" if measure == WALKED else _digits(sd)
-                rows.append((_what(measure), str(axis.name), name, total, n, _digits(mean), spread))
+                rows.append((_measure_label(measure), str(axis.name), name, total, n, _digits(mean), spread))
     return rows
 
 
@@ -99,10 +99,10 @@ def sweep_figures(
     ``parameters``: columns of what was varied; ``measures``: ``walked`` and columns. Returns
     ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
-    axes = laid_out(table, parameters)
+    axes = varying_axes(table, parameters)
     figures: dict[str, Drawing] = {}
     for measure in measures:
-        values = values_of(table, measure)
+        values = measure_values(table, measure)
         if not axes or not np.isfinite(values).any():
             continue
         figures[f"main_effects_{measure}"] = partial(draw_main_effects, axes, values, measure, title)
@@ -111,7 +111,7 @@ def sweep_figures(
     return figures
 
 
-def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
+def measure_values(table: pd.DataFrame, measure: str) -> np.ndarray:
     """A measure of every episode.
 
     ``measure``: a column, or ``walked``. Returns numbers, NaN where the wearer did not walk or there is none,
@@ -145,7 +145,7 @@ def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: st
     """
     # One vertical scale, so that effects can be compared.
     spread = "share of n runs" if measure == WALKED else "mean ± SD of the n runs that walked"
-    heading = f"{title}: {_what(measure)}\n{spread}"
+    heading = f"{title}: {_measure_label(measure)}\n{spread}"
     figure, panels = _panels(heading, len(axes), height=3.2, sharey=True)
     for panel, axis in zip(panels, axes, strict=True):
         found = main_effect(axis, values)
@@ -154,7 +154,7 @@ def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: st
         panel.errorbar(
             places, found["mean"], bars, fmt="o-", color=BLUE, lw=1.8, ms=5, elinewidth=1, capsize=3
         )
-        style_panel(panel, "", _what(measure))
+        style_panel(panel, "", _measure_label(measure))
         _name_levels(panel, axis, found["n"].tolist())
         panel.tick_params(labelleft=True)
     if measure == WALKED:
@@ -171,7 +171,7 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
     legend = "hatched: none walked, or none has a value" if any(where.any() for where in empty) else ""
     if any((size.to_numpy() == 0).any() for size in sizes):
         legend = ", ".join(filter(None, (legend, "blank: no episode")))
-    heading = "\n".join(filter(None, (f"{title}: {_what(measure)}", legend)))
+    heading = "\n".join(filter(None, (f"{title}: {_measure_label(measure)}", legend)))
     figure, panels = _panels(heading, len(pairs), height=3.9)
     every = np.concatenate([means.ravel() for means in cells])
     lowest, highest = (0.0, 1.0) if measure == WALKED else (np.nanmin(every), np.nanmax(every))
@@ -181,22 +181,22 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
             corner = (column - 0.5, row - 0.5)
             panel.add_patch(Rectangle(corner, 1, 1, fill=False, hatch="//", edgecolor="0.6", linewidth=0))
         _name_levels(panel, first)
-        panel.set_yticks(range(len(names_of(second))), names_of(second))
+        panel.set_yticks(range(len(level_names(second))), level_names(second))
         panel.set_ylabel(str(second.name))
-    figure.colorbar(image, ax=panels, label=_what(measure))
+    figure.colorbar(image, ax=panels, label=_measure_label(measure))
     return figure
 
 
 def _name_levels(panel: Axes, axis: pd.Series, counts: Sequence[int] = ()) -> None:
     """Write a parameter and its levels below a panel, with the number of episodes at each."""
-    names = names_of(axis)
+    names = level_names(axis)
     if counts:
         names = [f"{name}\nn = {count}" for name, count in zip(names, counts, strict=True)]
     panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
     panel.set_xlabel(str(axis.name))
 
 
-def _what(measure: str) -> str:
+def _measure_label(measure: str) -> str:
     return "share that walked" if measure == WALKED else measure
 
 

@@ -21,10 +21,10 @@ from twin_gait.simulation.run import Run
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _COMPROMISES = "best compromises (Pareto front of the three)"
-Outcome = Mapping[str, Any]
+TuningResult = Mapping[str, Any]
 
 
-def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
+def page(outcome: TuningResult, pictures: Mapping[str, bytes]) -> str:
     """The report as one page that needs no other file.
 
     ``outcome``: content of ``tune.json``; ``pictures``: PNG of what :func:`drawings_of` draws, by its names.
@@ -33,18 +33,18 @@ def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
     return render("tune.html", {**_content(outcome), "title": title, "pictures": pictures})
 
 
-def summary(outcome: Outcome) -> list[str]:
+def summary(outcome: TuningResult) -> list[str]:
     """What the tuning found and what the search took, for a terminal."""
     return lines("tune.txt", _content(outcome))
 
 
-def _content(outcome: Outcome) -> dict[str, Any]:
+def _content(outcome: TuningResult) -> dict[str, Any]:
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
     return {**outcome, "errors": errors, "amount": amount}
 
 
-def drawings_of(
-    outcome: Outcome, experiment: Experiment, runs: Mapping[str, Run]
+def tuning_drawings(
+    outcome: TuningResult, experiment: Experiment, runs: Mapping[str, Run]
 ) -> dict[str, canvas.Drawing]:
     """Return the figures of the content of ``tune.json`` and of walks ``before`` and ``after``."""
     colours = {"before": BEFORE_COLOUR, "after": AFTER_COLOUR}

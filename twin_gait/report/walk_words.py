@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from twin_gait.configuration.identity import parts_of, wearer_of
+from twin_gait.configuration.identity import identify_parts, identify_wearer
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.measures.load_shape import TWO_PEAKS
-from twin_gait.measures.strides import stride_count
+from twin_gait.measures.strides import describe_stride_count
 
 
-def wearer_in_words(experiment: Experiment) -> list[str]:
+def describe_wearer(experiment: Experiment) -> list[str]:
     """Describe the wearer, and the walk: belt speed between its ramps, and supported weight."""
     patient, walking, who = experiment.patient, experiment.scenario.walking, ["no wearer"]
     if patient is not None:
-        name, size = wearer_of(patient).label, f"{patient.mass:g} kg, {patient.height:.2f} m"
+        name, size = identify_wearer(patient).label, f"{patient.mass:g} kg, {patient.height:.2f} m"
         who = [f"{name}, {size}" if name else size]
     walk = []
     if walking is not None and walking.belt.cruise:
@@ -27,9 +27,9 @@ def wearer_in_words(experiment: Experiment) -> list[str]:
 
 def describe(experiment: Experiment) -> list[str]:
     """Describe in short texts everything by which two runs are told apart: wearer, walk and device."""
-    parts = parts_of(experiment)
+    parts = identify_parts(experiment)
     named = [f"{key} {parts[key].label}" for key in ("table", "device", "controller")]
-    return [*wearer_in_words(experiment), *named]
+    return [*describe_wearer(experiment), *named]
 
 
 DASH = "–"
@@ -43,7 +43,7 @@ def amount(value: float | None, unit: str = "") -> str:
     return f"{round(value, places) + 0.0:.{places}f} {unit}".strip().replace("-", "−")
 
 
-def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def walk_table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Measures of the legs beside those of healthy walking, by their names in the summary.
 
     ``summary`` of a run; one of an earlier version has no such measures. Returns a head and a row for each
@@ -70,7 +70,7 @@ def _measures(leg: Mapping[str, Any]) -> dict[str, float | None]:
     return found
 
 
-def carried_by_belt(summary: Mapping[str, Any]) -> str:
+def belt_carries_note(summary: Mapping[str, Any]) -> str:
     """That the belt carries a walk, where it does; else empty."""
     power = summary.get("power")
     if not power or not power["carried_by_belt"]:
@@ -89,21 +89,21 @@ def missing_peaks(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def strides_of(leg: Mapping[str, Any]) -> str:
+def describe_strides(leg: Mapping[str, Any]) -> str:
     """Describe the strides of a leg of a summary: time, swing, double support; by phases without ground."""
     by = "_by_phase" if leg["strides"] is None else ""
     counted = leg[f"strides{by}_counted"]
-    told = f"{'in the air, by its phases ' if by else ''}{stride_count(counted, leg[f'strides{by}'])}"
+    text = f"{'in the air, by its phases ' if by else ''}{describe_stride_count(counted, leg[f'strides{by}'])}"
     if counted:
-        told += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
+        text += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
     if leg.get("swing_share") is not None:
-        told += f", swing {100.0 * leg['swing_share']:.0f} %"
+        text += f", swing {100.0 * leg['swing_share']:.0f} %"
     if leg.get("double_support_share") is not None:
-        told += f", double support {100.0 * leg['double_support_share']:.0f} %"
-    return told
+        text += f", double support {100.0 * leg['double_support_share']:.0f} %"
+    return text
 
 
-def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
+def format_table(table: Sequence[Sequence[str]]) -> Iterator[str]:
     """A table in lines of text, numbers to the right."""
     widths = [max(len(row[place]) for row in table) for place in range(len(table[0]))] if table else []
     for row in table:

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import check_replaceable, permitted, sync_folder
+from twin_gait.files import check_replaceable, apply_umask, sync_folder
 
 PARTIAL = ".partial"  # how the name of a folder ends that is being written
 SETTLED = 60.0  # [s]
 JOURNAL_SUFFIX = ".unfinished.arrows"
 
 
-def journal_of(folder: Path) -> Path:
+def journal_path(folder: Path) -> Path:
     """File of the live walk whose run folder is not complete yet."""
     return folder.with_name(folder.name + JOURNAL_SUFFIX)
 
@@ -29,7 +29,7 @@ class FolderKind(NamedTuple):
     name: str  # with its article, for messages
     mark: str  # file by which such a folder is known
 
-    def owns(self, folder: Path) -> bool:
+    def can_replace(self, folder: Path) -> bool:
         """Whether a folder is of this kind, or empty."""
         return folder.is_dir() and ((folder / self.mark).is_file() or not any(folder.iterdir()))
 
@@ -45,11 +45,11 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=PARTIAL, dir=target.parent))
-        held = hold(staging)
+        held = try_lock(staging)
         try:
             yield staging
-            os.chmod(staging, permitted(0o755))
-            _put_in_place(staging, target)
+            os.chmod(staging, apply_umask(0o755))
+            _replace_target(staging, target)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
             if held is not None:
@@ -59,7 +59,7 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
         raise RunDirectoryError(f"{target}: cannot be written ({error.strerror}); {way_out}") from error
 
 
-def hold(folder: Path) -> int | None:
+def try_lock(folder: Path) -> int | None:
     """Lock a folder; the system takes the lock back from a process that is killed. None if it is held."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
@@ -70,7 +70,7 @@ def hold(folder: Path) -> int | None:
     return descriptor
 
 
-def abandoned(parent: Path) -> list[Path]:
+def find_abandoned_folders(parent: Path) -> list[Path]:
     """What killed runs have left behind beside the folders that they were to make."""
     found = []
     with contextlib.suppress(OSError):
@@ -78,7 +78,7 @@ def abandoned(parent: Path) -> list[Path]:
             # One that is a moment old may be about to be locked.
             if path.is_symlink() or time.time() - path.stat().st_mtime < SETTLED:
                 continue
-            held = hold(path)
+            held = try_lock(path)
             if held is not None:
                 os.close(held)
                 found.append(path)
@@ -93,11 +93,11 @@ def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
         return
     if not force:
         raise RunDirectoryError(f"{target}: exists; choose another --out, or replace it with --force")
-    if not kind.owns(target):
+    if not kind.can_replace(target):
         raise RunDirectoryError(f"{target}: exists and is not {kind.name}; choose another --out")
 
 
-def _put_in_place(staging: Path, target: Path) -> None:
+def _replace_target(staging: Path, target: Path) -> None:
     sync_folder(staging)
     old = staging.with_suffix(".old")
     if target.exists():

@@ -12,7 +12,7 @@ from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.machine import POSTURE
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort, phases, strides, switching
-from twin_gait.measures.foot_contact import scuffs, swing_clearances
+from twin_gait.measures.foot_contact import find_scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.strides import SKIPPED_STRIDES, finite_mean
@@ -50,14 +50,14 @@ def _largest_magnitude(values: np.ndarray) -> float:
     return float(finite[np.argmax(np.abs(finite))]) if len(finite) else math.nan
 
 
-def limit_shares(run: Run) -> dict[str, float]:
+def saturated_shares(run: Run) -> dict[str, float]:
     """Compute how often the motors of a run are at a limit, by names in a summary.
 
     ``worst_joint_saturated_share``: share of the ticks of the joint that is at a limit most often;
     ``any_joint_saturated_share``: share of the ticks in which at least one joint is at a limit.
     """
     legs = [MeasuredLeg(run, record) for record in run.leg_records()]
-    cases = [leg.saturated(joint) for leg in legs for joint in leg.record.angles]
+    cases = [leg.saturation_mask(joint) for leg in legs for joint in leg.record.angles]
     return {
         "worst_joint_saturated_share": max(map(effort.share_of_ticks, cases)),
         "any_joint_saturated_share": effort.share_of_ticks(np.any(cases, axis=0)),
@@ -85,11 +85,11 @@ class MeasuredLeg:
     def summary(self, measures: Mapping[str, float] | None = None) -> dict[str, Any]:
         """Gait and effort, with ``measures`` of the walk on a belt; None or NaN if not defined."""
         return {
-            **self.by_contact(),
-            **self.by_phase(),
+            **self.contact_measures(),
+            **self.phase_measures(),
             **({} if measures is None else {"load_pattern": self.load_pattern(), "walk": dict(measures)}),
-            **self.errors(),
-            "joints": {str(joint): self.joint(joint) for joint in self.record.angles},
+            **self.error_parts(),
+            "joints": {str(joint): self.joint_measures(joint) for joint in self.record.angles},
         }
 
     def load_pattern(self) -> str:
@@ -98,13 +98,13 @@ class MeasuredLeg:
         assert force is not None and walkway is not None  # there is ground, and it carries weight
         return load_shape(mean_stride(force / walkway.carried_weight, self.strides)).pattern
 
-    def in_brief(self) -> dict[str, Any]:
+    def brief_summary(self) -> dict[str, Any]:
         """The part of :meth:`summary` that a table of many runs holds."""
         return {
-            **self.by_contact(),
+            **self.contact_measures(),
             "strides_by_phase": len(self.record.strides_by_phase(skip=0)),
             "phases_in_order": self.phases_in_order(),
-            "time_outs": len(self.time_outs()),
+            "time_outs": len(self.timeout_ticks()),
             "joints": {str(joint): self.effort(joint) for joint in self.record.angles},
         }
 
@@ -112,38 +112,38 @@ class MeasuredLeg:
         """A quantity of a joint at every tick, as the log has it."""
         return np.asarray(self.log[f"{self.record.side}_{joint}_{quantity}"])
 
-    def wearer_velocity(self, joint: JointName) -> np.ndarray:
+    def wearer_joint_velocity(self, joint: JointName) -> np.ndarray:
         """Of the wearer's own joint at every tick in [rad] / [s]."""
         name = wearer_column(self.log, self.record.side, joint, "velocity_rad_per_s")
         return np.asarray(self.log[name])
 
-    def compared_angles(self) -> dict[JointName, np.ndarray]:
+    def reference_joint_angles(self) -> dict[JointName, np.ndarray]:
         """Angles that healthy walking has too: of the driven joints, and of the ankle where there is one."""
         log, angles = self.log, dict(self.record.angles)
         ankle = wearer_column(log, self.record.side, JointName.ANKLE, "angle_rad")
         return angles | ({JointName.ANKLE: np.asarray(log[ankle])} if ankle in log else {})
 
-    def errors(self) -> dict[str, Any]:
+    def error_parts(self) -> dict[str, Any]:
         """Distance of hip, knee and ankle from healthy walking, in parts; nothing without a reference."""
         found = {}
-        for joint, angles in self.compared_angles().items():
+        for joint, angles in self.reference_joint_angles().items():
             reference = reference_cycle(self.run.experiment, joint)
             if reference is not None:
                 cycles = strides.normalise_strides(angles, self.strides)
                 found[str(joint)] = strides.error_parts(cycles, reference)
         return {"errors": found} if found else {}
 
-    def by_contact(self) -> dict[str, Any]:
+    def contact_measures(self) -> dict[str, Any]:
         """What strides from heel strike to heel strike tell; None without ground."""
         record, contacts = self.record, self.record.contacts
         if contacts is None or record.clearance is None:
             return {"strides": None, "further_contacts": None}
         if self.run.trip is not None:  # legs that are held are lowered; no machine moves them
-            contacts = contacts.before(self.run.trip.tick)
-        lags = phases.entry_lags(record.entries, contacts.heel_strikes, TICK)
+            contacts = contacts.truncate(self.run.trip.tick)
+        lags = phases.entry_lags(record.first_phase_entries, contacts.heel_strikes, TICK)
         # A step that begins or ends a walk may land in another phase.
         even = np.array([(span.start, span.stop) for span in record.steady_ticks], dtype=int).reshape(-1, 2)
-        missed = np.isnan(lags) & strides.in_strides(contacts.heel_strikes, even)
+        missed = np.isnan(lags) & strides.is_in_stride(contacts.heel_strikes, even)
         clearances = swing_clearances(record.clearance, contacts)
         times = strides.stride_times(self.strides, TICK)
         return {
@@ -160,13 +160,13 @@ class MeasuredLeg:
             "toe_clearance_mean_m": finite_mean(clearances),
             "toe_clearance_least_m": -_largest(-clearances),
             "further_contacts": len(contacts.further_contacts),
-            "scuffs": len(scuffs(contacts)),
+            "scuffs": len(find_scuffs(contacts)),
         }
 
-    def by_phase(self) -> dict[str, Any]:
+    def phase_measures(self) -> dict[str, Any]:
         """What strides from one entry into the first phase to the next tell."""
         record = self.record
-        counted, time_outs = record.strides_by_phase(skip=self.skip), self.time_outs()
+        counted, time_outs = record.strides_by_phase(skip=self.skip), self.timeout_ticks()
         since = int(counted[0, 0]) if len(counted) else len(record.phases)
         durations = phases.phase_durations(record.phases, TICK, since=since)
         settled = record.stride_events[SETTLED_AFTER:]
@@ -199,16 +199,16 @@ class MeasuredLeg:
             phases.phases_in_order(places[record.phases[span]], len(cycle)) for span in record.steady_ticks
         )
 
-    def time_outs(self) -> list[int]:
+    def timeout_ticks(self) -> list[int]:
         """Ticks of the switches that only the clock made."""
-        clocked = {place for place, item in enumerate(self.run.table.transitions) if item.is_time_out}
+        clocked = {place for place, item in enumerate(self.run.table.transitions) if item.is_timeout}
         own = [item for item in self.run.switches if item.side is self.record.side]
         return [item.tick for item in own if item.transition in clocked and item.cause != POSTURE]
 
-    def joint(self, joint: JointName) -> dict[str, float]:
+    def joint_measures(self, joint: JointName) -> dict[str, float]:
         """Everything that is measured of a driven joint."""
-        rooms = (self.effort, self.work, self.torque_at_switches, self.energy_at_switches, self.jerk)
-        return {name: value for measured in rooms for name, value in measured(joint).items()}
+        measures = (self.effort, self.work, self.torque_at_switches, self.energy_at_switches, self.jerk)
+        return {name: value for measured in measures for name, value in measured(joint).items()}
 
     def effort(self, joint: JointName) -> dict[str, float]:
         """Motion of a joint and effort of its motor."""
@@ -232,19 +232,19 @@ class MeasuredLeg:
             "peak_deg": finite_mean(peak),
         }
 
-    def _limits_of(self, joint: JointName) -> tuple[np.ndarray, np.ndarray, np.ndarray, LimitParameters]:
+    def _drive_signals(self, joint: JointName) -> tuple[np.ndarray, np.ndarray, np.ndarray, LimitParameters]:
         """Return command, target current and current of a motor at every tick, and the limits."""
         command = self.column(joint, "motor_command_torque_Nm")
         target, current = self.column(joint, "target_current_A"), self.column(joint, "measured_current_A")
         return command, target, current, self.run.experiment.control.limits
 
-    def saturated(self, joint: JointName) -> np.ndarray:
+    def saturation_mask(self, joint: JointName) -> np.ndarray:
         """Return whether a motor is at a limit of torque, current or voltage, at every tick."""
-        return effort.saturation_cases(*self._limits_of(joint))["saturated"]
+        return effort.saturation_cases(*self._drive_signals(joint))["saturated"]
 
     def saturation(self, joint: JointName) -> dict[str, float]:
         """Compute the shares of the ticks in which a motor is at a limit."""
-        return effort.saturation_shares(*self._limits_of(joint))
+        return effort.saturation_shares(*self._drive_signals(joint))
 
     def double_support_share(self) -> float:
         """Compute the share of the counted strides in which both feet carry; NaN for one leg alone."""
@@ -259,14 +259,14 @@ class MeasuredLeg:
         patient = self.run.experiment.patient
         mass = math.nan if patient is None else patient.mass
         power = self.column(joint, "motor_torque_Nm") * self.column(joint, "velocity_rad_per_s")
-        given, taken = (
-            TICK * finite_mean(switching.sums_over(part, self.strides)) / mass
+        positive, negative = (
+            TICK * finite_mean(switching.span_sums(part, self.strides)) / mass
             for part in (np.maximum(power, 0.0), np.minimum(power, 0.0))
         )
         return {
             "power_peak_W": finite_mean(strides.stride_extremes(power, self.strides)[:, 1]),
-            "positive_work_J_per_kg": given,
-            "negative_work_J_per_kg": taken,
+            "positive_work_J_per_kg": positive,
+            "negative_work_J_per_kg": negative,
         }
 
     def torque_at_switches(self, joint: JointName) -> dict[str, float]:
@@ -279,7 +279,7 @@ class MeasuredLeg:
         own = [item for item in self.run.switches if item.side is side and 0 < item.tick < len(command)]
         blends = [(item.tick, table.blend_ticks(table.phases_of(side)[item.target])) for item in own]
         ticks, lengths = np.array(blends, int).reshape(-1, 2).T
-        counts = strides.in_strides(ticks, self.strides)
+        counts = strides.is_in_stride(ticks, self.strides)
         ticks, lengths = ticks[counts], lengths[counts]
         windows = switching.blend_windows(ticks, lengths, len(command))
         return {
@@ -295,14 +295,14 @@ class MeasuredLeg:
         """
         names = ("measured_angle_rad", "stiffness_Nm_per_rad", "equilibrium_rad")
         energy = switching.switching_energy(*(self.column(joint, name) for name in names))
-        return {"switch_energy_J": finite_mean(switching.sums_over(energy, self.strides))}
+        return {"switch_energy_J": finite_mean(switching.span_sums(energy, self.strides))}
 
     def jerk(self, joint: JointName) -> dict[str, float]:
         """Jerk of a joint over the strides, filtered as :mod:`twin_gait.measures.switching` says."""
-        velocity, bounds = self.wearer_velocity(joint), self.strides
+        velocity, bounds = self.wearer_joint_velocity(joint), self.strides
         jerk = switching.joint_jerk(velocity, TICK)
         ticks = (bounds[:, 1] - bounds[:, 0]).sum()
-        squared = switching.sums_over(jerk * jerk, bounds).sum()
+        squared = switching.span_sums(jerk * jerk, bounds).sum()
         return {
             "jerk_rms_rad_per_s3": math.sqrt(squared / ticks) if ticks else math.nan,
             "jerk_dimensionless": finite_mean(switching.dimensionless_jerk(velocity, jerk, bounds, TICK)),

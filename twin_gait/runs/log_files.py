@@ -22,7 +22,7 @@ import pyarrow as pa
 from twin_gait.conventions import DEGREES, RADIANS
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_bytes, read_parquet, require_table_size
-from twin_gait.runs.text_layout import BLANKS, bare_name, encoding_of, find_layout, is_missing, used_lines
+from twin_gait.runs.text_layout import BLANKS, strip_unit, detect_encoding, find_layout, is_missing, strip_comments
 
 _LISTED = 12  # columns that a message names
 _NEXUS_BLOCKS = frozenset({"Model Outputs", "Trajectories", "Devices", "Joints", "Segments"})
@@ -57,7 +57,7 @@ class LogTable:
         try:
             values = cells.to_numpy(dtype=float)
         except (ValueError, TypeError, OverflowError):  # not every cell is a number: which of them
-            values = np.array([number_of(item, self.decimal) for item in cells])
+            values = np.array([parse_number(item, self.decimal) for item in cells])
         wrong = np.flatnonzero(~np.isfinite(values))
         if gaps:
             wrong = wrong[[not is_missing(item) for item in cells.iloc[wrong]]]
@@ -68,7 +68,7 @@ class LogTable:
             raise ParameterFileError(self.source, name, text)
         return values
 
-    def words(self, name: str) -> np.ndarray:
+    def texts(self, name: str) -> np.ndarray:
         """A column of names."""
         return np.array([str(item).strip() for item in self._column(name)], dtype=object)
 
@@ -80,27 +80,27 @@ class LogTable:
 
     def full_name(self, name: str) -> str:
         """Return the name of a column that is given with or without the unit in brackets behind it."""
-        known = [full for full in self.names if name in (full, bare_name(full))]
-        return name if name in self.names else self._only(known, name)
+        known = [full for full in self.names if name in (full, strip_unit(full))]
+        return name if name in self.names else self._require_single(known, name)
 
-    def listed(self) -> str:
+    def format_column_names(self) -> str:
         """Names of the columns for a message."""
         more = f" and {len(self.names) - _LISTED} more" if len(self.names) > _LISTED else ""
         return ", ".join(self.names[:_LISTED]) + more
 
     def _column(self, name: str) -> pd.Series:
         places = [place for place, known in enumerate(self.names) if known == name]
-        return self.frame.iloc[:, self._only(places, name)]
+        return self.frame.iloc[:, self._require_single(places, name)]
 
-    def _only(self, found: Sequence[T], name: str) -> T:
+    def _require_single(self, found: Sequence[T], name: str) -> T:
         if len(found) != 1:
             text = f"{len(found)} columns have this name"
-            text = text if found else f"no such column; there are {self.listed()}"
+            text = text if found else f"no such column; there are {self.format_column_names()}"
             raise ParameterFileError(self.source, name, text)
         return found[0]
 
 
-def number_of(cell: Any, decimal: str = ".") -> float:
+def parse_number(cell: Any, decimal: str = ".") -> float:
     """Value of a cell to the last digit; NaN if it holds no number."""
     try:
         return float(cell.replace(decimal, ".") if isinstance(cell, str) else cell)
@@ -108,7 +108,7 @@ def number_of(cell: Any, decimal: str = ".") -> float:
         return math.nan
 
 
-def read_table(path: Path) -> LogTable:
+def read_log_table(path: Path) -> LogTable:
     """Read a log file of one of the known formats, by the ending of its name."""
     readers: dict[str, Callable[[Path], LogTable]] = {".parquet": _read_parquet}
     readers |= dict.fromkeys((".csv", ".tsv", ".txt"), read_text_table)
@@ -125,7 +125,7 @@ def _read_parquet(path: Path) -> LogTable:
     try:
         frame = read_parquet(path)
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, OverflowError) as error:
-        raise ParameterFileError(path, "", f"is not a parquet table ({_short(error)})") from error
+        raise ParameterFileError(path, "", f"is not a parquet table ({_format_error(error)})") from error
     return LogTable(str(path), frame)
 
 
@@ -136,8 +136,8 @@ def read_text_table(path: Path, required: Collection[str] = ()) -> LogTable:
     table without names has numbered columns. A line of units below the names is appended to the names in
     brackets.
     """
-    layout = find_layout(_lines_of_table(path), required)
-    frame = _cells(path, layout.rows, layout.separator)
+    layout = find_layout(_read_table_lines(path), required)
+    frame = _split_cells(path, layout.rows, layout.separator)
     if layout.named:
         bare = frame.iloc[0].astype(str).str.strip()
         units = [*layout.units, *[""] * len(bare)]
@@ -148,9 +148,9 @@ def read_text_table(path: Path, required: Collection[str] = ()) -> LogTable:
     return LogTable(str(path), frame, decimal=layout.decimal)
 
 
-def _lines_of_table(path: Path) -> list[str]:
+def _read_table_lines(path: Path) -> list[str]:
     """Return the lines of a table of text, unless it is an export of Vicon Nexus."""
-    lines = _lines(path)
+    lines = _read_lines(path)
     if (*lines, "")[0].strip(',; "\t') in _NEXUS_BLOCKS:
         text = (
             "is an export of Vicon Nexus, whose names are in three lines: delete all lines above the "
@@ -161,13 +161,13 @@ def _lines_of_table(path: Path) -> list[str]:
 
 
 def _read_storage(path: Path) -> LogTable:
-    lines = [line.strip() for line in _lines(path)]
+    lines = [line.strip() for line in _read_lines(path)]
     end = next((number for number, line in enumerate(lines) if line.lower() == END_OF_HEADER), None)
     if end is None:
         raise ParameterFileError(path, END_OF_HEADER, "is missing; expected an OpenSim .mot or .sto file")
     stated = (re.split(r"\s*[=\s]\s*", line.lower(), maxsplit=1) for line in lines[:end])
     header = {pair[0]: pair[1] for pair in stated if len(pair) == 2}
-    frame = _cells(path, used_lines(lines[end + 1 :]), BLANKS)
+    frame = _split_cells(path, strip_comments(lines[end + 1 :]), BLANKS)
     frame = frame.iloc[1:].set_axis([_coordinate(name) for name in frame.iloc[0]], axis="columns")
     short = np.flatnonzero((frame == "").any(axis=1))
     if len(short):
@@ -176,7 +176,7 @@ def _read_storage(path: Path) -> LogTable:
     notices = tuple(
         f"the header says {key}={header[key.lower()][:40]}, but the file has {found}"
         for key, found in zip(("nRows", "nColumns"), frame.shape, strict=True)
-        if key.lower() in header and number_of(header[key.lower()]) != found
+        if key.lower() in header and parse_number(header[key.lower()]) != found
     )
     degrees = header.get("indegrees")
     if degrees not in _UNITS:
@@ -190,16 +190,16 @@ def _coordinate(name: str) -> str:
     return found[1] if found else name
 
 
-def _lines(path: Path) -> list[str]:
+def _read_lines(path: Path) -> list[str]:
     """Lines of a text, unless it or one of them is larger than that of any log of a walk."""
     try:
         content = read_bytes(path, MOST_TEXT)
-        encoding = encoding_of(content)
+        encoding = detect_encoding(content)
         text = content.decode(encoding)
     except OSError as error:
-        raise ParameterFileError(path, "", f"cannot be read ({_short(error)})") from error
+        raise ParameterFileError(path, "", f"cannot be read ({_format_error(error)})") from error
     except UnicodeDecodeError as error:
-        text = f"cannot be read as {encoding.upper()} text ({_short(error)}); save it as UTF-8"
+        text = f"cannot be read as {encoding.upper()} text ({_format_error(error)}); save it as UTF-8"
         raise ParameterFileError(path, "", text) from error
     if "\0" in text:
         raise ParameterFileError(path, "", "is not a text file, or UTF-16 without its mark: save it as UTF-8")
@@ -211,7 +211,7 @@ def _lines(path: Path) -> list[str]:
     return lines
 
 
-def _cells(path: Path, lines: Sequence[str], separator: str) -> pd.DataFrame:
+def _split_cells(path: Path, lines: Sequence[str], separator: str) -> pd.DataFrame:
     """Cells as they are written, the names in the first row."""
     if not lines:
         raise ParameterFileError(path, "", "is empty; expected a line of column names and rows of numbers")
@@ -224,8 +224,8 @@ def _cells(path: Path, lines: Sequence[str], separator: str) -> pd.DataFrame:
                 skipinitialspace=True, dtype=str, keep_default_na=False,
             )  # fmt: skip
     except (ValueError, TypeError, OverflowError, pd.errors.ParserWarning) as error:
-        raise ParameterFileError(path, "", f"is not a table ({_short(error)})") from error
+        raise ParameterFileError(path, "", f"is not a table ({_format_error(error)})") from error
 
 
-def _short(error: Exception) -> str:
+def _format_error(error: Exception) -> str:
     return " ".join(str(error).split())[:100]

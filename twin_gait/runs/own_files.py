@@ -24,14 +24,14 @@ class StoredFile(NamedTuple):
     name: str  # path of the copy in the folder, or the name of a file that ships and is not copied
 
     @property
-    def copied(self) -> bool:
+    def is_copied(self) -> bool:
         """Whether the folder has a copy."""
         return self.name != self.path.name
 
-    def is_in(self, folder: Path) -> bool:
+    def is_stored_in(self, folder: Path) -> bool:
         """Whether a folder has all that it needs of this file, with the content of the original."""
         copy = folder / self.name
-        return not self.copied or (copy.is_file() and copy.read_bytes() == self.path.read_bytes())
+        return not self.is_copied or (copy.is_file() and copy.read_bytes() == self.path.read_bytes())
 
 
 def stored_file(section: str, path: Path, folder: str = FILES_FOLDER) -> StoredFile:
@@ -41,7 +41,7 @@ def stored_file(section: str, path: Path, folder: str = FILES_FOLDER) -> StoredF
     return StoredFile(section, path, path.name if ships else Path(folder, path.name).as_posix())
 
 
-def files_of(experiment: Experiment) -> list[StoredFile]:
+def referenced_files(experiment: Experiment) -> list[StoredFile]:
     """Return the files that an experiment names."""
     files = [stored_file("leg", find_urdf(experiment.leg.urdf))]
     if experiment.network is not None:
@@ -58,7 +58,7 @@ def store_files(files: Iterable[StoredFile], folder: Path) -> dict[str, str]:
     names = {}
     for file in files:
         names[file.section], copy = file.name, folder / file.name
-        if file.copied:
+        if file.is_copied:
             copy.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(copy, file.path.read_bytes())
             if file.section == "leg":

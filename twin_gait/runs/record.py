@@ -25,14 +25,14 @@ from twin_gait.files import (
 )
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.report.failures import failed_pictures, reason_of
+from twin_gait.report.failures import failed_pictures, format_error
 from twin_gait.report.pages import FIGURES_FOLDER
-from twin_gait.runs.folders import FolderKind, journal_of, staged_directory
-from twin_gait.runs.own_files import files_of, store_files
-from twin_gait.runs.stored_log import checked_log
-from twin_gait.runs.summary import summarise, versions
+from twin_gait.runs.folders import FolderKind, journal_path, staged_directory
+from twin_gait.runs.own_files import referenced_files, store_files
+from twin_gait.runs.stored_log import check_log
+from twin_gait.runs.summary import summarise_run, software_versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 
@@ -64,19 +64,19 @@ def write_run(
 
     A picture or page that cannot be made is warned of, recorded in the summary and left out.
     """
-    files = store_files(files_of(run.experiment), directory)
-    resolved = resolved_document(run.experiment, document, versions(), files)
+    files = store_files(referenced_files(run.experiment), directory)
+    resolved = resolved_document(run.experiment, document, software_versions(), files)
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     write_log(run.log, directory / LOG_FILE, run.status)
-    switches = switches_csv(run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy())
+    switches = format_switches_csv(run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy())
     write_atomically(directory / SWITCHES_FILE, switches)
-    summary = summarise(run)
+    summary = summarise_run(run)
     if accuracy is not None:
         summary["accuracy"] = accuracy
     write_json(directory / SUMMARY_FILE, summary)
     if pictures and len(run.log) > 1:
         failed = _write_page(StoredRun(run, summary), directory / ANIMATION_FILE)
-        record = failed_pictures(_draw(run, directory / FIGURES_FOLDER) | failed)
+        record = failed_pictures(_draw_figures(run, directory / FIGURES_FOLDER) | failed)
         if record:
             summary |= record
             write_json(directory / SUMMARY_FILE, summary)
@@ -86,25 +86,25 @@ def write_run(
 def _write_page(stored: StoredRun, path: Path) -> dict[str, str]:
     """Write the page that plays a run; return the reason by the name of the file if that is not possible."""
     try:
-        from twin_gait.runs.run_page import page_of
+        from twin_gait.runs.run_page import render_run_page
 
-        write_atomically(path, page_of([stored]))
+        write_atomically(path, render_run_page([stored]))
     except Exception as error:
-        return {path.name: reason_of(error)}
+        return {path.name: format_error(error)}
     return {}
 
 
-def _draw(run: Run, folder: Path) -> dict[str, str]:
+def _draw_figures(run: Run, folder: Path) -> dict[str, str]:
     """Draw the first figures of a run into a folder; return the reason by the name of each that failed.
 
     The reason of all of them, such as a matplotlib that cannot be imported, is named after the folder.
     """
     try:
-        from twin_gait.report.figures import first_figures, write_figures
+        from twin_gait.report.figures import default_figures, write_figures
 
-        return write_figures(run, folder, first_figures(run))
+        return write_figures(run, folder, default_figures(run))
     except Exception as error:
-        return {folder.name: reason_of(error)}
+        return {folder.name: format_error(error)}
 
 
 def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:
@@ -130,7 +130,7 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
 Measured = Callable[[Side, str, str], np.ndarray]  # of a side, a joint and a name: the quantity at every tick
 
 
-def switches_csv(
+def format_switches_csv(
     switches: Sequence[PhaseSwitch], joints: Sequence[str], measured: Measured, start: float = 0.0
 ) -> str:
     """Phase switches with their causes, angles and velocities, as CSV text; ``start``: time of tick 0."""
@@ -145,13 +145,13 @@ def switches_csv(
 
 
 def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
-    places = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
+    indices = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
     try:
         rows = pd.read_csv(io.StringIO(read_text(path)), dtype=str, keep_default_na=False)
-        ways = zip(rows["from"], rows["to"], rows["cause"], strict=True)
+        edges = zip(rows["from"], rows["to"], rows["cause"], strict=True)
         return tuple(
-            PhaseSwitch(int(tick), Side(side), *way, -1 if way[-1] == POSTURE else places[way])
-            for tick, side, way in zip(rows["tick"], rows["side"], ways, strict=True)
+            PhaseSwitch(int(tick), Side(side), *way, -1 if way[-1] == POSTURE else indices[way])
+            for tick, side, way in zip(rows["tick"], rows["side"], edges, strict=True)
         )
     except (OSError, ValueError, KeyError) as error:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
@@ -165,20 +165,20 @@ def load_run(folder: str | Path) -> Run:
     experiment file has a mistake, or URDF or table have changed since. Raises RunDirectoryError if it is not
     a complete run directory.
     """
-    return read_run(Path(folder)).run
+    return read_stored_run(Path(folder)).run
 
 
-def read_run(directory: Path) -> StoredRun:
+def read_stored_run(directory: Path) -> StoredRun:
     """Read a run back with its summary; raises as :func:`load_run`."""
     directory = directory.expanduser()
-    if journal_of(directory.absolute()).is_file():
+    if journal_path(directory.absolute()).is_file():
         way_out = f"twin-gait sessions complete {directory}"
         raise RunDirectoryError(f"{directory}: its walk is going on, or was killed; {way_out}")
     if not (directory / EXPERIMENT_FILE).is_file():
         raise RunDirectoryError(f"{directory}: not a run directory: it has no {EXPERIMENT_FILE}")
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
     # A controller of the user's own, whose module may be gone, changes nothing in what is read here.
-    problem = build_problem(replace(experiment, controller=None))
+    problem = build_setup(replace(experiment, controller=None))
     table = problem.table
     switches = _read_switches(directory / SWITCHES_FILE, table)
     try:
@@ -193,14 +193,14 @@ def read_run(directory: Path) -> StoredRun:
             reason=summary["reason"],
             wall_s=float(summary["wall_s"]),
             body_weight=problem.world.body_weight,
-            trip=_trip_of(summary["safety"]),
+            trip=_parse_trip(summary["safety"]),
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
     if summary.get("log_schema_version") != LOG_SCHEMA_VERSION:
         again = f"use that one, or run it anew: twin-gait simulate {directory / EXPERIMENT_FILE}"
         raise RunDirectoryError(f"{directory}: its log is of another version of the program; {again}")
-    run = replace(run, log=checked_log(log, problem, directory / LOG_FILE))
+    run = replace(run, log=check_log(log, problem, directory / LOG_FILE))
     late = next((item.tick for item in switches if not 0 <= item.tick < len(log)), None)
     if late is not None:
         raise RunDirectoryError(
@@ -209,7 +209,7 @@ def read_run(directory: Path) -> StoredRun:
     return StoredRun(run, summary, directory.absolute().name)
 
 
-def _trip_of(safety: Mapping[str, Any]) -> Trip | None:
+def _parse_trip(safety: Mapping[str, Any]) -> Trip | None:
     """What the safety monitor tripped on, by that part of a summary."""
     if not safety["tripped"]:
         return None

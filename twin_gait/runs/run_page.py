@@ -6,73 +6,73 @@ import numpy as np
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.report.walk_words import carried_by_belt, describe, missing_peaks, table_of_walk
+from twin_gait.report.walk_words import belt_carries_note, describe, missing_peaks, walk_table
 from twin_gait.runs.record import StoredRun
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
-from twin_gait.viewer.page import About, recorded_page
-from twin_gait.viewer.scene import Setting
-from twin_gait.vocabulary import Surroundings
+from twin_gait.viewer.page import PageTexts, recorded_page
+from twin_gait.viewer.scene import SceneOptions
+from twin_gait.vocabulary import Environment
 
 
-def about(stored: StoredRun, other: StoredRun | None = None) -> About:
+def page_texts(stored: StoredRun, other: StoredRun | None = None) -> PageTexts:
     """Return the texts of the page of a run, measures from its summary; ``other``: second run of a pair."""
     run, summary, name = stored
     subtitle = describe(run.experiment)
-    beside = subtitle if other is None else describe(other.run.experiment)
+    other_subtitle = subtitle if other is None else describe(other.run.experiment)
     try:
-        notes = [*filter(None, (carried_by_belt(summary),)), *missing_peaks(summary)]
-        walk = table_of_walk(summary)
+        notes = [*filter(None, (belt_carries_note(summary),)), *missing_peaks(summary)]
+        walk = walk_table(summary)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         problem = f"summary.json is not complete ({type(error).__name__}: {error}); run the simulation again"
         raise RunDirectoryError(f"{name or run.experiment.name}: {problem}") from error
-    return About(
+    return PageTexts(
         title=f"twin_gait · {name or run.experiment.name}",
         subtitle=subtitle,
-        differing=[text for text in subtitle if text not in beside],
+        differing=[text for text in subtitle if text not in other_subtitle],
         notes=notes,
         events=run.events,
         outcome=run.verdict.outcome or run.status,
         walk=walk,
-        modes=modes_of(run.experiment),
+        modes=mode_names(run.experiment),
     )
 
 
-def page_of(runs: Sequence[StoredRun], *, moments: Sequence[float] = ()) -> str:
+def render_run_page(runs: Sequence[StoredRun], *, frame_times: Sequence[float] = ()) -> str:
     """The page of one run, or of two beside each other, their frames at the same ``moments`` in [s]."""
     changes = (phase_changes(one.run.log) for one in runs)
     events = ([event.time for event in one.run.events] for one in runs)
-    wanted = np.unique(np.concatenate([np.asarray(moments, dtype=float), *changes, *events]))
+    wanted = np.unique(np.concatenate([np.asarray(frame_times, dtype=float), *changes, *events]))
     rate = min(frame_rate(one.run.duration) for one in runs)
     entries = [
         recorded_run(
             one.run.log,
             one.run.experiment.build_world().model,
-            about=about(one, other),
+            about=page_texts(one, other),
             frames_per_second=rate,
-            moments=wanted.tolist(),
-            **setting_of(one.run.experiment),
+            frame_times=wanted.tolist(),
+            **scene_options(one.run.experiment),
         )
         for one, other in zip(runs, (runs[1], runs[0]) if len(runs) == 2 else (None,), strict=True)
     ]
     return recorded_page(entries)
 
 
-def setting_of(experiment: Experiment) -> Setting:
+def scene_options(experiment: Experiment) -> SceneOptions:
     """What the viewer draws around the figure."""
     world, walking = experiment.scenario, experiment.scenario.walking
     carried = walking is not None and walking.support_share > 0.0
-    return Setting(
-        around=world.surroundings,
+    return SceneOptions(
+        environment=world.surroundings,
         drives=experiment.joints,
         patient=experiment.patient,
         slope=0.0 if walking is None else walking.slope,
-        ropes=carried or world.surroundings is not Surroundings.WALKWAY,
+        ropes=carried or world.surroundings is not Environment.WALKWAY,
         crutches=getattr(world, "crutches", None),
         chair=getattr(world, "chair", None),
     )
 
 
-def modes_of(experiment: Experiment) -> Sequence[str]:
+def mode_names(experiment: Experiment) -> Sequence[str]:
     """Names of the operating modes in the order of their codes, or nothing."""
     return () if experiment.modes is None else tuple(experiment.modes.phases)

@@ -10,10 +10,10 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.gait.table import TICK
 from twin_gait.runs.log_files import LogTable
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 
 
-def checked_log(log: pd.DataFrame, problem: Problem, path: Path) -> pd.DataFrame:
+def check_log(log: pd.DataFrame, problem: SimulationSetup, path: Path) -> pd.DataFrame:
     """Check that a log has the columns of an experiment, numbers in them, phases and every tick.
 
     Returns the log, its phases as categories of the gait table. Raises RunDirectoryError, with the column and

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 import twin_gait
-from twin_gait.configuration.identity import parts_of, wearer_of
+from twin_gait.configuration.identity import identify_parts, identify_wearer
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.files import plain
+from twin_gait.files import to_json_value
 from twin_gait.gait.table import TICK
 from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
@@ -22,7 +22,7 @@ from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters.drives import STATED_AUTONOMY
 from twin_gait.report.reference import reference_measures
 from twin_gait.report.walk_words import describe
-from twin_gait.runs.leg_summary import MeasuredLeg, limit_shares, reference_error
+from twin_gait.runs.leg_summary import MeasuredLeg, saturated_shares, reference_error
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
@@ -34,7 +34,7 @@ SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
 
 
 @cache
-def versions() -> dict[str, str]:
+def software_versions() -> dict[str, str]:
     """Versions of this package, Python and the libraries that the numbers rest on."""
     return {
         "twin_gait": twin_gait.__version__,
@@ -43,7 +43,7 @@ def versions() -> dict[str, str]:
     }
 
 
-def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
+def summarise_run(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
     """Sum a run up, ready for JSON: plain values, angles in degrees as the keys say, None where not defined.
 
     ``skip_strides``: strides at the start that do not count.
@@ -53,13 +53,13 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         str(record.side): MeasuredLeg(run, record, skip_strides).summary(walk.get(record.side))
         for record in run.leg_records()
     }
-    refused = [answer.text for answer in run.answers if answer.refused]
+    refused = [answer.text for answer in run.request_results if answer.rejection]
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
         "name": run.experiment.name,
         "engine": str(run.experiment.engine),
-        **identity_in_words(run.experiment),
-        "versions": versions(),
+        **describe_identity(run.experiment),
+        "versions": software_versions(),
         "duration_s": run.duration,
         "wall_s": run.wall_s,
         "realtime_factor": run.duration / run.wall_s if run.wall_s > 0.0 else math.nan,
@@ -70,22 +70,22 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "fell": run.status is RunStatus.FELL,
         "strides_skipped": skip_strides,
         "sides": sides,
-        **_walk(run, walk, skip_strides),
-        "symmetry": _symmetry(sides),
-        **limit_shares(run),
-        **battery_in_numbers(run),
-        "safety": _safety(run),
+        **_walk_summary(run, walk, skip_strides),
+        "symmetry": _symmetry_indices(sides),
+        **saturated_shares(run),
+        **battery_summary(run),
+        "safety": _safety_summary(run),
         **({} if run.experiment.modes is None else {"requests_refused": " | ".join(refused)}),
         **({} if run.traffic is None else {"network": run.traffic}),
         **crutch_summary(run),
         **interaction_summary(run, skip_strides),
-        **energy_in_numbers(run),
+        **energy_summary(run),
     }
-    found: dict[str, Any] = plain(summary)
+    found: dict[str, Any] = to_json_value(summary)
     return found
 
 
-def identity_in_words(experiment: Experiment) -> dict[str, Any]:
+def describe_identity(experiment: Experiment) -> dict[str, Any]:
     """Return the description of an experiment, and wearer, table, device and controller with their hashes.
 
     A controller of the user's own also has its module, class and hash of the source.
@@ -93,15 +93,15 @@ def identity_in_words(experiment: Experiment) -> dict[str, Any]:
     patient, own = experiment.patient, experiment.controller
     wearer = None
     if patient is not None:
-        wearer = {**asdict(wearer_of(patient)), "mass_kg": patient.mass, "height_m": patient.height}
+        wearer = {**asdict(identify_wearer(patient)), "mass_kg": patient.mass, "height_m": patient.height}
         wearer["name"] = patient.name
-    parts = {key: asdict(part) for key, part in parts_of(experiment).items()}
+    parts = {key: asdict(part) for key, part in identify_parts(experiment).items()}
     if own is not None:
         parts["controller"] |= own.summary
     return {"description": " · ".join(describe(experiment)), "patient": wearer, **parts}
 
 
-def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:
+def _symmetry_indices(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:
     """Symmetry indices of the two legs, or None for one leg."""
     if len(sides) < 2:
         return None
@@ -109,7 +109,7 @@ def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None
     return {name: symmetry_index(left[name], right[name]) for name in SYMMETRIES if name in left}
 
 
-def _walk(run: Run, legs: Mapping[Side, Mapping[str, float]], skip: int) -> dict[str, Any]:
+def _walk_summary(run: Run, legs: Mapping[Side, Mapping[str, float]], skip: int) -> dict[str, Any]:
     """Return who drives a walk on a belt, and the measures of the healthy one; nothing on the bench."""
     power = run.walk_power(skip=skip, legs=legs)
     if power is None:
@@ -117,7 +117,7 @@ def _walk(run: Run, legs: Mapping[Side, Mapping[str, float]], skip: int) -> dict
     return {"walk_reference": reference_measures(run.experiment), "power": power}
 
 
-def battery_in_numbers(run: Run) -> dict[str, float]:
+def battery_summary(run: Run) -> dict[str, float]:
     """What a run takes from the battery, and how long that lasts."""
     battery = run.experiment.plant.battery
     use = effort.battery_use(np.asarray(run.columns["battery_power_W"]), TICK, battery.continuous_power)
@@ -129,21 +129,21 @@ def battery_in_numbers(run: Run) -> dict[str, float]:
     }
 
 
-def energy_in_numbers(run: Run) -> dict[str, float]:
+def energy_summary(run: Run) -> dict[str, float]:
     """How well the energy of a run balances with the work of all sources."""
     log = run.columns
     works = np.array([np.asarray(log[f"{source}_work_J"]) for source in work_sources(log)])
     return effort.energy_balance(np.asarray(log["kinetic_energy_J"] + log["potential_energy_J"]), works)
 
 
-def _safety(run: Run) -> dict[str, Any]:
+def _safety_summary(run: Run) -> dict[str, Any]:
     """What the safety monitor did, and the faults of the experiment in their notation."""
     trip = run.trip
     return {
         "watched": run.experiment.control.safety.enabled,
         "tripped": trip is not None,
         "cause": None if trip is None else str(trip.cause),
-        "place": None if trip is None else trip.place,
+        "place": None if trip is None else trip.location,
         "time_s": None if trip is None else trip.time,
         "faults": " ".join(str(item) for item in run.experiment.faults),
     }
@@ -158,7 +158,7 @@ def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[s
     height, _, force = PELVIS_BRACE.columns
     for side in run.sides:
         for place in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
-            rms, peak, apart = _brace(log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}")
+            rms, peak, apart = _brace_measures(log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}")
             motion = math.degrees(apart)
             interaction[place] = {"torque_rms_Nm": rms, "torque_peak_Nm": peak, "motion_peak_deg": motion}
         device = run.leg_record(side, device=True)
@@ -166,12 +166,12 @@ def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[s
             error = reference_error(run, angles, joint, device.strides(skip=skip_strides))
             interaction[f"{side}_{joint}"]["rmse_of_device_deg"] = error
     if force in log:
-        rms, peak, apart = _brace(log, force, "pelvis_height_m", height)
+        rms, peak, apart = _brace_measures(log, force, "pelvis_height_m", height)
         interaction["pelvis"] = {"force_rms_N": rms, "force_peak_N": peak, "motion_peak_mm": 1e3 * apart}
     return {"interaction": interaction}
 
 
-def _brace(log: pd.DataFrame, load: str, device: str, wearer: str) -> tuple[float, float, float]:
+def _brace_measures(log: pd.DataFrame, load: str, device: str, wearer: str) -> tuple[float, float, float]:
     """RMS and peak of the load of a brace, and how far its two ends come apart; arguments are columns."""
     values, apart = log[load].to_numpy(), (log[device] - log[wearer]).to_numpy()
     return effort.root_mean_square(values), float(np.abs(values).max()), float(np.abs(apart).max())
@@ -197,14 +197,14 @@ def crutch_summary(run: Run) -> dict[str, Any]:
             "lean_highest_deg": math.degrees(float(lean.max())),
             "battery_energy_per_metre_J": energy / way if way > 0.0 else None,
             "arms": {side: use for side, use in uses.items() if use is not None},
-            "without_arms": _without_arms(run),
+            "without_arms": _simulate_without_crutches(run),
         }
     }
 
 
-def _without_arms(run: Run) -> dict[str, Any] | None:
+def _simulate_without_crutches(run: Run) -> dict[str, Any] | None:
     """How the same run ends without crutches, and when."""
-    world = run.experiment.scenario.without_aids()
+    world = run.experiment.scenario.remove_aids()
     if world is None:
         return None
     bare = simulate(replace(run.experiment, scenario=world))

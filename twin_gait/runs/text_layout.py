@@ -31,7 +31,7 @@ _BYTE_ORDER_MARKS = {
 }
 
 
-def encoding_of(content: bytes) -> str:
+def detect_encoding(content: bytes) -> str:
     """Return the encoding that the byte order mark of a text states; UTF-8 without one."""
     return next((name for mark, name in _BYTE_ORDER_MARKS.items() if content.startswith(mark)), "utf-8")
 
@@ -41,7 +41,7 @@ def is_missing(cell: object) -> bool:
     return _MISSING.fullmatch(str(cell).strip()) is not None
 
 
-def used_lines(lines: Sequence[str]) -> list[str]:
+def strip_comments(lines: Sequence[str]) -> list[str]:
     """Return the lines that are neither a comment nor empty; separators alone are an empty line."""
     return [line for line in lines if line.strip(SEPARATORS + " ") and line.lstrip()[0] not in _REMARKS]
 
@@ -62,14 +62,14 @@ def find_layout(lines: Sequence[str], required: Collection[str] = ()) -> TextLay
 
     ``required``: names of columns; a line with all of them is the line of the names.
     """
-    lines = used_lines(lines)
+    lines = strip_comments(lines)
     stated = _SEPARATOR_LINE.fullmatch(lines[0].strip()) if lines else None
     del lines[: stated is not None]
     first, named = _first_line(lines, required)
     del lines[:first]
     separator = stated[1] if stated else _separator(lines[:named], lines[named:PREAMBLE])
     units = [cell.strip("[]()- ") for cell in _cells(lines[1], separator)] if named and len(lines) > 1 else []
-    if _states_units(units):
+    if _is_unit_row(units):
         del lines[1]
     else:
         units = []
@@ -83,16 +83,16 @@ def _first_line(lines: Sequence[str], required: Collection[str]) -> tuple[int, b
     """Return the line in which the table begins, and whether it holds the names."""
     for number, line in enumerate(lines[:PREAMBLE] if required else ()):
         rows = (_cells(line, separator) for separator in (*SEPARATORS, BLANKS))
-        if any(set(required) <= {*row, *map(bare_name, row)} for row in rows):
+        if any(set(required) <= {*row, *map(strip_unit, row)} for row in rows):
             return number, True
     first = next((number for number, line in enumerate(lines[:PREAMBLE]) if _is_numeric(line)), None)
     if first is None or first == 0:
         return 0, first is None
     above = _cells(lines[first - 1], _separator_of_row(lines[first]))
-    return max(first - 2 if _states_units(above) else first - 1, 0), True
+    return max(first - 2 if _is_unit_row(above) else first - 1, 0), True
 
 
-def bare_name(column: str) -> str:
+def strip_unit(column: str) -> str:
     """Return the name of a column without the unit or the index in brackets behind it."""
     return re.split(r"[\[(]", column)[0].strip(' "')
 
@@ -131,7 +131,7 @@ def _is_numeric(line: str) -> bool:
     return len(cells) > 1 and numbers > words
 
 
-def _states_units(cells: Sequence[str]) -> bool:
+def _is_unit_row(cells: Sequence[str]) -> bool:
     """Return whether all cells of a line are units or empty, and at least one is a unit."""
     stated = [cell for cell in cells if cell]
     return bool(stated) and all(map(_UNIT.fullmatch, stated))

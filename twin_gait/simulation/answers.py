@@ -5,19 +5,19 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from twin_gait.gait.modes import ModeTable, why_refused
+from twin_gait.gait.modes import ModeTable, rejection_reason
 from twin_gait.gait.signals import LEFT, LEGS_IN_SWING, LOAD, MODE_SIGNALS, RIGHT, TIME_IN_PHASE, signal_scale
 from twin_gait.gait.table import TICK, GaitTable
 
 
-class Answer(NamedTuple):
+class RequestResult(NamedTuple):
     """What became of a request."""
 
     tick: int  # In which it was made.
     request: str  # What was asked for.
-    before: str  # Mode in which it was made.
-    after: str  # Mode after it.
-    refused: str = ""  # Why nothing has answered it, in words; empty for an answer.
+    mode_before: str  # Mode in which it was made.
+    mode_after: str  # Mode after it.
+    rejection: str = ""  # Why nothing has answered it, in words; empty for an answer.
 
     @property
     def time(self) -> float:
@@ -27,12 +27,12 @@ class Answer(NamedTuple):
     @property
     def text(self) -> str:
         """In words: ``sit at 5.000 s: standing for 1.2 s, less than 3 s``."""
-        return f"{self.request} at {self.time:.3f} s: {self.refused or f'{self.before} to {self.after}'}"
+        return f"{self.request} at {self.time:.3f} s: {self.rejection or f'{self.mode_before} to {self.mode_after}'}"
 
 
-def answer_at(
+def request_result(
     log: pd.DataFrame, tick: int, before: str, ticks: int, modes: ModeTable, table: GaitTable, weight: float
-) -> Answer:
+) -> RequestResult:
     """What became of the request of a tick, ``ticks`` after the mode ``before`` was entered."""
     row = log.iloc[tick]
     after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]
@@ -40,8 +40,8 @@ def answer_at(
     if row["refused"]:
         measured = signals_in(log, modes.joints, table, tick, weight)
         otherwise = f"the device went to {after} in the same tick"
-        why = why_refused(modes, before, request, measured, ticks) or otherwise
-    return Answer(tick, request, before, after, why)
+        why = rejection_reason(modes, before, request, measured, ticks) or otherwise
+    return RequestResult(tick, request, before, after, why)
 
 
 def signals_in(
@@ -57,7 +57,7 @@ def signals_in(
         found[leg + LOAD.name] = row.get(f"{side}_foot_normal_force_N", 0.0) / body_weight
     for signal in MODE_SIGNALS:
         if signal not in (TIME_IN_PHASE, LEGS_IN_SWING):
-            found[signal.name] = row.get(signal.column, signal.first)
+            found[signal.name] = row.get(signal.column, signal.initial_value)
     phases = log.iloc[max(0, tick - 1)]
     swinging = sum(table.is_swing(str(phases[f"{leg.removesuffix('.')}_phase"])) for leg in (LEFT, RIGHT))
     found[LEGS_IN_SWING.name] = float(swinging)

@@ -12,16 +12,16 @@ from itertools import chain
 from types import CodeType, FunctionType
 from typing import Any
 
-OURS = "twin_gait."  # modules whose functions are bound; all others are called as they are
+PACKAGE_PREFIX = "twin_gait."  # modules whose functions are bound; all others are called as they are
 
 Wrap = Callable[[FunctionType], Any]
 
 
-def bind(
+def specialize(
     entry: Callable[..., Any],
     names: Mapping[str, Any],
     wrap: Wrap = lambda function: function,
-    made: dict[Hashable, Any] | None = None,
+    cache: dict[Hashable, Any] | None = None,
 ) -> Any:
     """A function with other globals, and so every function of this package that it calls.
 
@@ -42,21 +42,21 @@ def bind(
         bound = done[function] = wrap(copy)  # before what it calls, so that it may call itself
         for name in _names_in(code):
             value = names.get(name, scope.get(name))
-            if is_ours(value):
+            if is_package_function(value):
                 value = visit(value)
             if name in names or name in scope:
                 scope[name] = value
-        if made is not None:
-            bound = done[function] = made.setdefault(_identity(copy), bound)
+        if cache is not None:
+            bound = done[function] = cache.setdefault(_identity(copy), bound)
         return bound
 
     assert isinstance(entry, FunctionType)
     return visit(entry)
 
 
-def is_ours(function: Any) -> bool:
+def is_package_function(function: Any) -> bool:
     """Whether something is a function of this package."""
-    return isinstance(function, FunctionType) and (function.__module__ or "").startswith(OURS)
+    return isinstance(function, FunctionType) and (function.__module__ or "").startswith(PACKAGE_PREFIX)
 
 
 def _identity(function: FunctionType) -> Hashable:
@@ -84,8 +84,8 @@ def _names_in(code: CodeType) -> tuple[str, ...]:
 
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
     """Functions of a generated kernel by name, to be bound; ``called``: what they call."""
-    scope = {"__name__": f"{OURS}generated_kernel", **called}
+    scope = {"__name__": f"{PACKAGE_PREFIX}generated_kernel", **called}
     # The texts are written from numbers and from literals of this package: rigid bodies by index, columns as
     # simulation/log.py declares them. No text of a user is run (tests/firmware/test_hostile_names.py).
     exec(compile(text, "generated kernel", "exec"), scope)
-    return {name: item for name, item in scope.items() if is_ours(item) and name not in called}
+    return {name: item for name, item in scope.items() if is_package_function(item) and name not in called}

@@ -36,12 +36,12 @@ def shared_words(dtype: np.dtype[Any]) -> np.ndarray:
 
 
 @lru_cache(maxsize=256)
-def word_of(dtype: np.dtype[Any], name: str) -> int:
+def number_index(dtype: np.dtype[Any], name: str) -> int:
     """Place of a number among those of a record."""
     return fields_of(dtype).index(name)
 
 
-def side_by_side(stores: Sequence[np.ndarray]) -> np.ndarray:
+def interleave(stores: Sequence[np.ndarray]) -> np.ndarray:
     """Return a block of at most :data:`WIDTH` records; lanes without one are copies of the first.
 
     ``stores``: arrays of shape ``(1,)`` with the records. Returns their numbers as whole numbers of 64 bits,

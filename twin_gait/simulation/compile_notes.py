@@ -35,7 +35,7 @@ _COUNTS = {
 }  # fmt: skip
 
 
-class Pattern(NamedTuple):
+class LoopVariant(NamedTuple):
     """Kind of a loop and the build flags that it is compiled for, as text."""
 
     kind: str
@@ -55,10 +55,10 @@ class Compilation(NamedTuple):
         return json.dumps(self._asdict())
 
 
-def pattern_of(text: str) -> Pattern:
+def parse_variant(text: str) -> LoopVariant:
     """Return the kind and the build flags that are in the text under which a loop is kept."""
     kind = re.match(r"[a-z_ ]*", text)
-    return Pattern(kind[0].strip() if kind else "", dict(_FLAG.findall(text)))
+    return LoopVariant(kind[0].strip() if kind else "", dict(_FLAG.findall(text)))
 
 
 def read_records(contents: Iterable[bytes | None]) -> list[Compilation]:
@@ -75,7 +75,7 @@ def read_records(contents: Iterable[bytes | None]) -> list[Compilation]:
     return found
 
 
-def compile_text(pattern: Pattern, sources: str, records: Sequence[Compilation], *, own: bool) -> str:
+def compile_text(pattern: LoopVariant, sources: str, records: Sequence[Compilation], *, has_user_code: bool) -> str:
     """Return the line that announces a compilation.
 
     Args:
@@ -89,7 +89,7 @@ def compile_text(pattern: Pattern, sources: str, records: Sequence[Compilation],
     """
     alike = [item for item in records if item.kind == pattern.kind]
     current = [item for item in alike if item.sources == sources]
-    if own:
+    if has_user_code:
         reason = "a controller of your own is compiled in each process"
     elif current:
         nearest = min(current, key=lambda item: len(_differing(pattern, item)))
@@ -104,10 +104,10 @@ def compile_text(pattern: Pattern, sources: str, records: Sequence[Compilation],
     return f"compiling {_KINDS.get(pattern.kind, 'a loop')} ({reason}{expected})"
 
 
-def _differing(pattern: Pattern, other: Compilation) -> list[str]:
+def _differing(pattern: LoopVariant, other: Compilation) -> list[str]:
     """Return the build flags of a pattern that differ from those of a compilation, in words."""
     return [
-        _in_words(name, pattern.flags.get(name, "0"))
+        _flag_text(name, pattern.flags.get(name, "0"))
         for name in dict.fromkeys((*pattern.flags, *other.flags))
         if _value(pattern.flags, name) != _value(other.flags, name)
     ]
@@ -119,7 +119,7 @@ def _value(flags: Mapping[str, str], name: str) -> str:
     return "0" if value in _OFF else value
 
 
-def _in_words(name: str, value: str) -> str:
+def _flag_text(name: str, value: str) -> str:
     if (name, value) in _COUNTS:
         return _COUNTS[name, value]
     word = _WORDS.get(name, name.lower().replace("_", " "))

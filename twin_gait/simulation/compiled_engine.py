@@ -7,31 +7,31 @@ from typing import Any
 import numpy as np
 
 from twin_gait.control.controller import TickFunction
-from twin_gait.kernels.generated import SIDE_BY_SIDE, KernelBodies, kernel_structure, write_kernel
+from twin_gait.kernels.generated import MERGED_FUNCTIONS, KernelBodies, kernel_key, write_kernel
 from twin_gait.leg_model.bodies import BodyArrays, contact_points, export_bodies
-from twin_gait.simulation.binding import is_ours, kernel_functions
+from twin_gait.simulation.binding import is_package_function, kernel_functions
 from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
-from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.record import copied, stored
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, cached_loop, source_key
+from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.record import deep_copy, to_array
 from twin_gait.simulation.schedule import act, run_ticks, sense
-from twin_gait.simulation.structure import Structure, structure_of
+from twin_gait.simulation.structure import BuildFlags, compute_build_flags
 
 _FLOAT = np.dtype(float)
 
 
-def run_at(address: int, first: int, end: int) -> int:
+def run_ticks_at(address: int, first: int, end: int) -> int:
     """:func:`~twin_gait.simulation.schedule.run_ticks` of the episode at an address."""
     return run_ticks(episode_at(address), first, end)
 
 
-def run_part(address: int, acting: int, tick: int) -> int:
+def run_plant_part(address: int, part: int, tick: int) -> int:
     """The plant's part of a tick, of the episode at an address: before the controller's, or after it."""
     e = episode_at(address)
-    if acting == 0:
+    if part == 0:
         sense(e, tick)
     else:
         act(e, tick)
@@ -52,35 +52,35 @@ class CompiledEngine(EpisodeEngine):
 
     chunk_ticks = 2000
 
-    def __init__(self, problem: Problem, *, on_compile: OnCompile = None) -> None:
+    def __init__(self, setup: SimulationSetup, *, on_compile: OnCompile = None) -> None:
         """Lay the problem out and get the compiled loop.
 
         ``on_compile``: called if the loop has to be compiled first. Raises UncompiledControllerError if numba
         cannot compile the controller.
         """
-        super().__init__(problem)
-        self.bodies = _bodies_of(problem)
-        self.structure = structure_of(problem, len(self.bodies.points))
-        self.store = stored(new_episode(problem, self.bodies))
+        super().__init__(setup)
+        self.bodies = _bodies_of(setup)
+        self.build_flags = compute_build_flags(setup, len(self.bodies.points))
+        self.store = to_array(new_episode(setup, self.bodies))
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
         # Rows behind addresses; they live as long as the engine.
-        self.noise = np.ascontiguousarray(problem.noise)
+        self.noise = np.ascontiguousarray(setup.noise)
         self.switches = np.zeros(self.episode["recording"]["most_switches"], SWITCHES)
         self.point_at_rows()
-        self.loop = loop_of(self, on_compile)
+        self.loop = load_or_compile_loop(self, on_compile)
 
     @cached_property
-    def pattern(self) -> str:
+    def specialization_key(self) -> str:
         """All that the loop depends on beside its sources, and functions that are not of this package."""
-        functions, bodies = self.problem.controller.functions().values(), kernel_structure(self.bodies)
-        ours = [(item.__module__, item.__qualname__) for item in functions if is_ours(item)]
-        return repr((text_of(self.store.dtype), self.layout.writer, bodies, self.structure, ours))
+        functions, bodies = self.setup.controller.tick_functions().values(), kernel_key(self.bodies)
+        ours = [(item.__module__, item.__qualname__) for item in functions if is_package_function(item)]
+        return repr((text_of(self.store.dtype), self.layout.writer, bodies, self.build_flags, ours))
 
     @property
-    def own(self) -> tuple[TickFunction, ...]:
+    def user_functions(self) -> tuple[TickFunction, ...]:
         """Functions of the controller that are the user's own."""
-        functions = self.problem.controller.functions().values()
-        return tuple(item for item in functions if not is_ours(item))
+        functions = self.setup.controller.tick_functions().values()
+        return tuple(item for item in functions if not is_package_function(item))
 
     def point_at_rows(self) -> None:
         """Write the addresses of all rows but the log's into the record."""
@@ -95,31 +95,31 @@ class CompiledEngine(EpisodeEngine):
         return self.loop(self.store.ctypes.data, first, end)
 
 
-def laid_out(problem: Problem) -> tuple[KernelBodies, Episode, Structure]:
+def assemble(setup: SimulationSetup) -> tuple[KernelBodies, Episode, BuildFlags]:
     """Return the bodies of a problem, its episode at tick 0 as a tree, and the constants to bind."""
-    bodies = _bodies_of(problem)
-    return bodies, copied(new_episode(problem, bodies)), structure_of(problem, len(bodies.points))
+    bodies = _bodies_of(setup)
+    return bodies, deep_copy(new_episode(setup, bodies)), compute_build_flags(setup, len(bodies.points))
 
 
-def _bodies_of(problem: Problem) -> KernelBodies:
+def _bodies_of(setup: SimulationSetup) -> KernelBodies:
     """Bodies of models that share nothing but the ground, one after the other; the last has the feet."""
-    world, bodies = problem.world, list[BodyArrays]()
+    world, bodies = setup.world, list[BodyArrays]()
     for chain in world.chains:
         first = len(bodies)
         for body in export_bodies(chain.model):
             moved = first > 0 and body.parent >= 0
             bodies.append(body._replace(parent=body.parent + first) if moved else body)
-    frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
+    frames = [name for side in setup.sides for name in world.contact_frames.get(side, ())]
     found = contact_points(world.chains[-1].model, frames)
     points = [point._replace(body=point.body + first) for point in found]
-    control = export_bodies(problem.control_model.model)
+    control = export_bodies(setup.control_model.model)
     # The last guide of each pelvis, or on the bench the first joint of each chain.
     guides = range(world.model.pelvis_index or 0, len(bodies), world.model.nv)
     return KernelBodies(bodies, points, control, world.model.up_axis, guides, world.slope != 0.0)
 
 
-def loop_of(
-    engine: CompiledEngine, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_at
+def load_or_compile_loop(
+    engine: CompiledEngine, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_ticks_at
 ) -> Loop:
     """The loop for episodes like an engine's, or with :func:`run_part` its plant, compiled if need be.
 
@@ -127,27 +127,27 @@ def loop_of(
     """
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop, compiled_tick, record_at
-        from twin_gait.simulation.vectors import in_vectors
+        from twin_gait.simulation.compiling import compile_loop, compile_user_tick, record_accessor
+        from twin_gait.simulation.vectors import vector_functions
 
-        bound, own = bound_to(engine), {}
-        controller, episode = engine.problem.controller, engine.store.dtype
-        for name, tick in controller.functions().items():
-            if not is_ours(tick):
+        bound, own = loop_names(engine), {}
+        controller, episode = engine.setup.controller, engine.store.dtype
+        for name, tick in controller.tick_functions().items():
+            if not is_package_function(tick):
                 assisted, device = name == "assisted_tick", episode["controller"]
-                own[name] = compiled_tick(controller.name, tick, assisted, device)
-        names = {**bound, **own, **in_vectors(bound), "episode_at": record_at(episode)}
-        return compile_loop(entry, names, own=controller.name if own else "")
+                own[name] = compile_user_tick(controller.name, tick, assisted, device)
+        names = {**bound, **own, **vector_functions(bound), "episode_at": record_accessor(episode)}
+        return compile_loop(entry, names, user_controller=controller.name if own else "")
 
-    return kept_loop(source_key(f"{entry.__name__} {engine.pattern}"), make, on_compile, engine.own)
+    return cached_loop(source_key(f"{entry.__name__} {engine.specialization_key}"), make, on_compile, engine.user_functions)
 
 
-def bound_to(engine: CompiledEngine) -> dict[str, Any]:
+def loop_names(engine: CompiledEngine) -> dict[str, Any]:
     """All that a loop is bound to but for where its episodes are."""
     return {
-        **engine.structure,
-        **engine.problem.controller.functions(),
-        **bound_kernel(engine.bodies),
+        **engine.build_flags,
+        **engine.setup.controller.tick_functions(),
+        **kernel_names(engine.bodies),
         **kernel_functions(engine.layout.writer, {}),
         **compiled_rows(len(engine.layout.names), engine.noise.shape[1]),
     }
@@ -159,21 +159,21 @@ def text_of(dtype: np.dtype[Any]) -> str:
     return repr(dtype)
 
 
-def bound_kernel(bodies: KernelBodies, laws: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
+def kernel_names(bodies: KernelBodies, laws: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
     """Return the functions of the generated kernel of some bodies by name, to be bound.
 
     ``laws``: functions in place of those of ``core`` that the kernel calls, by their names.
     """
-    called = {item.name: laws.get(item.name, item.function) for item in SIDE_BY_SIDE}
+    called = {item.name: laws.get(item.name, item.function) for item in MERGED_FUNCTIONS}
     return kernel_functions(write_kernel(bodies), called)
 
 
 @lru_cache(maxsize=32)
 def compiled_rows(width: int, noises: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
-    from twin_gait.simulation.compiling import jit, rows_at
+    from twin_gait.simulation.compiling import jit, row_accessor
 
-    logs, readings, switches = rows_at(_FLOAT, width), rows_at(_FLOAT, noises), rows_at(SWITCHES)
+    logs, readings, switches = row_accessor(_FLOAT, width), row_accessor(_FLOAT, noises), row_accessor(SWITCHES)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)

@@ -28,9 +28,9 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import DeadBranchPrune, ReconstructSSA
 from numba.extending import intrinsic
 
-from twin_gait.control.controller import UncompiledControllerError, require_no_answer, require_whole_numbers
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, function_at
+from twin_gait.control.controller import UncompiledControllerError, require_no_result, require_whole_numbers
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, wrap_native_function
 
 _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
@@ -63,7 +63,7 @@ class Lowering(NativeLowering):  # type: ignore[misc]
         return True
 
 
-class Pruning(CompilerBase):  # type: ignore[misc]
+class PruningPipeline(CompilerBase):  # type: ignore[misc]
     """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
 
     lowering: type[NativeLowering] = Lowering  # The pass that makes LLVM's code.
@@ -83,7 +83,7 @@ class Pruning(CompilerBase):  # type: ignore[misc]
 
 
 # Functions of the loops of this process: the next one compiles only what is different in it.
-_made: dict[type[Pruning], dict[Hashable, Any]] = {}
+_made: dict[type[PruningPipeline], dict[Hashable, Any]] = {}
 
 _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -103,12 +103,12 @@ def distinct(module: Any) -> Any:
     return _Distinct(module, (), name=str(len(module.metadata)))
 
 
-def _instruction(taken: Any, given: Any, build: Callable[[Any, Any], Any]) -> Any:
+def _instruction(argument_type: Any, result_type: Any, build: Callable[[Any, Any], Any]) -> Any:
     """A function of a number that is an instruction or two of the processor's."""
 
     @intrinsic  # type: ignore[untyped-decorator]
     def instruction(typing: Any, number: Any) -> Any:
-        return given(taken), lambda context, builder, signature, arguments: build(builder, arguments[0])
+        return result_type(argument_type), lambda context, builder, signature, arguments: build(builder, arguments[0])
 
     return instruction
 
@@ -125,10 +125,10 @@ _power_of_two = _instruction(types.float64, types.float64, _shifted_to_exponent)
 _whole_number = _instruction(types.float64, types.int64, lambda builder, n: builder.bitcast(n, _BITS))
 # What :mod:`twin_gait.core.elementary` leaves to machine code, by name, to be bound: as numba compiles them,
 # the functions there are a call of the C library and a round trip through integers.
-ON_BITS = {"power_of_two": _power_of_two, "whole_number": _whole_number}
+BIT_FUNCTIONS = {"power_of_two": _power_of_two, "whole_number": _whole_number}
 
 
-def jit(function: Any, *, inline: bool = True, pipeline: type[Pruning] = Pruning) -> Any:
+def jit(function: Any, *, inline: bool = True, pipeline: type[PruningPipeline] = PruningPipeline) -> Any:
     """A function of a loop, to be compiled with its callers' types."""
     made = numba.njit(**_OPTIONS, pipeline_class=pipeline, forceinline=inline)(function)
     template = made.get_call_template
@@ -138,19 +138,19 @@ def jit(function: Any, *, inline: bool = True, pipeline: type[Pruning] = Pruning
     return made
 
 
-def record_at(dtype: np.dtype[Any]) -> Any:
+def record_accessor(dtype: np.dtype[Any]) -> Any:
     """Compiled function from an address to the record there."""
     return jit(lambda address: numba.carray(_pointer(address), 1, dtype)[0])
 
 
-def rows_at(dtype: np.dtype[Any], *shape: int) -> Any:
+def row_accessor(dtype: np.dtype[Any], *shape: int) -> Any:
     """Compiled function from an address and a number to that record, or to that row of some shape."""
     rows = (_ENDLESS, *shape)
     return jit(lambda address, number: numba.carray(_pointer(address), rows, dtype)[number])
 
 
 def compile_loop(
-    entry: Callable[..., int], names: Mapping[str, Any], own: str = "", pipeline: type[Pruning] = Pruning
+    entry: Callable[..., int], names: Mapping[str, Any], user_controller: str = "", pipeline: type[PruningPipeline] = PruningPipeline
 ) -> CompiledLoop:
     """Bind an entry, which takes and returns whole numbers, to names, and compile it.
 
@@ -160,21 +160,21 @@ def compile_loop(
     def made(function: FunctionType) -> Any:
         return jit(function, inline=function.__name__ != entry.__name__, pipeline=pipeline)
 
-    loop = bind(entry, {**ON_BITS, **names}, made, _made.setdefault(pipeline, {}))
+    loop = specialize(entry, {**BIT_FUNCTIONS, **names}, made, _made.setdefault(pipeline, {}))
     signature = (numba.intp,) * ARGUMENTS
-    with compiled_in(pipeline):
+    with compiler_settings(pipeline):
         loop.compile(signature)
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
     address = result.library.get_pointer_to_function(symbol)
-    function = function_at(address, loop, f"controller {own!r}" if own else None)
-    standalone = not own and _stands_alone(result.library)
+    function = wrap_native_function(address, loop, f"controller {user_controller!r}" if user_controller else None)
+    standalone = not user_controller and _needs_only_libc(result.library)
     code = symbol.encode() + b"\n" + result.library._get_compiled_object()
     return CompiledLoop(function, code if standalone else None)
 
 
 @contextmanager
-def compiled_in(pipeline: type[Pruning] = Pruning) -> Iterator[None]:
+def compiler_settings(pipeline: type[PruningPipeline] = PruningPipeline) -> Iterator[None]:
     """Whatever is compiled in here is compiled as the loops of these passes are."""
     config, collects = numba.config, gc.isenabled()
     kept = config.OPT, config.LOOP_VECTORIZE
@@ -188,7 +188,7 @@ def compiled_in(pipeline: type[Pruning] = Pruning) -> Iterator[None]:
             gc.enable()
 
 
-def _stands_alone(library: Any) -> bool:
+def _needs_only_libc(library: Any) -> bool:
     """Whether compiled code calls the C library only; LLVM ends the process if it cannot find a name."""
     process = ctypes.CDLL(None)
     needed = [item.name for item in library._final_module.functions if item.is_declaration]
@@ -196,7 +196,7 @@ def _stands_alone(library: Any) -> bool:
 
 
 @lru_cache(maxsize=16)
-def compiled_tick(controller: str, tick: Any, assisted: bool, device: np.dtype[Any]) -> Any:
+def compile_user_tick(controller: str, tick: Any, assisted: bool, device: np.dtype[Any]) -> Any:
     """A function of the user's that is a part of a controller, compiled.
 
     ``assisted``: whether its memory is that beside the assistance. ``device``: layout of the record that it
@@ -207,12 +207,12 @@ def compiled_tick(controller: str, tick: Any, assisted: bool, device: np.dtype[A
     kinds = (numba.from_dtype(memory), numba.from_dtype(device), numba.int64, numba.float64)
     try:
         checked = numba.njit(nogil=True, boundscheck=True)  # else a wrong index writes into the record
-        compiled = tick if isinstance(tick, Dispatcher) else bind(tick, ON_BITS, checked)
+        compiled = tick if isinstance(tick, Dispatcher) else specialize(tick, BIT_FUNCTIONS, checked)
         compiled.compile(kinds)
     except (*_REFUSED, TypeError, AttributeError, KeyError, AssertionError) as error:
         raise UncompiledControllerError(f"numba cannot compile the controller {controller!r}") from error
     answer = compiled.overloads[kinds].signature.return_type
-    require_no_answer(controller, None if answer == types.none else answer)
+    require_no_result(controller, None if answer == types.none else answer)
     require_whole_numbers(controller, next(_cut(compiled.overloads[kinds]), None))
     return compiled
 

@@ -13,11 +13,11 @@ from twin_gait.control.safety import Trip, TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.network.bus import MEASUREMENT, SETPOINT
+from twin_gait.network.bus import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX
 from twin_gait.parameters.network import NODES
-from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Switch
+from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, CRUTCH_LOST, TIPPED, Switch
 from twin_gait.simulation.log import LogArrays, log_layout
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run, RunStatus
 
@@ -43,13 +43,13 @@ class EpisodeEngine(ABC):
     state: Any
     switches: np.ndarray
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, setup: SimulationSetup) -> None:
         """Find the columns of the log; ParameterError for events that the engine does not execute."""
-        if problem.experiment.events and not self.scripted:
+        if setup.experiment.events and not self.scripted:
             way_out = "leave engine and controller as they are, or leave the events out with --set events=[]"
             raise ParameterError(f"events: only simulate executes them, in the compiled engine; {way_out}")
-        self.problem = problem
-        self.layout = log_layout(problem)
+        self.setup = setup
+        self.layout = log_layout(setup)
 
     @abstractmethod
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
@@ -76,10 +76,10 @@ class EpisodeEngine(ABC):
         run_ticks, chunk = (self.run_ticks, self.chunk_ticks) if run_tick is None else (run_tick, 1)
         width, record = len(self.layout.names), bool(self.number("recording", "on"))
         kept = range(width) if columns is None else columns
-        total, done, stopped = self.problem.experiment.n_ticks, 0, False
+        total, done, stopped = self.setup.experiment.n_ticks, 0, False
         # Everybody reads columns: each chunk is turned round while the cache still holds it.
         table, rows = np.empty((len(kept), total if record else 0)), np.zeros((chunk if record else 1, width))
-        while done < total and self.ending(done)[0] is RunStatus.COMPLETED:
+        while done < total and self.status_after(done)[0] is RunStatus.COMPLETED:
             if progress is not None:
                 progress(done, total)
             stopped = should_stop is not None and should_stop()
@@ -91,14 +91,14 @@ class EpisodeEngine(ABC):
                     table[place, first:done] = rows[: done - first, column]
         if progress is not None:
             progress(done, total)
-        run = self.finished(done, table, columns, time.perf_counter() - began)
+        run = self.build_run(done, table, columns, time.perf_counter() - began)
         if stopped:
             return replace(run, status=RunStatus.INTERRUPTED, reason=f"stopped at {done * TICK:.3f} s")
         return run
 
-    def finished(self, done: int, log: np.ndarray, columns: Sequence[int] | None, wall_s: float) -> Run:
+    def build_run(self, done: int, log: np.ndarray, columns: Sequence[int] | None, wall_s: float) -> Run:
         """The run of some ticks, whose log has shape ``(n_columns, n)``; ``columns`` as in :meth:`run`."""
-        problem, (status, reason), names = self.problem, self.ending(done), self.layout.names
+        problem, (status, reason), names = self.setup, self.status_after(done), self.layout.names
         kept = names if columns is None else [names[place] for place in columns]
         return Run(
             experiment=problem.experiment,
@@ -123,26 +123,26 @@ class EpisodeEngine(ABC):
             found = found[name] if isinstance(found, np.void) else getattr(found, name)
         return int(found)
 
-    def ending(self, done: int) -> tuple[RunStatus, str]:
+    def status_after(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
         status = self.number("status")
         if status == COMPLETED:
             return RunStatus.COMPLETED, ""
-        world, when = self.problem.world, f"at {done * TICK:.3f} s"
+        world, when = self.setup.world, f"at {done * TICK:.3f} s"
         lean, reach = math.degrees(world.fall_pitch), world.longest_reach
         reasons = {
             DIVERGED: f"the state diverged {when}; try a smaller integration step",
             FELL: f"the pelvis fell below {world.fall_height:.2f} m {when}",
             TIPPED: f"the trunk leaned by more than {lean:.0f} deg {when}",
-            LET_GO: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
+            CRUTCH_LOST: f"a hand let go of its crutch, more than {reach:.2f} m from the shoulder {when}",
         }
         return RunStatus.DIVERGED if status == DIVERGED else RunStatus.FELL, reasons[status]
 
     def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far, from one of them on."""
-        names, sides = self.problem.table.phase_names, self.problem.sides
+        names, sides = self.setup.table.phase_names, self.setup.sides
         happened = self.number("recording", "n_switches")
-        causes = [*(item.cause for item in self.problem.table.transitions), POSTURE]  # that of transition -1
+        causes = [*(item.cause for item in self.setup.table.transitions), POSTURE]  # that of transition -1
         found = [
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
             for tick, leg, source, target, chosen in self.switches[first:happened].tolist()
@@ -154,7 +154,7 @@ class EpisodeEngine(ABC):
         tick = self.number("controller", "trip", "tick")
         if tick < 0:
             return None
-        trip, joints, sides = self.state.controller.trip, self.problem.joints, self.problem.sides
+        trip, joints, sides = self.state.controller.trip, self.setup.joints, self.setup.sides
         place, side, joint = int(trip.part), None, None
         if place >= len(joints):  # behind the joints are the legs
             side = sides[place - len(joints)]
@@ -164,13 +164,13 @@ class EpisodeEngine(ABC):
 
     def _traffic(self, ticks: int) -> dict[str, Any] | None:
         """What the bus has carried in a run of at least 1 tick, as a summary has it; None without one."""
-        if self.problem.experiment.network is None:
+        if self.setup.experiment.network is None:
             return None
         network, bus, frames = self.state.network, self.state.network.bus, {}
         # As the sender believes; by newer ones before they were sent; ended in error frames.
         counts = "sent", "lost", "replaced", "destroyed"
-        for kind, wires in ((SETPOINT, network.setpoints), (MEASUREMENT, network.measurements)):
-            for joint, wire in zip(self.problem.joints, wires, strict=True):
+        for kind, wires in ((SETPOINT_SUFFIX, network.setpoints), (MEASUREMENT_SUFFIX, network.measurements)):
+            for joint, wire in zip(self.setup.joints, wires, strict=True):
                 frame = bus.frames[int(wire.frame)]
                 frames[f"{joint.side}_{joint.joint}_{kind}"] = {
                     # Since its sender wrote what its receiver goes by, over all ticks.

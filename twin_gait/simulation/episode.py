@@ -9,31 +9,31 @@ import math
 from dataclasses import dataclass, field
 
 from twin_gait.control.gait_controller import ControllerState
-from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
+from twin_gait.control.joint_board import BoardState, JointSetpoint, Limits, SamplingConfig
 from twin_gait.core.actuator import Motor
 from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.can_bus import Bus
 from twin_gait.core.can_codec import SignalLayout
-from twin_gait.core.contact import Ground, Point
+from twin_gait.core.contact import Ground, ContactState
 from twin_gait.core.estimation import DelayLine
-from twin_gait.core.faults import Fault
+from twin_gait.core.faults import FaultRecord
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
 from twin_gait.parameters.wearer import JointCondition
-from twin_gait.worlds.arm_policy import ArmPolicy, Sense
+from twin_gait.worlds.arm_policy import ArmPolicy, Perception
 
-COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
+COMPLETED, FELL, DIVERGED, TIPPED, CRUTCH_LOST = 0, 1, 2, 3, 4
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]: a joint that turns faster is no longer physical
 # First hip angle of the normative moments, and from one to the next, in [rad].
-LOWEST_POSTURE, POSTURE_STEP = math.radians(-30.0), math.radians(2.0)
+MIN_HIP_ANGLE, HIP_ANGLE_STEP = math.radians(-30.0), math.radians(2.0)
 
 
 @dataclass(slots=True)
 class Joint:
     """A controlled joint."""
 
-    place: int  # In the coordinates.
+    index: int  # In the coordinates.
     board: BoardState  # Its board.
     motor: Motor  # Motor and gear.
     line: DelayLine  # Commands on their way to the drive in [N m].
@@ -41,33 +41,33 @@ class Joint:
     current: float = 0.0  # Of the motor in [A].
     current_deviation: float = 0.0  # From what the drive should give in [A].
     voltage: float = 0.0  # On the winding in [V].
-    due: float = 0.0  # Command that reaches the drive in this tick, where they come late, in [N m].
+    due_command: float = 0.0  # Command that reaches the drive in this tick, where they come late, in [N m].
     push: float = 0.0  # Torque from outside, held over the tick, in [N m].
-    outside: float = 0.0  # Torque of wearer, push and imposed motion in [N m], as the log has it.
-    pushed: float = 0.0  # The part of it that is push and imposed motion, in [N m].
+    external_torque: float = 0.0  # Torque of wearer, push and imposed motion in [N m], as the log has it.
+    disturbance_torque: float = 0.0  # The part of it that is push and imposed motion, in [N m].
     off: bool = False  # Whether its board is rebooting.
-    heard: Demand = field(default_factory=Demand)  # What its board heard last over the bus.
+    received_setpoint: JointSetpoint = field(default_factory=JointSetpoint)  # What its board heard last over the bus.
 
 
 @dataclass(slots=True)
 class Limb:
     """A hip or knee of the wearer."""
 
-    place: int  # In the coordinates of the device.
+    index: int  # In the coordinates of the device.
     condition: JointCondition  # What the wearer does.
     moments: list[list[float]]  # Normative moment in [N m] by phase and posture of the hip.
     effort_line: DelayLine  # Efforts on their way in [N m].
 
 
 @dataclass(slots=True)
-class Sole:
+class FootState:
     """A foot on the ground: its load sensor, and what the log has of it."""
 
     load: float = 0.0  # Of the sensor, over body weight.
     normal: float = 0.0  # Force of the ground in [N], at right angles to it.
     friction: float = 0.0  # Along it, forwards positive.
     clearance: float = 0.0  # Height of the lowest point over the ground in [m].
-    pressure_place: float = 0.0  # Centre of pressure, 0 at the first point to 1 at the last.
+    cop_ratio: float = 0.0  # Centre of pressure, 0 at the first point to 1 at the last.
 
 
 @dataclass(slots=True)
@@ -92,7 +92,7 @@ class TimedCommand:
 
 
 @dataclass(slots=True)
-class Stages:
+class IntegratorBuffers:
     """Room of the integrators, one entry per coordinate each."""
 
     q: list[float]  # Coordinates of a stage.
@@ -111,15 +111,15 @@ class ReceivedFrame:
 
 
 @dataclass(slots=True)
-class Wire:
+class CanChannel:
     """A frame between a board and the gait controller."""
 
     frame: int  # Its place among those of the bus.
     layout: list[SignalLayout]  # Of its signals.
     received: list[ReceivedFrame]  # What has arrived, taken in turn.
-    written: int = 0  # Tick in which its sender wrote what the receiver goes by.
-    ages: int = 0  # Sum over all ticks of how many ticks old that was.
-    oldest: int = 0  # Most of them.
+    written_tick: int = 0  # Tick in which its sender wrote what the receiver goes by.
+    age_sum: int = 0  # Sum over all ticks of how many ticks old that was.
+    max_age: int = 0  # Most of them.
 
 
 @dataclass(slots=True)
@@ -128,8 +128,8 @@ class Network:
 
     bus: Bus  # With all its frames.
     delay: int  # Ticks by which every frame is used later than it arrives.
-    setpoints: list[Wire]  # To each board.
-    measurements: list[Wire]  # Of each.
+    setpoints: list[CanChannel]  # To each board.
+    measurements: list[CanChannel]  # Of each.
     numbers: list[float]  # Room for what a frame says.
 
 
@@ -159,7 +159,7 @@ class Recording:
 
 
 @dataclass(slots=True)
-class Works:
+class WorkBySource:
     """Work done on the leg since the start in [J], by what does it."""
 
     motor: float = 0.0
@@ -167,7 +167,7 @@ class Works:
     stop: float = 0.0
     spring: float = 0.0
     contact: float = 0.0
-    patient: float = 0.0
+    external: float = 0.0
     brace: float = 0.0
 
 
@@ -179,11 +179,11 @@ class Episode:
     substeps: int  # Steps in a tick.
     gravity: float  # In [m] / [s²].
     body_weight: float  # Of wearer and device in [N].
-    catch_stiffness: float  # Of the harness that locks at a trip in [N] / [m].
-    catch_dissipation: float  # In [s] / [m].
+    lock_stiffness: float  # Of the harness that locks at a trip in [N] / [m].
+    lock_dissipation: float  # In [s] / [m].
     fall_height: float  # Height of the pelvis below which the wearer has fallen, in [m].
     fall_pitch: float  # Pitch of the trunk, either way, beyond which the wearer has fallen, in [rad].
-    longest_reach: float  # Length of arm and crutch beyond which a hand has let go, in [m].
+    max_reach: float  # Length of arm and crutch beyond which a hand has let go, in [m].
     watching: bool  # Whether the safety monitor is on.
     first_fault: int  # First tick with a fault.
     q: list[float]  # Coordinates in [rad] and [m].
@@ -194,38 +194,38 @@ class Episode:
     voluntary: list[float]  # Part of these torques that is the wearer's voluntary effort.
     passive_moment: list[float]  # Part that is the wearer's passive moment with the stretch reflex.
     torque: list[float]  # All torques on them.
-    stages: Stages
+    integrator: IntegratorBuffers
     bodies: list[float]  # Run-time values of the plant's kernel.
-    rates: Rates
+    rates: SamplingConfig
     supply: Supply
     limits: Limits
     controller: ControllerState
     joints: list[Joint]
-    soles: list[Sole]
+    feet: list[FootState]
     network: Network
     limbs: list[Limb]  # Hip and knee of the wearer, leg by leg.
     ankles: list[int]  # Place of the ankle of each leg in the coordinates; none without.
     passive: list[int]  # Places of the joints that are not controlled, in the order of the log.
     plant: list[Plant]
     ground: Ground
-    points: list[Point]  # Of the soles.
+    points: list[ContactState]  # Of the soles.
     belt: Belt
     imposed_motion: ImposedMotion
     braces: list[Brace]
     braced: list[int]  # Joints of the device in the order of the log's braces.
-    faults: list[Fault]
+    faults: list[FaultRecord]
     requests: list[TimedCommand]  # That are made of the supervisor, with room for more; none without one.
     recording: Recording
     trunk: Trunk  # If it is free.
     trunk_unit: TrunkUnit  # On it, unless its pitch is known exactly.
     arms: list[Arm]  # That hold a crutch.
     policy: ArmPolicy  # How they are used.
-    sense: Sense  # What the person feels.
+    sense: Perception  # What the person feels.
     swing_phases: list[float]  # 1 for phases in which a leg swings.
     # What a person feels of a chair in a phase, :class:`twin_gait.worlds.arm_policy.Sense`.
     chair_phases: list[float]
     seat: Seat  # If there is one.
-    works: Works = field(default_factory=Works)
+    work: WorkBySource = field(default_factory=WorkBySource)
     # Of bodies and rotors, and of gravity, in [J], as the log has them.
     kinetic_energy: float = 0.0
     potential_energy: float = 0.0

@@ -14,11 +14,11 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from twin_gait.core.schedule import Block, OneByOne, Over, Rare, Schedule, Some, Step, When
-from twin_gait.simulation.interface import each, lanes
+from twin_gait.core.schedule import BlockStep, ScalarSteps, ForEach, ScalarBranch, Schedule, VectorBranch, Step, When
+from twin_gait.simulation.interface import scalar_lanes, vector_lanes
 
 
-class Names(NamedTuple):
+class ScheduleNames(NamedTuple):
     """Expressions for the names in a schedule; ``{e}`` in them is the episode."""
 
     arguments: Mapping[str, str]  # Records and numbers by the name of an argument of a step.
@@ -30,11 +30,11 @@ class Names(NamedTuple):
 def scalar_driver(
     name: str,
     schedule: Schedule,
-    names: Names,
+    names: ScheduleNames,
     result: Step | None = None,
     head: str = "(e, tick)",
     module: str = __name__,
-    says: str = "Run steps of one episode.",
+    docstring: str = "Run steps of one episode.",
 ) -> Callable[..., Any]:
     """Return the function that runs a schedule for one episode.
 
@@ -44,11 +44,11 @@ def scalar_driver(
     writer = _Writer(names)
     lines = list(writer.scalar(schedule, "    ", "e"))
     lines += [] if result is None else [f"    return {writer.call(result, 'e')}"]
-    return writer.made(name, head, says, lines, module)
+    return writer.made(name, head, docstring, lines, module)
 
 
 def lane_driver(
-    name: str, schedule: Schedule, names: Names, result: Step | None = None
+    name: str, schedule: Schedule, names: ScheduleNames, result: Step | None = None
 ) -> Callable[..., Any]:
     """Return the function that runs a schedule for a block of episodes; arguments of :func:`scalar_driver`.
 
@@ -57,14 +57,14 @@ def lane_driver(
     writer = _Writer(names)
     lines = list(writer.in_lanes(schedule, "    "))
     lines += [] if result is None else [*writer.any_of(result, "    "), f"    return {writer.flag}"]
-    writer.scope |= {"lanes": lanes, "each": each}
+    writer.scope |= {"lanes": vector_lanes, "each": scalar_lanes}
     return writer.made(name, "(e, tick)", "Run steps of a block of episodes.", lines, __name__)
 
 
 class _Writer:
     """Writes the statements of a driver."""
 
-    def __init__(self, names: Names) -> None:
+    def __init__(self, names: ScheduleNames) -> None:
         self.names = names
         self.scope: dict[str, Any] = {}
         self.flags = 0  # Number of flags over all episodes so far.
@@ -100,19 +100,19 @@ class _Writer:
         inner = f"{pad}    "
         for item in _flat(steps):
             match item:
-                case OneByOne(single_steps):
+                case ScalarSteps(single_steps):
                     yield from self.scalar(single_steps, pad, e)
-                case Over(parts, part_steps):
+                case ForEach(parts, part_steps):
                     count = self.names.counts[parts].format(e=e)
                     if count:
                         yield f"{pad}for number in range({count}):"
                     yield from self.scalar(part_steps, inner if count else pad, e)
                 case When():
                     yield from self.branches(item, pad, e, lambda part: self.scalar(part, inner, e))
-                case Some(test, some_steps) | Rare(test, some_steps):
+                case VectorBranch(test, some_steps) | ScalarBranch(test, some_steps):
                     yield f"{pad}if {self.call(test, e)}:"
                     yield from self.scalar(some_steps, inner, e)
-                case Block(function):
+                case BlockStep(function):
                     yield f"{pad}{self.call(function, e)}"
                 case _:
                     yield f"{pad}{self.call(item, e)}"
@@ -127,24 +127,24 @@ class _Writer:
             yield from self.loop(waiting, pad)
             waiting = []
             match item:
-                case Over(parts, part_steps):
+                case ForEach(parts, part_steps):
                     yield f"{pad}for number in range({self.names.counts[parts].format(e='e')}):"
                     yield from self.in_lanes(part_steps, inner)
                 case When():
                     yield from self.branches(item, pad, "e", lambda part: self.in_lanes(part, inner))
-                case Some(test, some_steps):
+                case VectorBranch(test, some_steps):
                     yield from self.any_of(test, pad)
                     yield f"{pad}if {self.flag}:"
                     yield from self.in_lanes(some_steps, inner)
-                case Rare(test):
+                case ScalarBranch(test):
                     yield from self.any_of(test, pad)
                     yield f"{pad}if {self.flag}:"
                     yield f"{inner}for one in each(e):"
                     yield from self.scalar((item,), f"{inner}    ", "one")
-                case OneByOne(single_steps):
+                case ScalarSteps(single_steps):
                     yield f"{pad}for one in each(e):"
                     yield from self.scalar(single_steps, inner, "one")
-                case Block(function):
+                case BlockStep(function):
                     yield f"{pad}{self.call(function, 'e')}"
         yield from self.loop(waiting, pad)
 

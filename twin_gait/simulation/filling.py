@@ -5,14 +5,14 @@ import reprlib
 from dataclasses import replace
 
 from twin_gait.control import gait_controller as ccu
-from twin_gait.control.controller import mistake, require_whole_numbers
-from twin_gait.control.joint_board import BoardState, Limits, Rates
+from twin_gait.control.controller import controller_error, require_whole_numbers
+from twin_gait.control.joint_board import BoardState, Limits, SamplingConfig
 from twin_gait.control.supervisor import NO_POSTURE, ModeCommand, Supervisor
 from twin_gait.core.actuator import Motor
-from twin_gait.core.contact import Point
-from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
+from twin_gait.core.contact import ContactState
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, ImpedanceSetpoint, new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
+from twin_gait.core.guards import CompiledComparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.inertial import TrunkUnit
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.safety import Bounds
@@ -20,37 +20,37 @@ from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import KernelBodies, body_values
-from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
+from twin_gait.network.bus import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX, cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
 from twin_gait.parameters.network import NetworkParameters
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.quantities import from_attributes
 from twin_gait.simulation import episode
-from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks, ticks
-from twin_gait.simulation.record import ABSENT, Record, float_in, is_record
+from twin_gait.simulation.problem import NEVER, SimulationSetup, fault_records, phase_timeout_ticks, to_ticks
+from twin_gait.simulation.record import ABSENT, Record, find_float, is_record
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
-from twin_gait.worlds.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
+from twin_gait.worlds.arm_policy import LEANING, SITTING_DOWN, REACHING_BACK, RISING, SITTING
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
 # What is felt of a chair, by phase.
-FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, STRAIGHTEN: RISES, REACH_BACK: REACHES, LOWER: LOWERS}
-_LATELY = 32  # [ticks]; likewise delays of the bus
+CHAIR_CODES = {SIT: SITTING, LEAN: LEANING, RISE: RISING, STRAIGHTEN: RISING, REACH_BACK: REACHING_BACK, LOWER: SITTING_DOWN}
+_DELAY_PADDING = 32  # [ticks]; likewise delays of the bus
 
 
-def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
+def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode:
     """Return the episode of a problem at tick 0; it may share parts with the world, and have one part twice.
 
     ``bodies``: those that the kernels of plant and controller are written for.
     """
-    experiment, world = problem.experiment, problem.world
-    n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
+    experiment, world = setup.experiment, setup.world
+    n, stepping, phases = len(world.start_q), experiment.resolved_integration, setup.table.phases
     most_switches = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
-    faults = fault_records(problem)
+    faults = fault_records(setup)
     legs = world.model.legs.items()
     ankles = [world.model.index(side, JointName.ANKLE) for side, leg in legs if leg.ankle is not None]
-    passive = [world.model.index(side, joint) for side, joint in problem.passive]
-    return taken_from(
+    passive = [world.model.index(side, joint) for side, joint in setup.passive]
+    return from_attributes(
         episode.Episode,
         world,
         step=stepping.step,
@@ -67,130 +67,130 @@ def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
         voluntary=[0.0] * n,
         passive_moment=[0.0] * n,
         torque=[0.0] * n,
-        stages=episode.Stages(*([0.0] * n for _ in range(4))),
+        stages=episode.IntegratorBuffers(*([0.0] * n for _ in range(4))),
         bodies=body_values(bodies.bodies, bodies.points),
-        rates=Rates(TICK, problem.fast_gain, experiment.sensors.decimation, problem.table.blending.law.code),
-        supply=_supply(problem),
-        limits=limits_of(problem, problem.experiment.network),
-        controller=_controller(problem, body_values(bodies.control_bodies)),
-        joints=[_joint(problem, number) for number in range(len(problem.joints))],
-        soles=[episode.Sole() for _ in problem.sides],
-        network=ABSENT if experiment.network is None else _network(problem, experiment.network),
-        limbs=problem.limbs,
+        rates=SamplingConfig(TICK, setup.fast_gain, experiment.sensors.decimation, setup.table.blending.law.code),
+        supply=_supply(setup),
+        limits=build_limits(setup, setup.experiment.network),
+        controller=_controller(setup, body_values(bodies.control_bodies)),
+        joints=[_joint(setup, number) for number in range(len(setup.joints))],
+        soles=[episode.FootState() for _ in setup.sides],
+        network=ABSENT if experiment.network is None else _network(setup, experiment.network),
+        limbs=setup.limbs,
         ankles=ankles,
         passive=passive,
         ground=world.ground(),
-        points=[Point() for _ in range(max(len(bodies.points), 1))],
+        points=[ContactState() for _ in range(max(len(bodies.points), 1))],
         imposed_motion=world.imposed_motion or ImposedMotion(),
         braces=[] if world.braces is None else world.braces.braces,
-        braced=[*(joint.coordinate for joint in problem.joints), *passive],
+        braced=[*(joint.coordinate for joint in setup.joints), *passive],
         faults=faults,
-        requests=_requests(problem),
-        trunk_unit=_trunk_unit(problem) if problem.inertial else ABSENT,
-        swing_phases=[float(problem.table.is_swing(name)) for name in phases if world.arms],
-        chair_phases=[FELT.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
-        recording=episode.Recording(most_switches, len(problem.noise)),
+        requests=_requests(setup),
+        trunk_unit=_trunk_unit(setup) if setup.inertial else ABSENT,
+        swing_phases=[float(setup.table.is_swing(name)) for name in phases if world.arms],
+        chair_phases=[CHAIR_CODES.get(name, 0.0) for name in phases if world.arms or world.seat is not None],
+        recording=episode.Recording(most_switches, len(setup.noise)),
     )
 
 
-def _supply(problem: Problem) -> episode.Supply:
-    battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
-    power = electronics.constant_power + len(problem.joints) * electronics.inverter_power
+def _supply(setup: SimulationSetup) -> episode.Supply:
+    battery, electronics = setup.experiment.plant.battery, setup.experiment.plant.electronics
+    power = electronics.constant_power + len(setup.joints) * electronics.inverter_power
     voltage, resistance = battery.voltage, battery.internal_resistance
     return episode.Supply(voltage, resistance, power, electronics.regeneration, bus_voltage=voltage)
 
 
-def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
+def build_limits(setup: SimulationSetup, network: NetworkParameters | None) -> Limits:
     """Limits of boards and gait controller, which bear the silence of a network, or without one any."""
-    control = problem.experiment.control
+    control = setup.experiment.control
     safety = control.safety
     heeded = network if safety.enabled else None
-    return taken_from(
+    return from_attributes(
         Limits,
         control.limits,
-        phase_ticks=phase_time_out_ticks(problem),
-        frozen_load_ticks=ticks(safety.frozen_load_time),
-        controller_silence=NEVER if heeded is None else ticks(heeded.board_silence),
-        board_silence=NEVER if heeded is None else ticks(heeded.ccu_silence),
-        lowering_ticks=ticks(safety.lowering_time),
+        phase_ticks=phase_timeout_ticks(setup),
+        frozen_load_ticks=to_ticks(safety.frozen_load_time),
+        controller_silence=NEVER if heeded is None else to_ticks(heeded.board_timeout),
+        board_silence=NEVER if heeded is None else to_ticks(heeded.ccu_timeout),
+        lowering_ticks=to_ticks(safety.lowering_time),
         hold_damping=safety.hold_damping,
     )
 
 
-def _controller(problem: Problem, bodies: list[float]) -> ccu.ControllerState:
-    experiment, control = problem.experiment, problem.experiment.control
+def _controller(setup: SimulationSetup, bodies: list[float]) -> ccu.ControllerState:
+    experiment, control = setup.experiment, setup.experiment.control
     supply, settings, modes = experiment.plant.battery.voltage, control.safety, experiment.modes
-    gain, memory = control.inertia_compensation, problem.controller.memory(problem.plan)
+    gain, memory = control.inertia_compensation, setup.controller.initial_memory(setup.plan)
     if not is_record(memory):
         expected = "a memory that is a dataclass with slots, of numbers, such dataclasses and lists of them"
-        raise mistake(problem.controller.name, expected, reprlib.repr(memory))
-    require_whole_numbers(problem.controller.name, float_in(memory))
-    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
-    legs = [_leg(problem, number) for number in range(len(problem.sides))]
+        raise controller_error(setup.controller.name, expected, reprlib.repr(memory))
+    require_whole_numbers(setup.controller.name, find_float(memory))
+    q, a, gravity, inertia = ([0.0] * setup.control_model.nv for _ in range(4))
+    legs = [_leg(setup, number) for number in range(len(setup.sides))]
     return ccu.ControllerState(
         joints=[
-            _controlled_joint(problem, number, legs[number // problem.joints_per_leg].phase)
-            for number in range(len(problem.joints))
+            _controlled_joint(setup, number, legs[number // setup.joints_per_leg].phase)
+            for number in range(len(setup.joints))
         ],
         legs=legs,
-        program=_padded(problem.program),
-        signals=problem.table.in_si({}),
-        supply=ccu.WatchedSupply(
-            supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
+        program=_padded(setup.program),
+        signals=setup.table.to_si({}),
+        supply=ccu.SupplyMonitor(
+            supply, settings.min_voltage_share * supply, low_ticks=to_ticks(settings.voltage_time)
         ),
         model=ccu.ControlModel(bodies, experiment.plant.gravity, q, a, gravity, inertia, gain),
         memory=memory,
-        supervisor=ABSENT if modes is None else _supervisor(problem, modes),
+        supervisor=ABSENT if modes is None else _supervisor(setup, modes),
     )
 
 
-def _controlled_joint(problem: Problem, number: int, phase: int) -> ccu.ControlledJoint:
-    joint, control = problem.joints[number], problem.experiment.control
-    leg, position = divmod(number, problem.joints_per_leg)
+def _controlled_joint(setup: SimulationSetup, number: int, phase: int) -> ccu.ControlledJoint:
+    joint, control = setup.joints[number], setup.experiment.control
+    leg, position = divmod(number, setup.joints_per_leg)
     first = COLUMNS_PER_JOINT * position
-    rows = problem.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
-    setpoints = [Setpoint(*row) for row in rows]
+    rows = setup.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
+    setpoints = [ImpedanceSetpoint(*row) for row in rows]
     return ccu.ControlledJoint(
-        control_place=joint.control_coordinate,
+        model_index=joint.control_coordinate,
         setpoints=setpoints,
         blend_start=setpoints[phase],
         blended=setpoints[phase],
         target=control.target_torque.get(joint.joint, 0.0),
-        silent_ticks=-problem.bus_delay,
+        ticks_since_message=-setup.bus_delay,
     )
 
 
-def _leg(problem: Problem, number: int) -> ccu.ControlledLeg:
-    side = problem.sides[number]
-    name = problem.world.initial_phases[side]
-    phase = 0 if name is None else problem.table.phase_index(name)
-    shares = problem.phase_rows[number, :, -1].tolist()
+def _leg(setup: SimulationSetup, number: int) -> ccu.ControlledLeg:
+    side = setup.sides[number]
+    name = setup.world.initial_phases[side]
+    phase = 0 if name is None else setup.table.phase_index(name)
+    shares = setup.phase_rows[number, :, -1].tolist()
     return ccu.ControlledLeg(
         phase=phase,
-        debounce=[0] * _capacity(problem.program.n_transitions),
+        debounce=[0] * _capacity(setup.program.n_transitions),
         gravity_shares=shares,
         gravity_start=shares[phase],
         gravity=shares[phase],
-        blend_ticks=[problem.table.blend_ticks(phase) for phase in problem.table.phases_of(side).values()],
-        frozen_speed=problem.experiment.control.safety.frozen_speed,
+        blend_ticks=[setup.table.blend_ticks(phase) for phase in setup.table.phases_of(side).values()],
+        frozen_speed=setup.experiment.control.safety.frozen_speed,
     )
 
 
-def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
-    table, initial = problem.table, problem.experiment.initial_mode
+def _supervisor(setup: SimulationSetup, modes: ModeTable) -> Supervisor:
+    table, initial = setup.table, setup.experiment.initial_mode
     modes = replace(modes, joints=table.joints)  # in whose places the signals stand
     program = compile_guards(modes)
 
-    def told(mode: Mode) -> ModeCommand:
+    def mode_command(mode: Mode) -> ModeCommand:
         posture = NO_POSTURE if mode.posture is None else table.phase_index(mode.posture)
         return ModeCommand(posture, float(mode.walk), float(mode.step))
 
     return Supervisor(
         program=_padded(program),
-        modes=[told(mode) for mode in modes.phases.values()],
+        modes=[mode_command(mode) for mode in modes.phases.values()],
         hold=modes.phase_index(modes.hold),
         swing=sum(1 << place for place, name in enumerate(table.phase_names) if table.is_swing(name)),
-        signals=modes.in_si({}),
+        signals=modes.to_si({}),
         debounce=[0] * _capacity(program.n_transitions),
         mode=0 if initial is None else modes.phase_index(initial),
     )
@@ -200,13 +200,13 @@ def _padded(program: GuardProgram) -> GuardProgram:
     """A program with room, so that tables of like size share one loop."""
     return replace(
         program,
-        transitions=_with_room(program.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
-        nodes=_with_room(program.nodes, GuardNode(0, 0)),
-        comparisons=_with_room(program.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0)),
+        transitions=_padded_list(program.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
+        nodes=_padded_list(program.nodes, GuardNode(0, 0)),
+        comparisons=_padded_list(program.comparisons, CompiledComparison(0, 0, 0.0, 0.0, 0.0)),
     )
 
 
-def _with_room(entries: list[Record], blank: Record) -> list[Record]:
+def _padded_list(entries: list[Record], blank: Record) -> list[Record]:
     return entries + [blank] * (_capacity(len(entries)) - len(entries))
 
 
@@ -214,22 +214,22 @@ def _capacity(count: int) -> int:
     return max(1, -(-count // _CAPACITY)) * _CAPACITY
 
 
-def _joint(problem: Problem, number: int) -> episode.Joint:
-    joint, experiment = problem.joints[number], problem.experiment
-    actuator, inverter = problem.actuator(joint), experiment.plant.electronics.inverter_resistance
-    motor = taken_from(Motor, actuator, resistance=actuator.resistance + inverter)
-    angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
+def _joint(setup: SimulationSetup, number: int) -> episode.Joint:
+    joint, experiment = setup.joints[number], setup.experiment
+    actuator, inverter = setup.actuator(joint), experiment.plant.electronics.inverter_resistance
+    motor = from_attributes(Motor, actuator, resistance=actuator.resistance + inverter)
+    angle = float(setup.world.start_q[joint.coordinate] + setup.offset[number])
     counts = experiment.sensors.encoder_counts * actuator.gear_ratio
     resolution = 0.0 if experiment.sensors.ideal else 2.0 * math.pi / counts
     return episode.Joint(
-        place=joint.coordinate,
+        index=joint.coordinate,
         board=BoardState(
             encoder=new_encoder(resolution, angle, experiment.sensors.window),
             motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
-            bounds=_bounds(problem, number),
+            bounds=_bounds(setup, number),
             # What is on its way at the start may take so long.
-            silent_ticks=-problem.bus_delay,
+            ticks_since_message=-setup.bus_delay,
         ),
         motor=motor,
         # What is put in at the end of a tick is taken out for the next one.
@@ -238,67 +238,67 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
     )
 
 
-def _bounds(problem: Problem, number: int) -> Bounds:
+def _bounds(setup: SimulationSetup, number: int) -> Bounds:
     """Bounds of the monitor for a joint."""
-    joint, control, model = problem.joints[number], problem.experiment.control, problem.control_model
-    settings, motor = control.safety, problem.actuator(joint)
+    joint, control, model = setup.joints[number], setup.experiment.control, setup.control_model
+    settings, motor = control.safety, setup.actuator(joint)
     lower, upper = model.position_limits(joint.side, joint.joint)
     continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
     cooling = min(1.0, TICK / settings.thermal_time_constant)
-    resistance = motor.resistance + problem.experiment.plant.electronics.inverter_resistance
+    resistance = motor.resistance + setup.experiment.plant.electronics.inverter_resistance
     fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 in a URDF that leaves it open
-    return taken_from(
+    return from_attributes(
         Bounds,
         settings,
         lower=lower,
         upper=upper,
         highest_speed=settings.speed_share * (fastest if fastest > 0.0 else math.inf),
         stop_distance_factor=0.5 / settings.stopping_deceleration,
-        frozen_ticks=ticks(settings.frozen_time),
+        frozen_ticks=to_ticks(settings.frozen_time),
         model_gain=min(1.0, TICK / settings.model_time_constant),
         highest_torque=control.limits.torque,
-        torque_ticks=ticks(settings.torque_time),
+        torque_ticks=to_ticks(settings.torque_time),
         command_gain=min(1.0, TICK / settings.command_time_constant),
         highest_current=settings.current_share * control.limits.current,
         heating=cooling / (continuous * continuous),
         cooling=cooling,
-        drive_ticks=ticks(settings.drive_time),
+        drive_ticks=to_ticks(settings.drive_time),
         emf_constant=motor.torque_constant * motor.gear_ratio,
         model_resistance=settings.model_resistance_ratio * resistance,
     )
 
 
-def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network:
-    boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
+def _network(setup: SimulationSetup, parameters: NetworkParameters) -> episode.Network:
+    boards = [f"{joint.side}_{joint.joint}" for joint in setup.joints]
     messages = load_messages(parameters.dbc)
-    frames, delay = cyclic_messages(messages, boards), problem.bus_delay
-    room = (delay // _LATELY + 1) * _LATELY
+    frames, delay = cyclic_messages(messages, boards), setup.bus_delay
+    room = (delay // _DELAY_PADDING + 1) * _DELAY_PADDING
 
-    def wires(kind: str) -> list[episode.Wire]:
+    def channels(kind: str) -> list[episode.CanChannel]:
         carried = [messages[f"{board}_{kind}"] for board in boards]
         places = [(frames.index(message), message.layout) for message in carried]
-        return [episode.Wire(*place, [episode.ReceivedFrame() for _ in range(room)]) for place in places]
+        return [episode.CanChannel(*place, [episode.ReceivedFrame() for _ in range(room)]) for place in places]
 
     return episode.Network(
-        bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
+        bus=new_bus(parameters, frames, setup.experiment.seed, TICK),
         delay=delay,
-        setpoints=wires(SETPOINT),
-        measurements=wires(MEASUREMENT),
+        setpoints=channels(SETPOINT_SUFFIX),
+        measurements=channels(MEASUREMENT_SUFFIX),
         numbers=[0.0] * max(len(message.signals) for message in frames),
     )
 
 
-def _requests(problem: Problem) -> list[episode.TimedCommand]:
+def _requests(setup: SimulationSetup) -> list[episode.TimedCommand]:
     """Requests of the schedule, with room, so that schedules of like length share one loop."""
-    modes, requests = problem.experiment.modes, problem.experiment.requests
+    modes, requests = setup.experiment.modes, setup.experiment.requests
     if modes is None:
         return []
     asked = [episode.TimedCommand(item.ticks, 1 + modes.requests.index(item.name)) for item in requests]
-    return _with_room(asked, episode.TimedCommand())
+    return _padded_list(asked, episode.TimedCommand())
 
 
-def _trunk_unit(problem: Problem) -> TrunkUnit:
+def _trunk_unit(setup: SimulationSetup) -> TrunkUnit:
     """The unit, whose estimate is right at the start."""
-    sensor, place = problem.experiment.sensors.trunk, problem.world.model.pitch_index
-    gain, pitch = first_order_gain(TICK, sensor.time_constant), float(problem.world.start_q[place])
-    return taken_from(TrunkUnit, sensor, gain=gain, pitch=pitch)
+    sensor, place = setup.experiment.sensors.trunk, setup.world.model.pitch_index
+    gain, pitch = first_order_gain(TICK, sensor.time_constant), float(setup.world.start_q[place])
+    return from_attributes(TrunkUnit, sensor, gain=gain, pitch=pitch)

@@ -5,7 +5,7 @@ The steps import these names; :mod:`twin_gait.simulation.binding` puts the real 
 
 from collections.abc import Callable, Sequence
 
-from twin_gait.core.contact import Ground, Point
+from twin_gait.core.contact import Ground, ContactState
 from twin_gait.simulation.episode import Episode, Switch
 
 
@@ -17,7 +17,7 @@ def dynamics(
     gravity: float,
     ground: Ground,
     a: list[float],
-    points: list[Point],
+    points: list[ContactState],
 ) -> float:
     """Accelerations under joint torques and contact forces; ``a`` and ``points`` are changed in place.
 
@@ -28,35 +28,35 @@ def dynamics(
 
 
 def contact_forces(
-    q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[Point]
+    q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[ContactState]
 ) -> float:
     """Contact forces of a state; as :func:`dynamics` without the accelerations."""
     raise NotImplementedError
 
 
 def observe(
-    q: list[float], v: list[float], a: list[float], bodies: list[float], gravity: float, points: list[Point]
+    q: list[float], v: list[float], a: list[float], bodies: list[float], gravity: float, points: list[ContactState]
 ) -> tuple[float, float, float, float]:
     """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guides."""
     raise NotImplementedError
 
 
-def side_by_side(
+def vector_map(
     e: Episode,
-    places: tuple[int, ...],
+    indices: tuple[int, ...],
     staged: bool,
-    take: Callable[[Episode, int, bool], tuple[float, ...]],
+    read: Callable[[Episode, int, bool], tuple[float, ...]],
     law: Callable[..., float],
-    give: Callable[[Episode, int, float], None],
+    write: Callable[[Episode, int, float], None],
 ) -> None:
     """Apply a law of numbers in places that do not touch each other, as vectors in the loop of one episode.
 
     ``take``: from episode, place and ``staged``, whether the state is that of a stage of the integration, to
     the arguments of the law. ``give``: takes episode, place and result.
     """
-    for place in places:
-        for one in lanes(e):
-            give(one, place, law(*take(one, place, staged)))
+    for place in indices:
+        for one in vector_lanes(e):
+            write(one, place, law(*read(one, place, staged)))
 
 
 def episode_at(address: int) -> Episode:
@@ -64,12 +64,12 @@ def episode_at(address: int) -> Episode:
     raise NotImplementedError
 
 
-def lanes(e: Episode) -> tuple[Episode]:
+def vector_lanes(e: Episode) -> tuple[Episode]:
     """The episodes that are run in lockstep, to be taken through a step together; a single one by itself."""
     return (e,)
 
 
-def each(e: Episode) -> tuple[Episode]:
+def scalar_lanes(e: Episode) -> tuple[Episode]:
     """As :func:`lanes`, but one after the other: for what is rare, or different in each."""
     return (e,)
 

@@ -27,7 +27,7 @@ from llvmlite import binding
 
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
-from twin_gait.simulation.compile_notes import Compilation, Pattern, compile_text, pattern_of, read_records
+from twin_gait.simulation.compile_notes import Compilation, LoopVariant, compile_text, parse_variant, read_records
 
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
 Loop = Callable[..., int]
@@ -57,7 +57,7 @@ def cache_folder() -> Path | None:
 def private_folder(folder: Path) -> Path | None:
     """A folder that is the user's alone to write, made if needed; a warning and None if it is not."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if only_mine(folder.stat()):
+    if is_private(folder.stat()):
         return folder
     warnings.warn(
         f"{folder}: not used, because somebody else owns it or may write there; compiled code stays in memory"
@@ -68,21 +68,21 @@ def private_folder(folder: Path) -> Path | None:
     return None
 
 
-def only_mine(status: os.stat_result) -> bool:
+def is_private(status: os.stat_result) -> bool:
     """Whether a file or folder belongs to the user and nobody else may write to it."""
     return status.st_uid == os.geteuid() and not status.st_mode & 0o022
 
 
-def read_own(path: Path) -> bytes | None:
+def read_private_file(path: Path) -> bytes | None:
     """Content of a file that is the user's own to write, and not a link; None of any other."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
-            return file.read() if only_mine(os.fstat(file.fileno())) else None
+            return file.read() if is_private(os.fstat(file.fileno())) else None
     except OSError:
         return None
 
 
-def seal(name: str, content: bytes) -> str | None:
+def sign(name: str, content: bytes) -> str | None:
     """Proof that this user's own program kept a content under a name: HMAC-SHA256 with the user's secret.
 
     In hexadecimal digits; None if there is no place for a secret. One file in place of another is noticed
@@ -107,7 +107,7 @@ def _secret(path: Path) -> bytes | None:
         with contextlib.suppress(FileExistsError):
             os.link(new, path)
         os.unlink(new)
-    secret = read_own(path)
+    secret = read_private_file(path)
     readable = path.stat().st_mode & 0o077
     return None if secret is None or len(secret) < SECRET_BYTES or readable else secret
 
@@ -118,10 +118,10 @@ def _home(variable: str, folder: str) -> Path:
 
 
 @lru_cache(maxsize=8)
-def source_key(what: str) -> str:
+def source_key(text: str) -> str:
     """Return the key of a loop: a hash over its pattern and all that :func:`_sources` hashes."""
-    key = hashlib.sha256(what.encode() + _sources()).hexdigest()[:KEY_DIGITS]
-    _patterns[key] = pattern_of(what)
+    key = hashlib.sha256(text.encode() + _sources()).hexdigest()[:KEY_DIGITS]
+    _variants[key] = parse_variant(text)
     return key
 
 
@@ -163,7 +163,7 @@ class CompiledLoop(NamedTuple):
 
 def write_code(path: Path, code: bytes) -> None:
     """Keep compiled code, sealed; where that is not possible it is not kept."""
-    proof = seal(path.name, code)
+    proof = sign(path.name, code)
     if proof is not None:
         # A full or read-only disk: the code is in memory and need not be kept.
         with contextlib.suppress(RunDirectoryError):
@@ -172,8 +172,8 @@ def write_code(path: Path, code: bytes) -> None:
 
 def read_code(path: Path) -> bytes | None:
     """Compiled code from a file; None if there is none, it is not the user's own, or not what was kept."""
-    proof, _, code = (read_own(path) or b"").partition(b"\n")
-    expected = seal(path.name, code)
+    proof, _, code = (read_private_file(path) or b"").partition(b"\n")
+    expected = sign(path.name, code)
     return code if expected is not None and hmac.compare_digest(proof, expected.encode()) else None
 
 
@@ -186,10 +186,10 @@ def load_function(code: bytes) -> Loop:
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
     engine.add_object_file(binding.ObjectFileRef.from_data(object_code))
     engine.finalize_object()
-    return function_at(engine.get_function_address(symbol.decode()), engine)
+    return wrap_native_function(engine.get_function_address(symbol.decode()), engine)
 
 
-def function_at(address: int, owner: Any, controller: str | None = None) -> Loop:
+def wrap_native_function(address: int, owner: Any, controller: str | None = None) -> Loop:
     """A compiled function by the address of a native one, which writes its result through a pointer.
 
     ``owner``: what has to live as long as the function. ``controller``: name of the user's control law in it,
@@ -214,13 +214,13 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Loop
     return call
 
 
-_patterns: dict[str, Pattern] = {}  # by key
+_variants: dict[str, LoopVariant] = {}  # by key
 # What this process has loaded or compiled; all episodes of a batch mostly share one loop.
 _loops: dict[tuple[str, tuple[Any, ...]], Loop] = {}
 
 
-def kept_loop(
-    key: str, make: Callable[[], CompiledLoop], on_compile: OnCompile, own: tuple[Any, ...] = ()
+def cached_loop(
+    key: str, make: Callable[[], CompiledLoop], on_compile: OnCompile, user_functions: tuple[Any, ...] = ()
 ) -> Loop:
     """The loop of a key.
 
@@ -231,46 +231,46 @@ def kept_loop(
     ``on_compile``: called if it has to be compiled; without it the logger ``twin_gait`` warns of the wait.
     ``own``: functions of the user's.
     """
-    if (key, own) not in _loops:
-        path = None if own else _path_of(key)
+    if (key, user_functions) not in _loops:
+        path = None if user_functions else _path_of(key)
         code = None if path is None else read_code(path)
         if code is not None:
-            _loops[key, own] = load_function(code)
+            _loops[key, user_functions] = load_function(code)
         else:
             if on_compile is not None:
                 on_compile()
             else:
-                logging.getLogger("twin_gait").warning(_announcement(key, own=bool(own)))
+                logging.getLogger("twin_gait").warning(_announcement(key, has_user_code=bool(user_functions)))
             started = time.perf_counter()
             compiled = make()
             if compiled.code is not None and path is not None:
                 # Two processes may do this at once: the file is put in place in one step, both are as good.
                 write_code(path, compiled.code)
                 _write_record(path, key, time.perf_counter() - started)
-            _loops[key, own] = compiled.function
-    return _loops[key, own]
+            _loops[key, user_functions] = compiled.function
+    return _loops[key, user_functions]
 
 
-def _announcement(key: str, *, own: bool) -> str:
+def _announcement(key: str, *, has_user_code: bool) -> str:
     """Return the line that announces a compilation, by the records of kept loops."""
     folder = cache_folder()
-    records = [] if folder is None else read_records(map(read_own, folder.glob("twin_gait_*.json")))
-    return compile_text(_pattern(key), _sources().hex(), records, own=own)
+    records = [] if folder is None else read_records(map(read_private_file, folder.glob("twin_gait_*.json")))
+    return compile_text(_variant(key), _sources().hex(), records, has_user_code=has_user_code)
 
 
 def _write_record(path: Path, key: str, seconds: float) -> None:
     """Write the record of a compilation next to the file of a loop, where that is possible."""
-    kind, flags = _pattern(key)
+    kind, flags = _variant(key)
     record = Compilation(kind, flags, _sources().hex(), round(seconds, 3))
     with contextlib.suppress(RunDirectoryError):
         write_atomically(path.with_suffix(".json"), record.to_json())
 
 
-def _pattern(key: str) -> Pattern:
-    return _patterns.get(key, Pattern("", {}))
+def _variant(key: str) -> LoopVariant:
+    return _variants.get(key, LoopVariant("", {}))
 
 
-def is_kept(key: str) -> bool:
+def is_cached(key: str) -> bool:
     """Whether :func:`kept_loop` would compile nothing, without functions of the user's."""
     path = _path_of(key)
     return (key, ()) in _loops or (path is not None and path.is_file())

@@ -10,17 +10,17 @@ from collections.abc import Hashable, Sequence
 
 import numpy as np
 
-from twin_gait.simulation.block import WIDTH, shared_words, side_by_side, word_of
-from twin_gait.simulation.compiled_engine import CompiledEngine, bound_to, run_at
+from twin_gait.simulation.block import WIDTH, shared_words, interleave, number_index
+from twin_gait.simulation.compiled_engine import CompiledEngine, loop_names, run_ticks_at
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, is_kept, kept_loop, source_key
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, is_cached, cached_loop, source_key
 from twin_gait.simulation.run import Run
-from twin_gait.simulation.schedule import IN_LANES
+from twin_gait.simulation.schedule import LANE_DRIVERS
 
 # A block with fewer episodes takes longer than they do alone: it breaks even at 8 to 11 of them with AVX-512,
 # at 13 to 19 with AVX2.
-FEWEST = 16
+MIN_BLOCK_SIZE = 16
 _CHUNK_TICKS = 100  # whose rows stand side by side until they are sorted out; they fit into the cache
 
 
@@ -32,11 +32,11 @@ class LaneEngine:
 
         ``engines``: at tick 0, all of one :func:`kind_of`, at most :data:`WIDTH`.
         """
-        assert len({kind_of(engine) for engine in engines}) == 1
+        assert len({block_key(engine) for engine in engines}) == 1
         self.engines = engines
         self._loop = lane_loop(engines[0])
-        self._block = side_by_side([engine.store for engine in engines])
-        self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
+        self._block = interleave([engine.store for engine in engines])
+        self._totals = np.array([engine.setup.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
 
     def run(self, columns: Sequence[int] | None = None) -> list[Run]:
@@ -49,7 +49,7 @@ class LaneEngine:
         rows = np.zeros((_CHUNK_TICKS if record else 1, width, WIDTH))
         self._numbers("recording.log")[:] = rows.ctypes.data
         running, done = np.arange(len(self.engines)), 0
-        while len(running) >= FEWEST:
+        while len(running) >= MIN_BLOCK_SIZE:
             end = int(self._totals[running].min())
             begin, done = done, self._run_ticks(done, min(end, done + _CHUNK_TICKS) if record else end)
             if record:
@@ -61,7 +61,7 @@ class LaneEngine:
             self._finish(lane, done, logs[lane], kept)
         share = (time.perf_counter() - began) / len(self.engines)
         return [
-            engine.finished(end, log, columns, share)
+            engine.build_run(end, log, columns, share)
             for engine, end, log in zip(self.engines, self._ends.tolist(), logs, strict=True)
         ]
 
@@ -77,7 +77,7 @@ class LaneEngine:
             return running
         self._ends[running[over]] = done
         left: np.ndarray = running[~over]
-        for lane in (running if len(left) < FEWEST else running[over]).tolist():
+        for lane in (running if len(left) < MIN_BLOCK_SIZE else running[over]).tolist():
             self.engines[lane].store.view(np.int64)[:] = self._block[:, lane]
         if len(left) > 0:
             self._block[:, np.setdiff1d(np.arange(WIDTH), left)] = self._block[:, left[:1]]
@@ -93,17 +93,17 @@ class LaneEngine:
 
     def _numbers(self, name: str) -> np.ndarray:
         """A whole number of the record in all lanes."""
-        return np.asarray(self._block[word_of(self.engines[0].store.dtype, name)])
+        return np.asarray(self._block[number_index(self.engines[0].store.dtype, name)])
 
 
-def kind_of(engine: EpisodeEngine) -> Hashable | None:
+def block_key(engine: EpisodeEngine) -> Hashable | None:
     """What episodes have in common that may share a block; None for one that runs alone.
 
     Powers of any exponent, of some laws of friction, and a controller of the user's are no vector code.
     """
     if not isinstance(engine, CompiledEngine):
         return None
-    if engine.own or engine.structure["OTHER_LAWS"]:
+    if engine.user_functions or engine.build_flags["OTHER_LAWS"]:
         return None
     words = engine.store.view(np.int64)
     return engine.loop, words[shared_words(engine.store.dtype)].tobytes()
@@ -114,19 +114,19 @@ def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
-        from twin_gait.simulation.lanes import InLanes, bound_in_lanes
+        from twin_gait.simulation.lanes import LanePipeline, lane_names
 
         rows = len(engine.layout.names), engine.noise.shape[1]
-        names = {**bound_to(engine), **IN_LANES, **bound_in_lanes(engine.store.dtype, *rows)}
-        return compile_loop(run_at, names, pipeline=InLanes)
+        names = {**loop_names(engine), **LANE_DRIVERS, **lane_names(engine.store.dtype, *rows)}
+        return compile_loop(run_ticks_at, names, pipeline=LanePipeline)
 
-    return kept_loop(_key_of(engine), make, on_compile)
+    return cached_loop(_key_of(engine), make, on_compile)
 
 
-def has_lane_loop(engine: EpisodeEngine) -> bool:
+def is_lane_loop_cached(engine: EpisodeEngine) -> bool:
     """Whether the loop for blocks of episodes like this one needs no compiling."""
-    return isinstance(engine, CompiledEngine) and is_kept(_key_of(engine))
+    return isinstance(engine, CompiledEngine) and is_cached(_key_of(engine))
 
 
 def _key_of(engine: CompiledEngine) -> str:
-    return source_key(f"in lanes {engine.pattern}")
+    return source_key(f"in lanes {engine.specialization_key}")

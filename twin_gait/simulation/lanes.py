@@ -29,7 +29,7 @@ from numba.core.compiler_machinery import register_pass
 from numba.extending import intrinsic
 
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.compiling import Lowering, Pruning, distinct, jit, rows_at
+from twin_gait.simulation.compiling import Lowering, PruningPipeline, distinct, jit, row_accessor
 from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, RecordView, make_view
 
 
@@ -83,7 +83,7 @@ class _MarkingPass(Lowering):
     lowering_class = _Marking
 
 
-class InLanes(Pruning):
+class LanePipeline(PruningPipeline):
     """The passes of a single episode's loop, with loops over lanes marked."""
 
     lowering = _MarkingPass
@@ -105,7 +105,7 @@ def block_at(dtype: np.dtype[Any]) -> Any:
     return block_at
 
 
-def _through(in_vectors: bool) -> Any:
+def lane_iterator(in_vectors: bool) -> Any:
     @intrinsic
     def through(typing: Any, e: Any) -> Any:
         if not (isinstance(e, RecordView) and e.whole):
@@ -121,7 +121,7 @@ def _through(in_vectors: bool) -> Any:
     return through
 
 
-def rows_beside(width: int) -> Any:
+def lane_row_accessor(width: int) -> Any:
     """Compiled function from an address, a number and a lane to that lane's part of the row of that number.
 
     Rows of all lanes stand side by side, as their records do.
@@ -142,12 +142,12 @@ def rows_beside(width: int) -> Any:
 
 
 @lru_cache(maxsize=32)
-def bound_in_lanes(episode: np.dtype[Any], width: int, noises: int) -> dict[str, Any]:
+def lane_names(episode: np.dtype[Any], width: int, noises: int) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is.
 
     ``width`` and ``noises``: numbers in a row of the log, and in one of the noise.
     """
-    row_of, readings = rows_beside(width), rows_at(np.dtype(float), noises)
+    row_of, readings = lane_row_accessor(width), row_accessor(np.dtype(float), noises)
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)
@@ -156,5 +156,5 @@ def bound_in_lanes(episode: np.dtype[Any], width: int, noises: int) -> dict[str,
     def noise_row(e: Any, tick: int) -> Any:
         return readings(e.recording.noise, min(tick, e.recording.n_noise - 1))
 
-    found = {item.__name__: jit(item, pipeline=InLanes) for item in (log_row, noise_row)}
-    return {"episode_at": block_at(episode), "lanes": _through(True), "each": _through(False), **found}
+    found = {item.__name__: jit(item, pipeline=LanePipeline) for item in (log_row, noise_row)}
+    return {"episode_at": block_at(episode), "lanes": lane_iterator(True), "each": lane_iterator(False), **found}

@@ -13,17 +13,17 @@ import pandas as pd
 
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.vocabulary import JointName
 
 LOG_SCHEMA_VERSION = 3
 UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
 # How a unit is written at the end of a name.
 SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
-CODES = ("safety_state", "trip_cause", "mode", "request", "refused")  # columns without a unit
+CODE_COLUMNS = ("safety_state", "trip_cause", "mode", "request", "refused")  # columns without a unit
 
 
-class Columns:
+class ColumnGroup:
     """Columns of a thing, or of each of several things of a kind.
 
     Attributes:
@@ -32,15 +32,15 @@ class Columns:
         columns: Where each is read, and what it means, by its name behind that of the thing.
     """
 
-    def __init__(self, thing: str = "", /, **columns: tuple[str, str]) -> None:
+    def __init__(self, preamble: str = "", /, **columns: tuple[str, str]) -> None:
         """Declare them."""
-        self.thing, self.columns = thing, columns
+        self.preamble, self.columns = preamble, columns
 
 
-PHASE = Columns(phase=("e.controller.legs[n].phase", ""))
+PHASE = ColumnGroup(phase=("e.controller.legs[n].phase", ""))
 
 # Of a controlled joint; torques act on the joint, positive in flexion.
-JOINT = Columns(
+JOINT = ColumnGroup(
     "joint, asked, demand, place = "
     "e.joints[n], e.joints[n].board.command, e.joints[n].board.demand, e.joints[n].place",
     angle_rad=("e.q[place]", "true angle; of the device, if braces bind the wearer to it"),
@@ -69,16 +69,16 @@ JOINT = Columns(
     friction_compensation_gain=("demand.gain", "G of the friction compensation, blended"),
 )
 # Of a joint that is not controlled, and one more of an ankle that is.
-PASSIVE = Columns(
+PASSIVE = ColumnGroup(
     "place = e.passive[n]",
     angle_rad=JOINT.columns["angle_rad"],
     velocity_rad_per_s=JOINT.columns["velocity_rad_per_s"],
     orthosis_torque_Nm=("e.plant[place].spring_torque", "of the orthosis on the ankle"),
 )
-ANKLE = Columns("place = e.ankles[n]", orthosis_torque_Nm=PASSIVE.columns["orthosis_torque_Nm"])
+ANKLE = ColumnGroup("place = e.ankles[n]", orthosis_torque_Nm=PASSIVE.columns["orthosis_torque_Nm"])
 
 # Of a foot on the ground.
-FOOT = Columns(
+FOOT = ColumnGroup(
     "sole = e.soles[n]",
     normal_force_N=("sole.normal", "of the ground, at right angles to it"),
     friction_force_N=("sole.friction", "of the ground, along it, forwards positive"),
@@ -86,9 +86,9 @@ FOOT = Columns(
     pressure_place=("sole.pressure_place", "centre of pressure, 0 at first to 1 at last point; 0 in the air"),
 )
 
-GROUND = Columns(belt_speed_m_per_s=("e.ground.belt_speed", "of the belt, backwards positive; 0 without one"))
+GROUND = ColumnGroup(belt_speed_m_per_s=("e.ground.belt_speed", "of the belt, backwards positive; 0 without one"))
 
-PELVIS = Columns(
+PELVIS = ColumnGroup(
     "hung = e.plant[PELVIS + SHIFT]",
     pelvis_height_m=("e.q[PELVIS]", "above the belt"),
     pelvis_velocity_m_per_s=("e.v[PELVIS]", "upwards"),
@@ -97,18 +97,18 @@ PELVIS = Columns(
     guide_moment_Nm=("e.guide_moment", "pitching moment of the guide; of harness, arms, seat"),
 )
 # Of a pelvis that moves fore-aft, and of a trunk that is free.
-FORWARD = Columns(
+FORWARD = ColumnGroup(
     pelvis_forward_m=("e.q[FORWARD]", "in front of where the harness lets it rest"),
     pelvis_forward_velocity_m_per_s=("e.v[FORWARD]", "of it"),
 )
-TRUNK = Columns(
+TRUNK = ColumnGroup(
     trunk_pitch_rad=("e.q[PITCH]", "of pelvis and trunk from upright, forwards positive"),
     trunk_pitch_velocity_rad_per_s=("e.v[PITCH]", "of it"),
     measured_trunk_pitch_rad=("e.controller.common.trunk_pitch", "as the gait controller has it"),
 )
 
 # Of an arm and its crutch, and of a seat.
-CRUTCH = Columns(
+CRUTCH = ColumnGroup(
     "arm, tip = e.arms[n], e.arms[n].tip",
     crutch_forward_m=("e.q[arm.place]", "place of the tip"),
     crutch_height_m=("e.q[arm.place + 1]", "of the tip over the ground"),
@@ -118,20 +118,20 @@ CRUTCH = Columns(
     shoulder_moment_Nm=("arm.moment", "of the shoulder, which turns the crutch forwards"),
     arm_power_W=("arm.power", "that the arm gives to trunk and crutch"),
 )
-SEAT = Columns(
+SEAT = ColumnGroup(
     seat_force_N=("e.seat.normal", "of the seat on buttocks and thighs, upwards"),
     seat_friction_force_N=("e.seat.friction", "of the seat on them, forwards positive"),
     seat_forward_m=("e.seat.forward", "place of its front edge"),
 )
 
-ENERGY = Columns(
+ENERGY = ColumnGroup(
     bus_voltage_V=("e.supply.bus_voltage", "of the drives"),
     battery_power_W=("e.supply.power", "that the battery gives; below 0 motors charge it"),
     kinetic_energy_J=("e.kinetic_energy", "of bodies and rotors"),
     potential_energy_J=("e.potential_energy", "of gravity"),
 )
 # Done on the leg since the start, by source; kinetic plus potential energy changes by their sum.
-WORK = Columns(
+WORK = ColumnGroup(
     motor_work_J=("e.works.motor", "of the motors"),
     friction_work_J=("e.works.friction", "of friction in motors and gears"),
     stop_work_J=("e.works.stop", "of the mechanical stops"),
@@ -139,31 +139,31 @@ WORK = Columns(
     contact_work_J=("e.works.contact", "of ground and seat"),
     patient_work_J=("e.works.patient", "of the wearer, a push or an imposed motion"),
 )
-BRACE_WORK = Columns(brace_work_J=("e.works.brace", "of the braces"))
-MONITOR = Columns(
+BRACE_WORK = ColumnGroup(brace_work_J=("e.works.brace", "of the braces"))
+MONITOR = ColumnGroup(
     safety_state=("1.0 if e.controller.trip.tick >= 0 else 0.0", "0 watching, 1 hold"),
     trip_cause=("e.controller.trip.cause", "of twin_gait.control.safety.TripCause, 0 without a trip"),
 )
 
 # Of a joint between device and wearer, of the pelvis between them, and of one that moves fore-aft.
-BRACE = Columns(
+BRACE = ColumnGroup(
     "place = e.braced[n]",
     wearer_angle_rad=("e.q[place + SHIFT]", "the wearer's own angle"),
     wearer_velocity_rad_per_s=("e.v[place + SHIFT]", "of it"),
     brace_torque_Nm=("e.braces[place].torque", "of the device on the wearer"),
 )
-PELVIS_BRACE = Columns(
+PELVIS_BRACE = ColumnGroup(
     wearer_pelvis_height_m=("e.q[PELVIS + SHIFT]", "of the wearer's own pelvis"),
     wearer_pelvis_velocity_m_per_s=("e.v[PELVIS + SHIFT]", "of it"),
     pelvis_brace_force_N=("e.braces[PELVIS].torque", "of the device on the wearer, upwards"),
 )
-FORWARD_BRACE = Columns(
+FORWARD_BRACE = ColumnGroup(
     wearer_pelvis_forward_m=("e.q[FORWARD + SHIFT]", "of the wearer's own pelvis"),
     wearer_pelvis_forward_velocity_m_per_s=("e.v[FORWARD + SHIFT]", "of it"),
     pelvis_forward_brace_force_N=("e.braces[FORWARD].torque", "of the device on the wearer, forwards"),
 )
 # Of the operating modes; codes are places in their table.
-SUPERVISOR = Columns(
+SUPERVISOR = ColumnGroup(
     "supervisor = e.controller.supervisor",
     mode=("supervisor.mode", "operating mode, counted from 0"),
     request=("supervisor.request", "made in this tick, counted from 1; 0 for none"),
@@ -242,12 +242,12 @@ def unit_of(name: str) -> str:
         return "name"
     units = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()}
     found = units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
-    return "code" if name in CODES else found
+    return "code" if name in CODE_COLUMNS else found
 
 
 def meaning_of(name: str) -> str:
     """What a column of a log means, as it is declared; empty for one that is not."""
-    kinds = (kind for kind in globals().values() if isinstance(kind, Columns))
+    kinds = (kind for kind in globals().values() if isinstance(kind, ColumnGroup))
     known = {own: said for kind in kinds for own, (_, said) in kind.columns.items() if name.endswith(own)}
     return known[max(known, key=len)] if known else ""
 
@@ -260,28 +260,28 @@ class LogLayout:
     """
 
     # In order: name of a thing in front of those of its columns, its number among its kind, and its columns.
-    things: tuple[tuple[str, int, Columns], ...]
+    groups: tuple[tuple[str, int, ColumnGroup], ...]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the columns, in the order of the numbers of a row."""
-        return tuple(thing + name for thing, _, kind in self.things for name in kind.columns)
+        return tuple(thing + name for thing, _, kind in self.groups for name in kind.columns)
 
     @cached_property
     def writer(self) -> str:
         """Source of ``write_row``, which writes all columns into a row of the log."""
         lines, place = ["def write_row(e, row):"], count()
-        for _, number, kind in self.things:
-            lines += [f"n = {number}", kind.thing]
+        for _, number, kind in self.groups:
+            lines += [f"n = {number}", kind.preamble]
             lines += [f"row[{next(place)}] = {found}" for found, _ in kind.columns.values()]
         return "\n    ".join(lines) + "\n"
 
 
-def log_layout(problem: Problem) -> LogLayout:
+def log_layout(setup: SimulationSetup) -> LogLayout:
     """Columns that a problem's log has."""
-    world, model = problem.world, problem.world.model
-    joints = [f"{item.side}_{item.joint}_" for item in problem.joints]
-    passive = [f"{side}_{joint}_" for side, joint in problem.passive]
+    world, model = setup.world, setup.world.model
+    joints = [f"{item.side}_{item.joint}_" for item in setup.joints]
+    passive = [f"{side}_{joint}_" for side, joint in setup.passive]
     feet = [f"{side}_foot_" for side in model.legs if world.contact_frames.get(side)]
     places = model.pelvis_index, model.forward_index, model.pitch_index
     pelvis, forward, pitch = (place is not None for place in places)
@@ -296,7 +296,7 @@ def log_layout(problem: Problem) -> LogLayout:
         (one * pelvis, PELVIS),
         (one * forward, FORWARD),
         (one * pitch, TRUNK),
-        ([f"{side}_" for side in problem.sides[: len(world.arms)]], CRUTCH),
+        ([f"{side}_" for side in setup.sides[: len(world.arms)]], CRUTCH),
         (one * (world.seat is not None), SEAT),
         (one, ENERGY),
         (one, WORK),
@@ -305,7 +305,7 @@ def log_layout(problem: Problem) -> LogLayout:
         ((joints + passive) * braced, BRACE),
         (one * (braced and pelvis), PELVIS_BRACE),
         (one * (braced and forward), FORWARD_BRACE),
-        (one * (problem.experiment.modes is not None), SUPERVISOR),
+        (one * (setup.experiment.modes is not None), SUPERVISOR),
     )
     return _layout_of(
         tuple((name, number, kind) for names, kind in kinds for number, name in enumerate(names))

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.control.controller import Controller, Plan, checked_setpoints, require_controller
-from twin_gait.control.own_controller import record_of, restored
+from twin_gait.control.own_controller import record_controller, restore_controller
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.faults import Fault
+from twin_gait.core.faults import FaultRecord
 from twin_gait.core.guards import GuardProgram
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.program import compile_guards
@@ -39,7 +39,7 @@ class ActuatedJoint(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Problem:
+class SimulationSetup:
     """What an engine needs, beside the experiment."""
 
     experiment: Experiment  # The experiment.
@@ -115,24 +115,24 @@ class Problem:
         return self.experiment.plant.actuators[joint.joint]
 
 
-def build_problem(experiment: Experiment, own: Controller | None = None) -> Problem:
+def build_setup(experiment: Experiment, user_controller: Controller | None = None) -> SimulationSetup:
     """Lay an experiment out.
 
     ``own``: controller that takes the place of the mode's; the experiment of the result has its record. By
     default that of the experiment's record. Raises ParameterError if the controller is none, cannot be
     restored from its record, or what it gives cannot be used.
     """
-    given = own
-    if own is None and experiment.controller is not None:
-        own = restored(experiment.controller)
-    require_controller(experiment.control.controller() if own is None else own)
+    given = user_controller
+    if user_controller is None and experiment.controller is not None:
+        user_controller = restore_controller(experiment.controller)
+    require_controller(experiment.control.controller() if user_controller is None else user_controller)
     if given is not None:
-        experiment = replace(experiment, controller=record_of(given))
-    control_model, controller = experiment.build_control_model(), experiment.control.controller(own)
+        experiment = replace(experiment, controller=record_controller(given))
+    control_model, controller = experiment.build_control_model(), experiment.control.controller(user_controller)
     inertia = _inertia_of(control_model)
-    plan = plan_of(experiment, control_model.sides, inertia)
-    begin = controller.start(plan)  # angles of the legs that it wants, whatever the scenario says
-    placed = replace(experiment, scenario=experiment.scenario.starting_in(begin)) if begin else experiment
+    plan = controller_plan(experiment, control_model.sides, inertia)
+    begin = controller.initial_angles(plan)  # angles of the legs that it wants, whatever the scenario says
+    placed = replace(experiment, scenario=experiment.scenario.replace_postures(begin)) if begin else experiment
     world = placed.build_world()
     table = scaled_table(experiment, world)
     for side, phase in world.initial_phases.items():
@@ -151,7 +151,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     rows = [checked_setpoints(controller, plan, side, resolve_phases(table, side, inertia)) for side in sides]
     sensors, limbs = experiment.sensors, limbs_of(experiment, table, world.model)
     offset = np.array([sensors.offset.get(item.side, {}).get(item.joint, 0.0) for item in joints])
-    return Problem(
+    return SimulationSetup(
         experiment=experiment,
         world=world,
         control_model=control_model,
@@ -167,7 +167,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     )
 
 
-def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt) -> Plan:
+def controller_plan(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt) -> Plan:
     """What the controller of an experiment knows."""
     scenario = experiment.scenario
     walking = scenario.walking
@@ -175,7 +175,7 @@ def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt)
         sides=sides,
         joints=tuple(experiment.table.joints),
         phases=tuple(experiment.table.phase_names),
-        leading=scenario.leading_of(sides),
+        leading=scenario.leading_side(sides),
         speed=SLOWEST if walking is None else min(max(walking.speed, SLOWEST), FASTEST),
         height=(experiment.patient or Patient()).height,
         inertia=inertia,
@@ -188,7 +188,7 @@ def scaled_table(experiment: Experiment, world: World) -> GaitTable:
     if walking is None:
         return experiment.table
     carried = world.model.total_mass * walking.carried_share
-    height = None if experiment.known_patient is None else experiment.known_patient.height
+    height = None if experiment.assumed_patient is None else experiment.assumed_patient.height
     return scale_table(experiment.table, carried_mass=carried, speed=walking.speed, height=height)
 
 
@@ -202,25 +202,25 @@ def _inertia_of(model: LegModel) -> InertiaAt:
     return inertia
 
 
-def fault_records(problem: Problem) -> list[Fault]:
+def fault_records(setup: SimulationSetup) -> list[FaultRecord]:
     """Faults of an experiment as :mod:`twin_gait.core.faults` reads them."""
     places: dict[tuple[Side | None, JointName | None], int]
-    places = {(side, None): number for number, side in enumerate(problem.sides)}  # of feet
-    places |= {(joint.side, joint.joint): number for number, joint in enumerate(problem.joints)}
+    places = {(side, None): number for number, side in enumerate(setup.sides)}  # of feet
+    places |= {(joint.side, joint.joint): number for number, joint in enumerate(setup.joints)}
     return [
-        Fault(item.kind.code, places.get((item.side, item.joint), -1), ticks(item.time), float(item.strength))
-        for item in problem.experiment.faults
+        FaultRecord(item.kind.code, places.get((item.side, item.joint), -1), to_ticks(item.time), float(item.magnitude_or_default))
+        for item in setup.experiment.faults
     ]
 
 
-def ticks(time: float) -> int:
+def to_ticks(time: float) -> int:
     """Whole ticks of a time in [s], one at least but for 0."""
     return 0 if time == 0.0 else max(1, round(time / TICK))
 
 
-def phase_time_out_ticks(problem: Problem) -> int:
+def phase_timeout_ticks(setup: SimulationSetup) -> int:
     """Longest time in a phase; no limit where the table drives nothing, or has no way out of a phase."""
-    control = problem.experiment.control
-    if not problem.controller.by_phases or not problem.table.transitions:
+    control = setup.experiment.control
+    if not setup.controller.phase_driven or not setup.table.transitions:
         return NEVER
-    return ticks(control.safety.phase_time_out)
+    return to_ticks(control.safety.phase_timeout)

@@ -24,7 +24,7 @@ ABSENT: Any = None  # what stands in a field that an episode does not have
 _CODES = {float: "f8", int: "i8", bool: "i8"}
 
 
-def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
+def field_types(kind: Any) -> tuple[tuple[str, type], ...]:
     """Name and type of each field of a record that holds numbers or records; of a list, of its entries."""
     if kind not in _known:
         hints, result = get_type_hints(kind), []
@@ -54,7 +54,7 @@ def describe(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
         whole, read = _numbers[type(sample)]
         return whole, read(sample)
     pattern, values = [], []
-    for name, kind in _known.get(type(sample)) or kinds_of(type(sample)):
+    for name, kind in _known.get(type(sample)) or field_types(type(sample)):
         value = first = getattr(sample, name)
         shape: tuple[int, ...] = ()
         while isinstance(first, (list, tuple)):
@@ -86,7 +86,7 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
     return _dtype(describe(sample)[0])
 
 
-def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
+def to_array(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
     """Return an instance as a NumPy record, the entry of an array of shape ``(1,)``."""
     pattern, values = describe(sample)
     return np.array([values], _dtype(pattern))
@@ -100,33 +100,33 @@ def entries(sample: Any) -> tuple[Any, ...]:
 def is_record(sample: Any) -> bool:
     """Whether all of something can stand in a record."""
     try:
-        stored(sample)
-        names = [name for name, _ in kinds_of(type(sample))]
+        to_array(sample)
+        names = [name for name, _ in field_types(type(sample))]
         return hasattr(sample, "__slots__") and (*names,) == field_names(type(sample))
     except (TypeError, ValueError, NameError, AttributeError, IndexError):
         return False
 
 
-def float_in(sample: Any) -> str | None:
+def find_float(sample: Any) -> str | None:
     """Name of a field of a record, or list of them, that is declared as whole and holds a float, or None."""
     if isinstance(sample, (list, tuple)):
-        return next(filter(None, map(float_in, sample)), None)
-    for name, kind in () if sample is ABSENT else kinds_of(type(sample)):
+        return next(filter(None, map(find_float, sample)), None)
+    for name, kind in () if sample is ABSENT else field_types(type(sample)):
         value = getattr(sample, name)
         if kind in (int, bool) and np.asarray(value).dtype.kind == "f":
             return name
-        found = None if kind in _CODES else float_in(value)
+        found = None if kind in _CODES else find_float(value)
         if found is not None:
             return found
     return None
 
 
-def copied(sample: Record | None) -> Record:
+def deep_copy(sample: Record | None) -> Record:
     """A copy that shares nothing with a record, or a list of them; what is absent stays so."""
     copy: Any = sample
     if isinstance(sample, (list, tuple)):
-        copy = [copied(item) for item in sample]
+        copy = [deep_copy(item) for item in sample]
     elif hasattr(copy, "__slots__"):
-        copy = type(copy)(**{name: copied(getattr(copy, name)) for name in field_names(type(copy))})
+        copy = type(copy)(**{name: deep_copy(getattr(copy, name)) for name in field_names(type(copy))})
     found: Record = copy
     return found

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.control.controller import checked
+from twin_gait.control.controller import wrap_checked_tick
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.simulation.binding import bind, is_ours, kernel_functions
-from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.binding import specialize, is_package_function, kernel_functions
+from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.record import float_in
+from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.record import find_float
 from twin_gait.simulation.schedule import run_ticks
 
 
@@ -33,28 +33,28 @@ class ReferenceEngine(EpisodeEngine):
 
     chunk_ticks = 100
 
-    def __init__(self, problem: Problem, kernel: Mapping[str, Callable[..., Any]] | None = None) -> None:
+    def __init__(self, setup: SimulationSetup, kernel: Mapping[str, Callable[..., Any]] | None = None) -> None:
         """Set everything to time 0.
 
         ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
         """
-        super().__init__(problem)
-        _, self.episode, structure = laid_out(problem)
+        super().__init__(setup)
+        _, self.episode, structure = assemble(setup)
         self.state = self.episode
-        starts = problem.world.initial_phases
+        starts = setup.world.initial_phases
         self.machines = [
-            GaitStateMachine(problem.table, side, initial_phase=starts[side], program=problem.program)
-            for side in problem.sides
+            GaitStateMachine(setup.table, side, initial_phase=starts[side], program=setup.program)
+            for side in setup.sides
         ]
         self.switches = np.zeros(self.episode.recording.most_switches, SWITCHES).view(np.recarray)
-        self._noise = problem.noise.tolist()
-        kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
+        self._noise = setup.noise.tolist()
+        kernel = PinocchioKernel(setup.world, setup.control_model).functions if kernel is None else kernel
         rows = (self.log_row, self.switch_row, self.noise_row)
         names = {**structure, **kernel, **kernel_functions(self.layout.writer, {})}
         names |= {item.__name__: item for item in (*rows, self.choose_transition)}
-        for name, tick in problem.controller.functions().items():
-            names[name] = tick if is_ours(tick) else checked(problem.controller.name, tick, float_in)
-        self._run_ticks = bind(run_ticks, names)
+        for name, tick in setup.controller.tick_functions().items():
+            names[name] = tick if is_package_function(tick) else wrap_checked_tick(setup.controller.name, tick, find_float)
+        self._run_ticks = specialize(run_ticks, names)
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
         """See :meth:`EpisodeEngine.run_ticks`."""
@@ -67,9 +67,9 @@ class ReferenceEngine(EpisodeEngine):
         """Choose the transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
         legs, machine = controller.legs, self.machines[number]
         tick = legs[number].entry_tick + legs[number].ticks
-        other = legs[1 - number].before if len(legs) == 2 else -1
+        other = legs[1 - number].start_phase if len(legs) == 2 else -1
         if legs[number].entry_tick != machine.entry_tick:  # sent into a posture by the supervisor
-            machine.enter(machine.table.phase_names[legs[number].before], legs[number].entry_tick)
+            machine.enter(machine.table.phase_names[legs[number].start_phase], legs[number].entry_tick)
         switch = machine.advance(tick, controller.signals, other)
         legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 

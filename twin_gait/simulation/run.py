@@ -20,17 +20,17 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.leg_record import (
-    ALWAYS,
+    WHOLE_RUN,
     LegRecord,
     LogColumns,
     Spans,
     leg_record,
     phase_indices,
 )
-from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, gait_verdict
+from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, judge_gait
 from twin_gait.measures.strides import SKIPPED_STRIDES
-from twin_gait.measures.walk import Walkway, walk_measures, walk_power
-from twin_gait.simulation.answers import Answer, answer_at
+from twin_gait.measures.walk import WalkConditions, walk_measures, walk_power
+from twin_gait.simulation.answers import RequestResult, request_result
 from twin_gait.simulation.log import LogArrays, LogLayout
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
 from twin_gait.worlds.faults import Fault
@@ -65,9 +65,9 @@ def run_events(
         return name.replace("_", " ")
 
     occurred = (item for item in faults if item.time <= end)
-    found = [RunEvent(EventKind.FAULT, item.time, words(item.kind), words(item.place)) for item in occurred]
+    found = [RunEvent(EventKind.FAULT, item.time, words(item.kind), words(item.location)) for item in occurred]
     if trip is not None:
-        found.append(RunEvent(EventKind.TRIP, trip.time, words(trip.cause), trip.place))
+        found.append(RunEvent(EventKind.TRIP, trip.time, words(trip.cause), trip.location))
     if status in _ENDINGS:
         found.append(RunEvent(_ENDINGS[status], end))
     return tuple(sorted(found, key=lambda event: event.time))
@@ -167,11 +167,11 @@ class Run:
 
     def _read_leg(self, side: Side, *, device: bool = False) -> LegRecord:
         names = self.table.phase_names
-        steady, waiting = self.steady, self.waiting
+        steady, waiting = self.steady_spans, self.waiting_mask
         return leg_record(self.columns, side, names, TICK, steady=steady, waiting=waiting, device=device)
 
     @cached_property
-    def waiting(self) -> np.ndarray:
+    def waiting_mask(self) -> np.ndarray:
         """Whether at each tick the legs stand: until somebody asks for a step, or on a belt at rest."""
         modes, log, waiting = self.experiment.modes, self.columns, np.zeros(len(self.columns), dtype=bool)
         if modes is not None:
@@ -187,13 +187,13 @@ class Run:
         return waiting
 
     @cached_property
-    def walkway(self) -> Walkway | None:
+    def walkway(self) -> WalkConditions | None:
         """Belt and support under a walk; None on the bench, and where the support carries all weight."""
         walking = self.experiment.scenario.walking
         if walking is None or walking.support_share == 1.0:
             return None
         contact = walking.contact
-        return Walkway(
+        return WalkConditions(
             carried_weight=walking.carried_share * self.body_weight or math.nan,
             friction_coefficient=contact.friction_coefficient,
             transition_velocity=contact.transition_velocity,
@@ -234,9 +234,9 @@ class Run:
         if held:
             return Verdict(Outcome.HELD, held)
         swings = self.table.transitions and any(self.table.is_swing(phase) for phase in self.table.phases)
-        if not swings or not self.steady:
+        if not swings or not self.steady_spans:
             return Verdict(None, "no walk was asked for, by the gait table or by the modes")
-        return gait_verdict(self.leg_records())
+        return judge_gait(self.leg_records())
 
     @property
     def baseline_problem(self) -> str:
@@ -247,7 +247,7 @@ class Run:
         return f"the baseline does not walk: {outcome}, {reason}" if reason else f"the baseline {outcome}"
 
     @cached_property
-    def steady(self) -> Spans:
+    def steady_spans(self) -> Spans:
         """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold.
 
         Where nobody asks for a step there is no walk.
@@ -255,19 +255,19 @@ class Run:
         first, last = self.experiment.scenario.steady
         if self.trip is not None:
             last = min(last, self.trip.time)
-        spans, modes = ALWAYS, self.experiment.modes
+        spans, modes = WHOLE_RUN, self.experiment.modes
         if modes is not None:
             walking = [code for code, mode in enumerate(modes.phases.values()) if mode.walk]
             asked = np.concatenate(([0], np.isin(self.columns["mode"], walking), [0]))
             bounds = (np.flatnonzero(np.diff(asked)).reshape(-1, 2) - (0, 1)).tolist()
-            spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self.waiting[i:k].all())
+            spans = tuple((i * TICK, k * TICK) for i, k in bounds if not self.waiting_mask[i:k].all())
         clipped = ((max(first, begin), min(last, end)) for begin, end in spans)
         return tuple((begin, end) for begin, end in clipped if begin < end)
 
     @cached_property
-    def answers(self) -> tuple[Answer, ...]:
+    def request_results(self) -> tuple[RequestResult, ...]:
         """What became of the requests; see :mod:`twin_gait.simulation.answers`. Nothing without modes."""
-        modes, initial, found = self.experiment.modes, self.experiment.initial_mode, list[Answer]()
+        modes, initial, found = self.experiment.modes, self.experiment.initial_mode, list[RequestResult]()
         if modes is not None:
             first = 0 if initial is None else modes.phase_index(initial)
             # Before each tick, and after the last.
@@ -276,7 +276,7 @@ class Run:
             for tick in np.flatnonzero(self.log["request"].to_numpy()).tolist():
                 ticks = tick - max(entries[entries < tick].tolist(), default=0)
                 before = modes.phase_names[codes[tick]]
-                found.append(answer_at(self.log, tick, before, ticks, modes, self.table, self.body_weight))
+                found.append(request_result(self.log, tick, before, ticks, modes, self.table, self.body_weight))
         return tuple(found)
 
     @property

@@ -7,48 +7,48 @@ network, faults and the log of the simulation put in.
 import math
 
 from twin_gait.control import device_schedule as device
-from twin_gait.control.joint_board import check, refuse, report
-from twin_gait.core.schedule import Block, joints, legs, limbs, one_by_one, rare, replaced, soles, when
+from twin_gait.control.joint_board import check_command, reject_command, write_measurement
+from twin_gait.core.schedule import BlockStep, joints, legs, limbs, scalar_steps, scalar_branch, replace_steps, feet, when
 from twin_gait.simulation import structure
-from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, LET_GO, TIPPED, Episode
-from twin_gait.simulation.executors import Names, lane_driver, scalar_driver
+from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, CRUTCH_LOST, TIPPED, Episode
+from twin_gait.simulation.executors import ScheduleNames, lane_driver, scalar_driver
 from twin_gait.simulation.stages import commands, drives, motion, network, phases, sensors, surroundings
-from twin_gait.simulation.structure import CRUTCHES, PELVIS, PITCH, SHIFT
+from twin_gait.simulation.structure import N_CRUTCHES, PELVIS_INDEX, PITCH_INDEX, WEARER_OFFSET
 
 SENSE = (
-    surroundings.command,  # belt, command to walk, request of a mode
-    *replaced(device.MEASURE, {device.measure_position: (sensors.read_encoder, device.measure_position)}),
-    when("POINTS_PER_FOOT > 0", sensors.press_soles, soles(sensors.read_load)),
+    surroundings.update_commands,  # belt, command to walk, request of a mode
+    *replace_steps(device.MEASURE, {device.measure_position: (sensors.read_encoder, device.measure_position)}),
+    when("POINTS_PER_FOOT > 0", sensors.compute_contact_forces, feet(sensors.read_load)),
     when("INERTIAL", sensors.measure_pitch),
     sensors.read_trunk,
 )
 
-HEAR = (
+RECEIVE = (
     when(
         "NETWORKED and tick > 0",
-        one_by_one(network.reboot, joints(network.hear_measurement)),
-        otherwise=(joints(report), when("POINTS_PER_FOOT > 0", soles(network.hear_sole))),
+        scalar_steps(network.reboot, joints(network.receive_measurement)),
+        otherwise=(joints(write_measurement), when("POINTS_PER_FOOT > 0", feet(network.receive_foot_load))),
     ),
-    network.hear_supply,
+    network.receive_bus_voltage,
 )
 
-THINK = (
-    device.WATCH_DRIVES,
-    *HEAR,
-    *replaced(
+CONTROL = (
+    device.MONITOR_DRIVES,
+    *RECEIVE,
+    *replace_steps(
         device.DECIDE,
         {
-            device.take_transition: (phases.note_switch, device.take_transition),
-            device.take_posture: (phases.note_posture, device.take_posture),
+            device.apply_transition: (phases.note_switch, device.apply_transition),
+            device.apply_posture: (phases.note_posture, device.apply_posture),
         },
     ),
-    *replaced(
+    *replace_steps(
         device.COMMAND,
         {
-            device.take_demand: when("NETWORKED", network.hear_setpoint, otherwise=(device.take_demand,)),
-            check: (when("FAULTY", commands.run_away), check),
+            device.copy_setpoint_to_board: when("NETWORKED", network.receive_setpoint, otherwise=(device.copy_setpoint_to_board,)),
+            check_command: (when("FAULTY", commands.add_runaway_torque), check_command),
             # Over a bus, which is slow, the joint is held alone.
-            device.HOLD: when("NETWORKED", rare(device.is_implausible, refuse), otherwise=(device.HOLD,)),
+            device.HOLD: when("NETWORKED", scalar_branch(device.is_implausible, reject_command), otherwise=(device.HOLD,)),
             device.command_current: commands.set_drive,
         },
     ),
@@ -60,52 +60,52 @@ ACT = (
     drives.draw_power,
     when(
         "NETWORKED",
-        one_by_one(joints(network.send_frames), network.carry_frames, joints(network.keep_frames)),
+        scalar_steps(joints(network.send_frames), network.carry_frames, joints(network.store_frames)),
     ),
-    when("WEARER", limbs(surroundings.free_limb)),
+    when("WEARER", limbs(surroundings.reset_external_torque)),
     joints(surroundings.push),
-    when("WEARER", legs(surroundings.push_leg)),
-    when("CRUTCHES > 0", one_by_one(surroundings.use_crutches)),
+    when("WEARER", legs(surroundings.add_wearer_torques)),
+    when("CRUTCHES > 0", scalar_steps(surroundings.update_arms)),
     when("SEATED", surroundings.place_chair),
-    surroundings.catch,
+    surroundings.lock_harness,
     when(
         "recording",
-        Block(motion.evaluate),
-        joints(motion.sum_up_outside),
-        when("POINTS_PER_FOOT > 0", soles(motion.stand)),
+        BlockStep(motion.evaluate),
+        joints(motion.sum_external_torque),
+        when("POINTS_PER_FOOT > 0", feet(motion.sum_ground_forces)),
         motion.observe_energies,
         motion.write_log,
     ),
-    drives.sag,
-    Block(motion.integrate),
+    drives.update_bus_voltage,
+    BlockStep(motion.integrate),
 )
 
 
-def has_ended(e: Episode) -> bool:
+def update_status(e: Episode) -> bool:
     """Note how an episode goes on, and return whether it ends with this tick."""
-    status = status_of(e)
+    status = compute_status(e)
     e.status = status
     return status != COMPLETED
 
 
-def status_of(e: Episode) -> int:
+def compute_status(e: Episode) -> int:
     """Return how an episode goes on."""
     status = COMPLETED
-    if PELVIS >= 0 and e.q[PELVIS + SHIFT] < e.fall_height:
+    if PELVIS_INDEX >= 0 and e.q[PELVIS_INDEX + WEARER_OFFSET] < e.fall_height:
         status = FELL
-    if PITCH >= 0 and abs(e.q[PITCH]) > e.fall_pitch:
+    if PITCH_INDEX >= 0 and abs(e.q[PITCH_INDEX]) > e.fall_pitch:
         status = TIPPED
-    if CRUTCHES > 0:
-        for number in range(CRUTCHES):
-            if e.arms[number].length > e.longest_reach:
-                status = LET_GO
+    if N_CRUTCHES > 0:
+        for number in range(N_CRUTCHES):
+            if e.arms[number].length > e.max_reach:
+                status = CRUTCH_LOST
     for i in range(len(e.q)):
         if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.diverged_velocity):
             status = DIVERGED
     return status
 
 
-NAMES = Names(
+NAMES = ScheduleNames(
     arguments={
         "e": "{e}",
         "tick": "tick",
@@ -135,15 +135,15 @@ NAMES = Names(
     flags={**device.FLAGS, **structure.FLAGS},
 )
 sense = scalar_driver("sense", SENSE, NAMES)
-think = scalar_driver("think", THINK, NAMES)
-act = scalar_driver("act", ACT, NAMES, result=has_ended)
+control = scalar_driver("think", CONTROL, NAMES)
+act = scalar_driver("act", ACT, NAMES, result=update_status)
 # What the drivers are replaced by in the loop over a block of episodes.
-IN_LANES = {
+LANE_DRIVERS = {
     "sense": lane_driver("sense", SENSE, NAMES),
     "think": lane_driver(
-        "think", replaced(THINK, {device.choose_transition: Block(phases.choose_in_lanes)}), NAMES
+        "think", replace_steps(CONTROL, {device.choose_transition: BlockStep(phases.choose_transitions)}), NAMES
     ),
-    "act": lane_driver("act", ACT, NAMES, result=has_ended),
+    "act": lane_driver("act", ACT, NAMES, result=update_status),
 }
 
 
@@ -155,7 +155,7 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
     """
     for tick in range(first, end):
         sense(e, tick)
-        think(e, tick)
+        control(e, tick)
         if act(e, tick):
             return tick + 1
     return end

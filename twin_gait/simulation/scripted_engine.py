@@ -9,9 +9,9 @@ from twin_gait.experiment.events import Change, Event, Push, Step, Stop
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.keeping import OnCompile
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.settings import LoopNumbers, first_settings, loop_numbers, settings_after
+from twin_gait.simulation.settings import LoopNumbers, first_settings, loop_numbers, apply_changes
 from twin_gait.simulation.stepping import SteppedRun
 
 
@@ -25,21 +25,21 @@ class ScriptedEngine(EpisodeEngine):
     chunk_ticks = CompiledEngine.chunk_ticks
     scripted = True
 
-    def __init__(self, problem: Problem, *, on_compile: OnCompile = None) -> None:
+    def __init__(self, setup: SimulationSetup, *, on_compile: OnCompile = None) -> None:
         """Lay the problem out; parameters and errors as of :class:`CompiledEngine`."""
-        super().__init__(problem)
-        plain = replace(problem.experiment, events=())
-        self.stepped = SteppedRun(replace(problem, experiment=plain), on_compile=on_compile, spare_faults=0)
+        super().__init__(setup)
+        plain = replace(setup.experiment, events=())
+        self.stepped = SteppedRun(replace(setup, experiment=plain), on_compile=on_compile, spare_faults=0)
         engine = self.stepped.engine
         self.episode, self.state, self.switches = engine.episode, engine.state, engine.switches
-        names = (f"{item.side}_{item.joint}" for item in problem.joints)
+        names = (f"{item.side}_{item.joint}" for item in setup.joints)
         self._joints = {name: number for number, name in enumerate(names)}
         self._due: deque[tuple[Event, LoopNumbers]] = deque()
         settings = first_settings(plain)
         numbers: LoopNumbers = self.stepped.numbers
-        for event in problem.experiment.events:
+        for event in setup.experiment.events:
             if isinstance(event, Change) and event.changes:
-                settings = settings_after(settings, event.changes)
+                settings = apply_changes(settings, event.changes)
                 numbers = loop_numbers(settings)
             self._due.append((event, numbers))
 

@@ -12,7 +12,7 @@ from twin_gait.experiment.events import HELD_PHASE
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.network.messages import CODES
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.vocabulary import Side
 
 # What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4).
@@ -42,17 +42,17 @@ class Settings:
         return self.experiment.table
 
     @cached_property
-    def problem(self) -> Problem:
+    def setup(self) -> SimulationSetup:
         """The experiment as an engine needs it."""
-        return build_problem(self.experiment)
+        return build_setup(self.experiment)
 
     @cached_property
-    def driving_problem(self) -> Problem:
+    def active_setup(self) -> SimulationSetup:
         """The experiment of :attr:`driving` as an engine needs it."""
-        return self.problem if self.driving is self.experiment else build_problem(self.driving)
+        return self.setup if self.active_experiment is self.experiment else build_setup(self.active_experiment)
 
     @cached_property
-    def driving(self) -> Experiment:
+    def active_experiment(self) -> Experiment:
         """The experiment with the impedances that the mode puts in force.
 
         What the monitor sets is that of all phases; friction and torque control have no spring and no damper.
@@ -74,7 +74,7 @@ def first_settings(experiment: Experiment) -> Settings:
     The monitor begins with what the first phase of the table has, so that a wearer who stands goes on
     standing in impedance control.
     """
-    problem, monitor = build_problem(experiment), {}
+    problem, monitor = build_setup(experiment), {}
     for side, rows in zip(problem.sides, problem.phase_rows, strict=True):
         first, joints = rows[0, :-1].reshape(-1, COLUMNS_PER_JOINT).tolist(), {}
         for name, (k, b, zero, gain) in zip(problem.table.joints, first, strict=True):
@@ -90,18 +90,18 @@ def first_settings(experiment: Experiment) -> Settings:
 LoopNumbers = Mapping[str, Any]
 
 
-def numbers_of(problem: Problem) -> dict[str, Any]:
+def numbers_of(setup: SimulationSetup) -> dict[str, Any]:
     """What a loop needs of an experiment, in SI, its table scaled and damping ratios resolved."""
-    world, pelvis = problem.world, problem.world.model.pelvis_index
-    torques = problem.experiment.control.target_torque
+    world, pelvis = setup.world, setup.world.model.pelvis_index
+    torques = setup.experiment.control.target_torque
     return {
         # k, b, θ0, G per joint and gravity share, by leg and phase
-        "phase_rows": problem.phase_rows.tolist(),
-        "comparisons": [asdict(comparison) for comparison in problem.program.comparisons],
-        "target_torque": [torques.get(item.joint, 0.0) for item in problem.joints],
+        "phase_rows": setup.phase_rows.tolist(),
+        "comparisons": [asdict(comparison) for comparison in setup.program.comparisons],
+        "target_torque": [torques.get(item.joint, 0.0) for item in setup.joints],
         "belt_speed": float(world.belt.cruise),
         # None where no pelvis hangs
-        "support_force": None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
+        "support_force": None if pelvis is None else world.plant[pelvis + world.wearer_offset].spring.force,
         "held_phase": None,  # which no leg leaves by itself
         "watching": True,  # whether the monitor watches how long a leg stays in a phase
     }
@@ -109,11 +109,11 @@ def numbers_of(problem: Problem) -> dict[str, Any]:
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
     """Lay settings out as the loop takes them."""
-    numbers = numbers_of(settings.problem)
+    numbers = numbers_of(settings.setup)
     if settings.mode != WALK:
         asked = settings.mode == TORQUE
         numbers |= {
-            "phase_rows": settings.driving_problem.phase_rows.tolist(),
+            "phase_rows": settings.active_setup.phase_rows.tolist(),
             "target_torque": [torque if asked else 0.0 for torque in settings.torques.values()],
             "belt_speed": 0.0,  # without a gait it would carry the feet away
             "watching": False,
@@ -123,7 +123,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     return numbers
 
 
-def found_at(record: Any, path: str) -> Any:
+def value_at_path(record: Any, path: str) -> Any:
     """What stands deep inside of a record, under fields and keys with dots between them."""
     for step in path.split("."):
         record = record[step] if isinstance(record, (dict, Mapping)) else getattr(record, step)
@@ -134,16 +134,16 @@ def found_at(record: Any, path: str) -> Any:
 _EITHER = {"damping": "damping_ratio", "damping_ratio": "damping"}
 
 
-def changed_at(record: Any, path: str, value: Any) -> Any:
+def replace_at_path(record: Any, path: str, value: Any) -> Any:
     """A record with another value there; a damping and a damping ratio replace each other."""
     step, _, rest = path.partition(".")
-    inner = changed_at(found_at(record, step), rest, value) if rest else value
+    inner = replace_at_path(value_at_path(record, step), rest, value) if rest else value
     if isinstance(record, Mapping):
         return {**record, step: inner}
     return replace(record, **{step: inner}, **({_EITHER[step]: None} if step in _EITHER else {}))
 
 
-def settings_after(settings: Settings, changes: Mapping[str, Any]) -> Settings:
+def apply_changes(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """Return settings with new values at some paths.
 
     A phase that a side of the table does not have yet begins as the common one.
@@ -153,6 +153,6 @@ def settings_after(settings: Settings, changes: Mapping[str, Any]) -> Settings:
         if steps[:2] == ["table", "side_phases"]:
             side, phase = steps[2:4]
             own = {phase: settings.table.phases[phase], **settings.table.side_phases.get(Side(side), {})}
-            settings = changed_at(settings, f"experiment.table.side_phases.{side}", own)
-        settings = changed_at(settings, path, value)
+            settings = replace_at_path(settings, f"experiment.table.side_phases.{side}", own)
+        settings = replace_at_path(settings, path, value)
     return settings

@@ -8,13 +8,13 @@ from contextlib import suppress
 from itertools import islice
 
 from twin_gait.control.controller import Controller, UncompiledControllerError
-from twin_gait.exceptions import JobFailed, ParameterError, TwinGaitError
+from twin_gait.exceptions import JobError, ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EpisodeEngine
-from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, has_lane_loop, kind_of, lane_loop
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine, is_lane_loop_cached, block_key, lane_loop
+from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.scripted_engine import ScriptedEngine
@@ -24,7 +24,7 @@ FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compi
 # that a summary reads.
 MOST_TICKS = 2_000_000
 ALWAYS_KEPT = ("_phase", "mode")  # ends of the names of columns by which a run tells when its legs walk
-_LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
+_SETUP_BATCH_SIZE = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
 
 
 class SlowControllerWarning(UserWarning):
@@ -67,22 +67,22 @@ def simulate(
             f"simulate: expected an Experiment, got {reprlib.repr(experiment)}; "
             "load_experiment(NAME).experiment is one"
         )
-    return engine_of(build_problem(experiment, controller), on_compile).run(progress, should_stop)
+    return create_engine(build_setup(experiment, controller), on_compile).run(progress, should_stop)
 
 
-def engine_of(problem: Problem, on_compile: Callable[[], None] | None = None) -> EpisodeEngine:
+def create_engine(setup: SimulationSetup, on_compile: Callable[[], None] | None = None) -> EpisodeEngine:
     """The engine that an experiment asks for, at tick 0."""
-    if problem.experiment.engine is Engine.COMPILED:
+    if setup.experiment.engine is Engine.COMPILED:
         try:
-            engine = ScriptedEngine if problem.experiment.events else CompiledEngine
-            return engine(problem, on_compile=on_compile)
+            engine = ScriptedEngine if setup.experiment.events else CompiledEngine
+            return engine(setup, on_compile=on_compile)
         except UncompiledControllerError as error:
             told = f"{error}; stepping through Python instead, which takes some twenty times as long"
             warnings.warn(told, SlowControllerWarning, stacklevel=3)
-    return ReferenceEngine(problem)
+    return ReferenceEngine(setup)
 
 
-def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tuple[int, ...]]:
+def group_into_blocks(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tuple[int, ...]]:
     """Cut episodes into blocks of the same kind (None for one that runs alone) and of similar duration.
 
     Returns every position once: those that run one by one in front, then blocks for the lanes of one loop.
@@ -95,7 +95,7 @@ def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tu
         while group:  # the longest first: the rest, which runs alone, is short
             size = _most(ticks[group[-1]])
             block, group = group[-size:], group[:-size]
-            if len(block) >= FEWEST:
+            if len(block) >= MIN_BLOCK_SIZE:
                 blocks.append(tuple(block))
             else:
                 alone += block
@@ -107,7 +107,7 @@ def _most(ticks: int) -> int:
     return max(1, min(WIDTH, MOST_TICKS // max(1, ticks)))
 
 
-def simulate_together(
+def simulate_blocks(
     experiments: Iterable[Experiment], *, columns: tuple[str, ...] | None = None
 ) -> Iterator[tuple[int, Run]]:
     """Run many experiments; each run is the same, bit for bit, as that of :func:`simulate`.
@@ -126,30 +126,30 @@ def simulate_together(
         JobFailed: If one cannot be run; of those that are laid out with it none is.
     """
     waiting, first = iter(experiments), 0
-    while engines := _laid_out(islice(waiting, _LAID_OUT), first):
-        for block in blocks_of(_kinds(engines), [engine.problem.experiment.n_ticks for engine in engines]):
+    while engines := _create_engines(islice(waiting, _SETUP_BATCH_SIZE), first):
+        for block in group_into_blocks(_kinds(engines), [engine.setup.experiment.n_ticks for engine in engines]):
             runs = _run([engines[place] for place in block], first + block[0], columns)
             for place in reversed(block):  # each is gone when it has been looked at
                 yield first + place, runs.pop()
         first += len(engines)
 
 
-def _laid_out(experiments: Iterable[Experiment], first: int) -> list[EpisodeEngine]:
+def _create_engines(experiments: Iterable[Experiment], first: int) -> list[EpisodeEngine]:
     """Engines of some episodes, of which the first has a number; JobFailed if one cannot be laid out."""
     engines: list[EpisodeEngine] = []
     try:
         for experiment in experiments:
-            engines.append(engine_of(build_problem(experiment)))
+            engines.append(create_engine(build_setup(experiment)))
     except TwinGaitError as error:
-        raise JobFailed(first + len(engines), str(error)) from error
+        raise JobError(first + len(engines), str(error)) from error
     return engines
 
 
 def _kinds(engines: Sequence[EpisodeEngine]) -> list[Hashable | None]:
     """What those share that may share a block; None where a loop would have to be compiled for a few."""
-    kinds = [kind_of(engine) for engine in engines]
+    kinds = [block_key(engine) for engine in engines]
     numbers = Counter(kinds)
-    kept = {kind for kind, engine in zip(kinds, engines, strict=True) if has_lane_loop(engine)}
+    kept = {kind for kind, engine in zip(kinds, engines, strict=True) if is_lane_loop_cached(engine)}
     return [kind if numbers[kind] >= FEWEST_IN_ALL or kind in kept else None for kind in kinds]
 
 
@@ -166,17 +166,17 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
             return LaneEngine([engine for engine in engines if isinstance(engine, CompiledEngine)]).run(kept)
         return [engine.run(columns=kept) for engine in engines]
     except TwinGaitError as error:
-        raise JobFailed(first, str(error)) from error
+        raise JobError(first, str(error)) from error
 
 
-def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> int:
+def precompile(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> int:
     """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later.
 
     Returns how many of them to hand over at a time, so that they can be run as a block.
     """
     with suppress(TwinGaitError):
-        engine = engine_of(build_problem(experiment), on_compile)
-        if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:
+        engine = create_engine(build_setup(experiment), on_compile)
+        if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and block_key(engine) is not None:
             lane_loop(engine, on_compile)
             return _most(experiment.n_ticks)
     return 1

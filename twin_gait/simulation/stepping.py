@@ -16,17 +16,17 @@ import numpy as np
 from twin_gait.control.safety import Trip
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
-from twin_gait.core.guards import Comparison
+from twin_gait.core.guards import CompiledComparison
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.events import FADE_TICKS
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.outcome import RunEvent
-from twin_gait.simulation.answers import Answer, answer_at
+from twin_gait.simulation.answers import RequestResult, request_result
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import NEVER, Problem, fault_records, phase_time_out_ticks
+from twin_gait.simulation.problem import NEVER, SimulationSetup, fault_records, phase_timeout_ticks
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import RunStatus, log_table, run_events
 from twin_gait.simulation.settings import LoopNumbers, numbers_of
@@ -51,7 +51,7 @@ class SteppedRun:
 
     def __init__(
         self,
-        problem: Problem,
+        setup: SimulationSetup,
         *,
         on_compile: Callable[[], None] | None = None,
         spare_faults: int | None = None,
@@ -62,34 +62,34 @@ class SteppedRun:
         loop has to be compiled first, which takes 10 to 20 s; ``spare_faults``: number of faults that can be
         injected, ``MOST_FAULTS`` by default.
         """
-        self.problem = problem
-        self.layout = log_layout(problem)
+        self.setup = setup
+        self.layout = log_layout(setup)
         self.tick = 0
-        experiment = problem.experiment
+        experiment = setup.experiment
         number = MOST_FAULTS if spare_faults is None else spare_faults
         spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * number
         roomy = replace(experiment, faults=(*experiment.faults, *spare))
-        self.engine = CompiledEngine(replace(problem, experiment=roomy), on_compile=on_compile)
+        self.engine = CompiledEngine(replace(setup, experiment=roomy), on_compile=on_compile)
         self._episode = self.engine.episode
         if spare:
             starts = self._episode["faults"]["start_tick"]
             starts[len(experiment.faults) :] = NEVER
             self._episode["first_fault"] = starts.min()
         self._start = self.engine.store.copy()
-        self._first_numbers: LoopNumbers = numbers_of(problem)
+        self._first_numbers: LoopNumbers = numbers_of(setup)
         self.numbers: LoopNumbers = self._first_numbers
         self._values = self._changeable()
         # Values before a fade by name, its first tick, its length; None without one. JSON takes it as it is.
         self._fade: tuple[dict[str, Any], int, int] | None = None
-        self._push_ends = np.full(len(problem.joints), NEVER)
+        self._push_ends = np.full(len(setup.joints), NEVER)
         self.injected: tuple[Fault, ...] = ()
         self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
         self._belt_waits = False
-        self._were_held = np.zeros(len(problem.sides), dtype=bool)  # legs in the held phase at the last look
+        self._were_held = np.zeros(len(setup.sides), dtype=bool)  # legs in the held phase at the last look
 
     def _changeable(self) -> dict[str, np.ndarray]:
         """Where in the record the numbers stand that fade."""
-        controller, model = self._episode["controller"], self.problem.world.model
+        controller, model = self._episode["controller"], self.setup.world.model
         joints = controller["joints"]
         found = {
             "setpoints": joints["setpoints"].view(float).reshape(len(joints), -1, COLUMNS_PER_JOINT),
@@ -98,19 +98,19 @@ class SteppedRun:
             "belt_speed": self.engine.store["belt"]["cruise"],
         }
         if model.pelvis_index is not None:  # the wearer's hangs in the support
-            hung = model.pelvis_index + self.problem.world.wearer_shift
+            hung = model.pelvis_index + self.setup.world.wearer_offset
             found["support_force"] = self._episode["plant"]["spring"]["force"][hung : hung + 1]
         return found
 
     @property
     def status(self) -> RunStatus:
         """How the walk stands; ``completed`` as long as nothing has ended it."""
-        return self.engine.ending(self.tick)[0]
+        return self.engine.status_after(self.tick)[0]
 
     @property
     def reason(self) -> str:
         """Why it has ended; empty before that."""
-        return self.engine.ending(self.tick)[1]
+        return self.engine.status_after(self.tick)[1]
 
     @property
     def trip(self) -> Trip | None:
@@ -120,7 +120,7 @@ class SteppedRun:
     @property
     def events(self) -> tuple[RunEvent, ...]:
         """Injected faults, trip, fall and divergence so far, in the order of time."""
-        faults = (*self.problem.experiment.faults, *self.injected)
+        faults = (*self.setup.experiment.faults, *self.injected)
         return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
 
     def advance(self, ticks: int) -> np.ndarray:
@@ -158,7 +158,7 @@ class SteppedRun:
         if (self._were_held & ~held).any():
             self._hold()
         self._were_held = held
-        waits = bool(self.waiting())
+        waits = bool(self.waiting_legs())
         if waits != self._belt_waits:  # it would carry the leg away
             self._belt_waits = waits
             self._begin_fade(BELT_TICKS)
@@ -191,9 +191,9 @@ class SteppedRun:
         legs = self._episode["controller"]["legs"]
         lengths = np.take_along_axis(legs["blend_ticks"], legs["phase"][:, None], axis=1)[:, 0]
         # A leg whose own fade is over no longer reads the parameters of its phase.
-        self._arrive(self.tick - legs["entry_tick"] > lengths)
+        self._finish_blending(self.tick - legs["entry_tick"] > lengths)
 
-    def _arrive(self, chosen: np.ndarray) -> None:
+    def _finish_blending(self, chosen: np.ndarray) -> None:
         """Give the chosen legs the parameters of their phases."""
         controller = self._episode["controller"]
         joints = controller["joints"].reshape(len(chosen), -1)
@@ -202,7 +202,7 @@ class SteppedRun:
                 own["blended"] = own["setpoints"][:, leg["phase"]]
                 leg["gravity"] = leg["gravity_shares"][leg["phase"]]
 
-    def _fade_anew(self) -> None:
+    def _restart_blending(self) -> None:
         """Let every leg fade from its present parameters."""
         joints, legs = self._episode["controller"]["joints"], self._episode["controller"]["legs"]
         joints["blend_start"], legs["gravity_start"] = joints["blended"], legs["gravity"]
@@ -212,7 +212,7 @@ class SteppedRun:
         parts = [rows[max(first - begin, 0) :] for begin, rows in self._log if begin + len(rows) > first]
         return np.concatenate([np.zeros((0, len(self.layout.names))), *parts])
 
-    def forget_rows(self, before: int) -> None:
+    def discard_rows(self, before: int) -> None:
         """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds."""
         self._log = [(begin, rows) for begin, rows in self._log if begin + len(rows) > before]
 
@@ -220,7 +220,7 @@ class SteppedRun:
         """Switches of the phases so far."""
         return self.engine.phase_switches(first)
 
-    def moment(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         """The present moment, from which another run of the same problem can go on: plain values for JSON."""
         return {
             "tick": self.tick,
@@ -232,16 +232,16 @@ class SteppedRun:
             "were_held": self._were_held.tolist(),
         }
 
-    def go_on_from(self, moment: Mapping[str, Any]) -> None:
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over a moment of another run of the same problem; rows and switches before it are unknown."""
-        self.engine.store[:] = np.frombuffer(base64.b64decode(moment["record"]), self.engine.store.dtype)
+        self.engine.store[:] = np.frombuffer(base64.b64decode(snapshot["record"]), self.engine.store.dtype)
         self.engine.point_at_rows()  # addresses are those of a process
         self._episode["recording"]["n_switches"] = 0
-        self.tick, self._log = moment["tick"], []
-        self.numbers, self._belt_waits = moment["numbers"], moment["belt_waits"]
-        self._fade = moment["fade"]
-        self._push_ends[:] = moment["push_ends"]
-        self._were_held[:] = moment["were_held"]
+        self.tick, self._log = snapshot["tick"], []
+        self.numbers, self._belt_waits = snapshot["numbers"], snapshot["belt_waits"]
+        self._fade = snapshot["fade"]
+        self._push_ends[:] = snapshot["push_ends"]
+        self._were_held[:] = snapshot["were_held"]
 
     def set(self, numbers: LoopNumbers, *, fade_ticks: int = FADE_TICKS) -> None:
         """Let other numbers fade in by the minimum-jerk law, in some ticks or, with 0, at once.
@@ -254,18 +254,18 @@ class SteppedRun:
         if numbers == self.numbers:
             return
         held, self.numbers = self.numbers["held_phase"], numbers
-        given = [entries(Comparison(**comparison)) for comparison in numbers["comparisons"]]
+        given = [entries(CompiledComparison(**comparison)) for comparison in numbers["comparisons"]]
         program = self._episode["controller"]["program"]
         program["comparisons"][: len(given)] = given  # the record has room for more
         self._begin_fade(fade_ticks)
         if numbers["held_phase"] != held:
             self._were_held[:] = False
             self._hold()
-        self._note_phase_time_out()
+        self._update_phase_timeout()
         if self.tick == fade_ticks == 0:
             self._apply_fade()
-            self._arrive(np.ones(len(self.problem.sides)))
-            self._fade_anew()
+            self._finish_blending(np.ones(len(self.setup.sides)))
+            self._restart_blending()
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint of ``problem.joints`` for some ticks, in [N m], positive towards flexion."""
@@ -281,18 +281,18 @@ class SteppedRun:
         spare = np.flatnonzero(faults["start_tick"] == NEVER)
         if len(spare) == 0:
             raise ParameterError(f"fault {fault}: at most {MOST_FAULTS} in one walk; restart it")
-        experiment = replace(self.problem.experiment, faults=(replace(fault, time=0.0),))
-        (injected,) = fault_records(replace(self.problem, experiment=experiment))
+        experiment = replace(self.setup.experiment, faults=(replace(fault, time=0.0),))
+        (injected,) = fault_records(replace(self.setup, experiment=experiment))
         faults[spare[0]] = entries(replace(injected, start_tick=self.tick))
         self.injected += (replace(fault, time=self.tick * TICK),)
         self._episode["first_fault"] = faults["start_tick"].min()
 
-    def request(self, name: str) -> Answer:
+    def request(self, name: str) -> RequestResult:
         """Ask the supervisor for something, run the next tick, which hears it, and give its answer.
 
         ``name`` of a request that the modes know. Raises ParameterError if too many wait.
         """
-        problem, modes, tick = self.problem, self.problem.experiment.modes, self.tick
+        problem, modes, tick = self.setup, self.setup.experiment.modes, self.tick
         assert modes is not None  # else nothing is asked
         asked, supervisor = self._episode["requests"], self._episode["controller"]["supervisor"]
         free = np.flatnonzero(asked["tick"] < tick)
@@ -303,7 +303,7 @@ class SteppedRun:
         self.advance(1)
         log = log_table(self.rows(tick - 1), self.layout, problem.table)
         weight = problem.world.body_weight
-        found = answer_at(log, len(log) - 1, before, ticks, modes, problem.table, weight)
+        found = request_result(log, len(log) - 1, before, ticks, modes, problem.table, weight)
         return found._replace(tick=tick)
 
     @property
@@ -314,7 +314,7 @@ class SteppedRun:
     def _legs_in_held_phase(self) -> np.ndarray:
         return np.asarray(self._episode["controller"]["legs"]["phase"] == self.numbers["held_phase"])
 
-    def waiting(self) -> tuple[int, ...]:
+    def waiting_legs(self) -> tuple[int, ...]:
         """Legs that stand in the held phase with an exit open."""
         controller = self._episode["controller"]
         legs, rules = controller["legs"], controller["program"]["transitions"]
@@ -323,7 +323,7 @@ class SteppedRun:
 
     def release(self) -> None:
         """Let one leg leave the held phase, now or as soon as an exit opens."""
-        self._minimum_ticks[:] = self.problem.program.minimum_ticks
+        self._minimum_ticks[:] = self.setup.program.minimum_ticks
 
     def _hold(self) -> None:
         """Let no leg leave the held phase, or all legs go their way if there is none."""
@@ -331,14 +331,14 @@ class SteppedRun:
         if self.numbers["held_phase"] is not None:
             self._minimum_ticks[self.numbers["held_phase"]] = NEVER
 
-    def _note_phase_time_out(self) -> None:
+    def _update_phase_timeout(self) -> None:
         limits, numbers = self._episode["limits"], self.numbers
         watched = numbers["watching"] and numbers["held_phase"] is None
-        before, limit = limits["phase_ticks"], phase_time_out_ticks(self.problem) if watched else NEVER
+        before, limit = limits["phase_ticks"], phase_timeout_ticks(self.setup) if watched else NEVER
         limits["phase_ticks"] = limit
         if before == NEVER and limit < NEVER:  # the present phase of every leg begins anew
             self._episode["controller"]["legs"]["entry_tick"] = self.tick
-            self._fade_anew()
+            self._restart_blending()
 
     def stop(self) -> None:
         """Trip the monitor by hand: from the next tick on the legs are held and lowered.

@@ -7,56 +7,56 @@ from typing import TypeAlias
 
 from twin_gait.core import friction
 from twin_gait.experiment.experiment import IntegrationMethod
-from twin_gait.parameters.network import ImpedancePlace
-from twin_gait.simulation.problem import Problem
+from twin_gait.parameters.network import ImpedanceLocation
+from twin_gait.simulation.problem import SimulationSetup
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
 # place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
 # coordinate of the device that of the wearer stands, 0 if they are one; crutches; whether there is a seat.
-POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES, SEATED = 0, -1, -1, -1, 0, 0, False
+N_POINTS_PER_FOOT, PELVIS_INDEX, FORWARD_INDEX, PITCH_INDEX, WEARER_OFFSET, N_CRUTCHES, WITH_SEAT = 0, -1, -1, -1, 0, 0, False
 # Coordinates with friction by equation (3.1).
-WITH_FRICTION: tuple[int, ...] = ()
+FRICTION_INDICES: tuple[int, ...] = ()
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, commands come
 # late, the ground rises, boards and gait controller talk over a bus, the springs are in the gait controller,
 # and an inertial unit finds the pitch of the trunk.
-ANKLES = RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
+WITH_ANKLES = WITH_RK4 = WITH_FAULTS = WITH_WEARER = WITH_DELAY = WITH_SLOPE = WITH_NETWORK = WITH_CENTRAL_IMPEDANCE = WITH_INERTIAL_UNIT = False
 
 # All of these, which conditions of a schedule may name.
 FLAGS = {name: value for name, value in globals().items() if name.isupper()}
 
-Structure: TypeAlias = dict[str, int | tuple[int, ...]]
+BuildFlags: TypeAlias = dict[str, int | tuple[int, ...]]
 
 
-def structure_of(problem: Problem, n_points: int) -> Structure:
+def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
     """Constants that a loop is bound to."""
-    experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
-    legs = len(problem.sides)
+    experiment, model, control = setup.experiment, setup.world.model, setup.experiment.control
+    legs = len(setup.sides)
     return {
         "LEGS": legs,
-        "JOINTS_PER_LEG": problem.joints_per_leg,
+        "JOINTS_PER_LEG": setup.joints_per_leg,
         "POINTS_PER_FOOT": n_points // legs,
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
         "FORWARD": -1 if model.forward_index is None else model.forward_index,
         "PITCH": -1 if model.pitch_index is None else model.pitch_index,
-        "CRUTCHES": len(problem.world.arms),
-        "SEATED": problem.world.seat is not None,
-        "SHIFT": problem.world.wearer_shift,
+        "CRUTCHES": len(setup.world.arms),
+        "SEATED": setup.world.seat is not None,
+        "SHIFT": setup.world.wearer_offset,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "OTHER_LAWS": any(plant.friction.law > friction.ROTATIONAL for plant in problem.world.plant),
+        "OTHER_LAWS": any(plant.friction.law > friction.ROTATIONAL for plant in setup.world.plant),
         "WITH_FRICTION": tuple(
             place
-            for place, plant in enumerate(problem.world.plant)
+            for place, plant in enumerate(setup.world.plant)
             if plant.friction.law == friction.ROTATIONAL
         ),
-        "RK4": experiment.stepping.method is IntegrationMethod.RK4,
+        "RK4": experiment.resolved_integration.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),
         "SUPERVISED": experiment.modes is not None,
         "INERTIA_WANTED": control.inertia_compensation > 0.0,
-        "WEARER": bool(problem.limbs[0].moments),
-        **problem.controller.constants(),
+        "WEARER": bool(setup.limbs[0].moments),
+        **setup.controller.build_flags(),
         "DELAYED": control.delay_ticks > 0,
-        "SLOPED": problem.world.slope != 0.0,
+        "SLOPED": setup.world.slope != 0.0,
         "NETWORKED": experiment.network is not None,
-        "INERTIAL": problem.inertial,
-        "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
+        "INERTIAL": setup.inertial,
+        "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedanceLocation.CCU,
     }

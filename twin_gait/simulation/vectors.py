@@ -14,9 +14,9 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from twin_gait.kernels.generated import SIDE_BY_SIDE, Called
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiling import ON_BITS, distinct, jit
+from twin_gait.kernels.generated import MERGED_FUNCTIONS, MergedFunction
+from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.compiling import BIT_FUNCTIONS, distinct, jit
 
 _COUNT, _NUMBER = ir.IntType(64), ir.DoubleType()
 _WIDTHS = (2, 4, 8)
@@ -63,7 +63,7 @@ def _law(typing: Any, function: Any, given: Sequence[Any]) -> tuple[Any, Any]:
     return kind, signature
 
 
-def _in_turn(
+def _call_vectorized(
     context: Any, builder: Any, law: tuple[Any, Any], common: Sequence[Any], rows: Sequence[Sequence[Any]]
 ) -> list[list[Any]]:
     """Call a law for each of several things in a loop that may become vectors.
@@ -98,12 +98,12 @@ def _in_turn(
 
 
 @lru_cache(maxsize=8)
-def _each(item: Called) -> Any:
+def _compile_vectorized(item: MergedFunction) -> Any:
     """Compiled function that calls another one for each of several things.
 
     It takes what all things have in common, then the numbers of each; those of the first thing come first.
     """
-    function, shared, arguments = bind(item.function, ON_BITS, jit), item.shared, item.arguments
+    function, shared, arguments = specialize(item.function, BIT_FUNCTIONS, jit), item.shared, item.arguments
 
     @intrinsic  # type: ignore[untyped-decorator]
     def each(typing: Any, *given: Any) -> Any:
@@ -113,7 +113,7 @@ def _each(item: Called) -> Any:
         def generate(context: Any, builder: Any, signature: Any, packed: Any) -> Any:
             values = cgutils.unpack_tuple(builder, packed[0])
             rows = [values[first : first + arguments] for first in firsts]
-            found = _in_turn(context, builder, law, values[:shared], rows)
+            found = _call_vectorized(context, builder, law, values[:shared], rows)
             return context.make_tuple(builder, signature.return_type, list(chain(*found)))
 
         taken = types.StarArgTuple.from_types(given)  # type: ignore[attr-defined]
@@ -124,28 +124,28 @@ def _each(item: Called) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def side_by_side(typing: Any, e: Any, places: Any, staged: Any, take: Any, law: Any, give: Any) -> Any:
+def vector_map(typing: Any, e: Any, indices: Any, staged: Any, read_arguments: Any, law: Any, write_result: Any) -> Any:
     """What :func:`twin_gait.simulation.interface.side_by_side` is bound to for one episode."""
-    taken = _law(typing, take.dispatcher, (e, types.int64, staged))
+    taken = _law(typing, read_arguments.dispatcher, (e, types.int64, staged))
     ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
-    given = _law(typing, give.dispatcher, (e, types.int64, ruled[1].return_type))
+    given = _law(typing, write_result.dispatcher, (e, types.int64, ruled[1].return_type))
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         episode, numbers = arguments[0], cgutils.unpack_tuple(builder, arguments[1])
         read, put = (context.get_function(*item) for item in (taken, given))
         taking = (read(builder, (episode, number, arguments[2])) for number in numbers)
         rows = [cgutils.unpack_tuple(builder, item) for item in taking]
-        for number, (result,) in zip(numbers, _in_turn(context, builder, ruled, (), rows), strict=True):
+        for number, (result,) in zip(numbers, _call_vectorized(context, builder, ruled, (), rows), strict=True):
             put(builder, (episode, number, result))
         return context.get_dummy_value()
 
-    return types.none(e, places, staged, take, law, give), generate
+    return types.none(e, indices, staged, read_arguments, law, write_result), generate
 
 
-def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
+def vector_functions(kernel: Mapping[str, Any]) -> dict[str, Any]:
     """What a loop of one episode is bound to so that laws for several things at once become vectors."""
-    found = {"side_by_side": side_by_side}
-    for item in SIDE_BY_SIDE:
-        each = _each(item)
+    found = {"side_by_side": vector_map}
+    for item in MERGED_FUNCTIONS:
+        each = _compile_vectorized(item)
         found.update({name: each for name in kernel if name.rpartition("_")[0] == item.name})
     return found

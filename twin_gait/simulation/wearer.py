@@ -13,7 +13,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition
-from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Limb
+from twin_gait.simulation.episode import MIN_HIP_ANGLE, HIP_ANGLE_STEP, Limb
 from twin_gait.vocabulary import JointName
 
 # Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance
@@ -21,7 +21,7 @@ from twin_gait.vocabulary import JointName
 # has left the ground, it lands (between terminal stance and pre-swing); initial and mid swing end.
 _STANCE_EVENTS = (0.0, 62.0, 31.0, 12.0, 50.0)
 _SWING_EVENTS = (62.0, 100.0, 75.0, 87.0)
-POSTURES = 41  # hip angles of the normative moments
+N_HIP_ANGLES = 41  # hip angles of the normative moments
 _SAMPLES = 51  # of the cycle in a phase
 
 
@@ -31,7 +31,7 @@ def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[
     Raises ParameterError if the wearer makes an effort, and the table's cycle is no stride.
     """
     patient, places = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
-    if patient is None or patient.is_mass_alone:
+    if patient is None or patient.is_torque_free:
         return [Limb(model.index(*place), JointCondition(), [], new_delay_line(0)) for place in places]
     own = [patient.conditions.get(place, JointCondition()) for place in places]
     spans = phase_spans(table) if any(item.effort * item.strength for item in own) else {}
@@ -95,7 +95,7 @@ def _moments(
     assert patient is not None  # else there are no moments
     if walking is not None:
         speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
-    rows = np.zeros((len(table.phases), POSTURES))
+    rows = np.zeros((len(table.phases), N_HIP_ANGLES))
     for row, name in zip(rows, table.phase_names, strict=True):
         if name in spans:
             instants = _instants(spans[name], speed, patient.height)
@@ -112,7 +112,7 @@ def _instants(span: tuple[float, float], speed: float, height: float) -> np.ndar
     """
     percent = np.linspace(*span, _SAMPLES)
     hip = reference_curve(JointName.HIP, percent, speed=speed, height=height)
-    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
+    postures = MIN_HIP_ANGLE + HIP_ANGLE_STEP * np.arange(N_HIP_ANGLES)
     found = np.asarray(percent[np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)])
     found.setflags(write=False)  # it is kept
     return found

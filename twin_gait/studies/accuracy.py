@@ -9,12 +9,12 @@ from twin_gait.experiment.experiment import Integration
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
-from twin_gait.studies.jobs import Watch
+from twin_gait.studies.jobs import WorkCallbacks
 
 REFINEMENT = 10
 
 
-def step_error(run: Run, **watch: Unpack[Watch]) -> dict[str, Any]:
+def step_error(run: Run, **watch: Unpack[WorkCallbacks]) -> dict[str, Any]:
     """Compare a run with the same run at a tenth of its integration step.
 
     A gait switches phase at whole ticks, so a tiny difference occasionally shifts a switch by one tick, and
@@ -24,7 +24,7 @@ def step_error(run: Run, **watch: Unpack[Watch]) -> dict[str, Any]:
     Returns the steps of both runs, the largest difference of any driven joint's angle, and the time from
     which the phases differ, or None.
     """
-    integration = run.experiment.stepping
+    integration = run.experiment.resolved_integration
     fine = Integration(method=integration.method, step=integration.step / REFINEMENT)
     reference = simulate(replace(run.experiment, integration=fine), **watch)
     common = min(len(run.log), len(reference.log))

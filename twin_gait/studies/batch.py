@@ -21,19 +21,19 @@ from twin_gait.configuration.experiments import (
     FILE_KEYS,
     LoadedExperiment,
     experiment_from_mapping,
-    named_document,
+    load_named_document,
 )
-from twin_gait.configuration.validation import assign, converting, parse_path, refuse_two_units
-from twin_gait.exceptions import JobFailed, ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.configuration.validation import assign, convert_with_context, parse_path, reject_duplicate_units
+from twin_gait.exceptions import JobError, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.files import plain
+from twin_gait.files import to_json_value
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters.wearer import Patient
-from twin_gait.runs.leg_summary import MeasuredLeg, limit_shares
-from twin_gait.runs.summary import battery_in_numbers, energy_in_numbers
+from twin_gait.runs.leg_summary import MeasuredLeg, saturated_shares
+from twin_gait.runs.summary import battery_summary, energy_summary
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.simulation.simulator import compile_ahead, simulate_together
-from twin_gait.studies.jobs import Watch, run_blocks
+from twin_gait.simulation.simulator import precompile, simulate_blocks
+from twin_gait.studies.jobs import WorkCallbacks, run_blocks
 from twin_gait.studies.workers import Item, Result, Workers
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import Walking
@@ -48,9 +48,9 @@ def run_episodes(
     columns: tuple[str, ...] | None = None,
     block: int | None = None,
     workers: int | Workers = 1,
-    keep: Callable[[dict[int, Result]], None] | None = None,
-    named: Callable[[int], str] = "episode {}".format,
-    **watch: Unpack[Watch],
+    on_results: Callable[[dict[int, Result]], None] | None = None,
+    episode_name: Callable[[int], str] = "episode {}".format,
+    **watch: Unpack[WorkCallbacks],
 ) -> list[Result]:
     """Simulate the experiment of each item and measure the run; its log is then discarded.
 
@@ -69,12 +69,12 @@ def run_episodes(
         named: Function that returns the name of an episode in errors, from its number.
     """
     if block is None:
-        block = _block_ahead(experiment_of, items, watch.get("on_compile"))
+        block = _choose_block_size(experiment_of, items, watch.get("on_compile"))
     walk = partial(_measured, experiment_of, measure, columns)
     try:
-        return run_blocks(walk, items, block=block, workers=workers, keep=keep, **watch)
-    except JobFailed as error:
-        raise ParameterError(f"{named(error.index)}: {error.problem}") from error
+        return run_blocks(walk, items, block=block, workers=workers, on_results=on_results, **watch)
+    except JobError as error:
+        raise ParameterError(f"{episode_name(error.index)}: {error.problem}") from error
 
 
 def _measured(
@@ -83,17 +83,17 @@ def _measured(
     columns: tuple[str, ...] | None,
     items: Sequence[Item],
 ) -> Iterator[tuple[int, Result]]:
-    for place, run in simulate_together(map(experiment_of, items), columns=columns):
+    for place, run in simulate_blocks(map(experiment_of, items), columns=columns):
         yield place, measure(run)
 
 
-def _block_ahead(
+def _choose_block_size(
     experiment_of: Callable[[Item], Experiment], items: Sequence[Item], on_compile: Callable[[], None] | None
 ) -> int:
     """Compile before the workers need the code, and return the number of episodes in a block."""
     if items:
         with suppress(TwinGaitError):  # a mistake is reported when its episode is run
-            return compile_ahead(experiment_of(items[0]), len(items), on_compile)
+            return precompile(experiment_of(items[0]), len(items), on_compile)
     return 1
 
 
@@ -110,14 +110,14 @@ def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
 
 # New values by key of an experiment document, joined by dots, such as ``patient.mass_kg``.
 Override = Mapping[str, Any]
-Flat = dict[str, float | str | bool | None]
-WHOLE = ("patient", "table")  # keys whose values may be names of entities that are replaced as a whole
+FlatSummary = dict[str, float | str | bool | None]
+REPLACEABLE_KEYS = ("patient", "table")  # keys whose values may be names of entities that are replaced as a whole
 # Meaning of names, by key and name_of: mappings of an experiment document; paths under FILES.
 FILES = "files"
 Named = Mapping[str, Mapping[str, Any]]
 
 # Endings of the log columns that :func:`flat_summary` reads, in addition to time and phases.
-READ_IN_BRIEF = (
+SUMMARY_LOG_COLUMNS = (
     "_angle_rad", "_motor_command_torque_Nm", "_motor_torque_Nm", "_target_current_A", "_measured_current_A",
     "_foot_normal_force_N", "_foot_clearance_m", "battery_power_W", "kinetic_energy_J", "potential_energy_J",
     "_work_J", *WALK_COLUMNS,
@@ -138,7 +138,7 @@ def simulate_batch(
     overrides: Sequence[Override],
     *,
     workers: int | Workers = 1,
-    **watch: Unpack[Watch],
+    **watch: Unpack[WorkCallbacks],
 ) -> pd.DataFrame:
     """Simulate one experiment once for each set of changes.
 
@@ -151,22 +151,22 @@ def simulate_batch(
     ParameterFileError if a change is wrong, naming episode and key. Raises ParameterError if an episode
     cannot be simulated, or the number of workers is invalid.
     """
-    base = with_document(experiment)
+    base = attach_document(experiment)
     for index, override in enumerate(overrides):
-        changed(base, override, f"episode {index}")
-    experiment_of = partial(changed, base)
+        apply_override(base, override, f"episode {index}")
+    experiment_of = partial(apply_override, base)
     rows = run_episodes(
-        experiment_of, flat_summary, overrides, columns=READ_IN_BRIEF, workers=workers, **watch
+        experiment_of, flat_summary, overrides, columns=SUMMARY_LOG_COLUMNS, workers=workers, **watch
     )
-    return table_of(overrides, summary_table(rows))
+    return results_table(overrides, summary_table(rows))
 
 
-def name_of(value: Any) -> str:
+def value_to_text(value: Any) -> str:
     """Return a value as text; a value that is no text, such as a person with changes, as JSON."""
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
-def with_document(experiment: Experiment) -> LoadedExperiment:
+def attach_document(experiment: Experiment) -> LoadedExperiment:
     """Return an experiment with its document, which takes longer to write than to change."""
     return LoadedExperiment(experiment, experiment_document(experiment))
 
@@ -186,7 +186,7 @@ def named_file(key: str, value: Any) -> NamedFile | None:
     return NamedFile(section, given) if name and isinstance(given, str) else None
 
 
-def changed(
+def apply_override(
     base: LoadedExperiment, override: Override, source: str = "override", known: Named = MappingProxyType({})
 ) -> Experiment:
     """Return the experiment with some values changed, for many changes of one experiment.
@@ -195,11 +195,11 @@ def changed(
     and ``known``, the meaning of names.
     """
     document = base.document
-    converting(source, "", lambda: refuse_two_units(override))
-    for key, value in sorted(override.items(), key=lambda item: item[0] not in WHOLE):
+    convert_with_context(source, "", lambda: reject_duplicate_units(override))
+    for key, value in sorted(override.items(), key=lambda item: item[0] not in REPLACEABLE_KEYS):
         plain = value.item() if isinstance(value, np.generic) else value
-        if key in WHOLE:
-            named = known.get(key, {}).get(name_of(plain)) or named_document(key, plain, Path(source))
+        if key in REPLACEABLE_KEYS:
+            named = known.get(key, {}).get(value_to_text(plain)) or load_named_document(key, plain, Path(source))
             if named is not None:
                 document, plain = {**document, key: None}, named  # nothing of the former value remains
         if (file := named_file(key, plain)) is not None:
@@ -209,17 +209,17 @@ def changed(
     return experiment_from_mapping(document, source, Path(), base)
 
 
-def overridden(experiment: Experiment, override: Override) -> Experiment:
+def override_experiment(experiment: Experiment, override: Override) -> Experiment:
     """Return the experiment with some values changed, as ``--set`` changes them.
 
     ``override``: values by keys of its document, joined by dots, list positions in brackets; a quantity may
     be given in any unit that its file accepts. A mapping is merged into the existing one. ``patient`` and
     ``table`` may be replaced by name or path; other keys are then applied to the new ones.
     """
-    return changed(with_document(experiment), override)
+    return apply_override(attach_document(experiment), override)
 
 
-def flat_summary(run: Run) -> Flat:
+def flat_summary(run: Run) -> FlatSummary:
     """Summarise a run in one row: numbers of the run, of each leg, and of each joint.
 
     The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, prefixed by side
@@ -233,38 +233,38 @@ def flat_summary(run: Run) -> Flat:
     whole = {
         **{"status": run.status, "outcome": run.verdict.outcome, "fell": run.status is RunStatus.FELL},
         **{"seed": run.experiment.seed, "duration_s": run.duration},
-        **battery_in_numbers(run),
-        **energy_in_numbers(run),
-        **limit_shares(run),
+        **battery_summary(run),
+        **energy_summary(run),
+        **saturated_shares(run),
         **{f"power_{name}": value for name, value in power.items()},
-        **({} if trip is None else {"trip_cause": str(trip.cause), "trip_place": trip.place}),
+        **({} if trip is None else {"trip_cause": str(trip.cause), "trip_place": trip.location}),
         **({} if trip is None else {"trip_time_s": trip.time}),
     }
     flat = {name: whole.get(name) for name in _RUN}
     for side in run.sides:
         leg = MeasuredLeg(run, run.leg_record(side))
-        errors = leg.errors().get("errors", {})
-        values = {**leg.in_brief(), **walk.get(side, {})}
+        errors = leg.error_parts().get("errors", {})
+        values = {**leg.brief_summary(), **walk.get(side, {})}
         for joint, parts in errors.items():
             values |= {f"{joint}_error_{part}": value for part, value in parts.items()}
         flat |= {f"{side}_{name}": values.get(name) for name in _SIDE}
         for joint, effort in values["joints"].items():
             flat |= {f"{side}_{joint}_{name}": effort[name] for name in _JOINT}
-    found: Flat = plain(flat)
+    found: FlatSummary = to_json_value(flat)
     return found
 
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
     """Return a document with one value changed; an error in the key names it."""
     name, separator, _ = str(key).partition("=")
-    path = converting(source, str(key), lambda: parse_path(name, f"{key}="))
+    path = convert_with_context(source, str(key), lambda: parse_path(name, f"{key}="))
     if separator:
         raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
-    assigned: dict[str, Any] = converting(source, str(key), lambda: assign(document, path, value))
+    assigned: dict[str, Any] = convert_with_context(source, str(key), lambda: assign(document, path, value))
     return assigned
 
 
-def settings_of(overrides: Sequence[Override]) -> pd.DataFrame:
+def settings_table(overrides: Sequence[Override]) -> pd.DataFrame:
     """Return the changes of each episode as a table.
 
     The types of its columns do not depend on the number of finished episodes. A column has the name of its
@@ -275,18 +275,18 @@ def settings_of(overrides: Sequence[Override]) -> pd.DataFrame:
     settings = pd.DataFrame(overrides, columns=list(keys), index=range(len(overrides)), dtype=object)
     settings = settings.infer_objects()
     mixed = settings.columns[settings.dtypes == np.dtype(object)]
-    settings[mixed] = settings[mixed].map(name_of, na_action="ignore")
+    settings[mixed] = settings[mixed].map(value_to_text, na_action="ignore")
     return settings.rename(columns={key: f"set.{key}" for key in keys if key in _RUN})
 
 
-def table_of(overrides: Sequence[Override], rows: pd.DataFrame) -> pd.DataFrame:
+def results_table(overrides: Sequence[Override], rows: pd.DataFrame) -> pd.DataFrame:
     """Return ``episode``, settings and summary of the episodes in a table of summaries, by its index."""
-    settings = settings_of(overrides).loc[rows.index]
+    settings = settings_table(overrides).loc[rows.index]
     results = rows[[name for name in SUMMARY_COLUMNS if name in rows]]
     return pd.concat([settings, results], axis=1).rename_axis("episode").reset_index()
 
 
-def summary_table(rows: Sequence[Flat]) -> pd.DataFrame:
+def summary_table(rows: Sequence[FlatSummary]) -> pd.DataFrame:
     """Convert flat summaries to a table whose order and types of columns do not depend on the values.
 
     A column that an episode lacks, such as one of a missing leg, is empty in its row.

@@ -17,7 +17,7 @@ from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.simulation.bench_joint.episode import LOG_COLUMNS, BenchVariation
 from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 from twin_gait.simulation.run import RunStatus
-from twin_gait.studies.jobs import Watch, run_jobs
+from twin_gait.studies.jobs import WorkCallbacks, run_jobs
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import LOWEST_VELOCITIES, CosinePath, DutyControl, TorqueControl
 from twin_gait.worlds.bench_joint import BENCH_FRICTION, HORIZONTAL, BenchFriction, BenchJoint, bench_joint
@@ -69,7 +69,7 @@ class Campaign(quantities.Parameters):
     protocol: Protocol = Protocol.DROP
     seed: Annotated[int, quantities.SEEDS] = 0
     bench: BenchJoint | None = None
-    cycles: Annotated[int, quantities.whole(1, 1000, "half an hour of strides")] = 4
+    cycles: Annotated[int, quantities.integer_range(1, 1000, "half an hour of strides")] = 4
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -170,7 +170,7 @@ def _two_way(campaign: Campaign, number: int) -> tuple[dict[str, float], dict[st
     return settings, {"control": control, "duration": campaign.cycles * TWO_WAY_PERIOD}
 
 
-def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[Watch]) -> dict[str, Any]:
+def run_campaign(campaign: Campaign, directory: Path, **watch: Unpack[WorkCallbacks]) -> dict[str, Any]:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
     Returns the content of ``campaign.json``: ``status``, and ``tests`` with an entry for each. Raises

@@ -14,7 +14,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters.quantities import DEGREE, require
 from twin_gait.simulation.run import Run
 from twin_gait.studies.batch import run_episodes
-from twin_gait.studies.jobs import Watch
+from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import Fault, FaultKind
@@ -76,7 +76,7 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
         magnitude = math.exp(float(generator.uniform(math.log(least), math.log(most))))
         if kind is not FaultKind.SUPPLY_DIP and generator.random() < 0.5:
             magnitude = -magnitude
-    return Fault(kind=kind, time=time, place=kind.place(side, joint), magnitude=magnitude)
+    return Fault(kind=kind, time=time, location=kind.location(side, joint), magnitude=magnitude)
 
 
 def fault_row(run: Run) -> dict[str, Any]:
@@ -102,10 +102,10 @@ def fault_row(run: Run) -> dict[str, Any]:
         "side": None if fault.side is None else str(fault.side),
         "joint": None if fault.joint is None else str(fault.joint),
         "time_s": fault.time,
-        "magnitude": fault.strength if fault.kind.units else math.nan,
+        "magnitude": fault.magnitude_or_default if fault.kind.units else math.nan,
         "outcome": str(run.verdict.outcome or run.status),
         "cause": "" if trip is None else str(trip.cause),
-        "trip_place": "" if trip is None else trip.place,
+        "trip_place": "" if trip is None else trip.location,
         "trip_time_s": math.nan if trip is None else trip.time,
         "detection_s": math.nan if late < 0.0 else late,
         "torque_peak_Nm": torque,
@@ -122,7 +122,7 @@ def simulate_faults(
     *,
     row: Callable[[Run], dict[str, Any]] = fault_row,
     workers: int | Workers = 1,
-    **watch: Unpack[Watch],
+    **watch: Unpack[WorkCallbacks],
 ) -> pd.DataFrame:
     """Simulate an experiment once for each fault, which replaces faults of its own; return a row for each.
 
@@ -132,7 +132,7 @@ def simulate_faults(
     """
     experiment_of = partial(_with_fault, experiment)
     rows = run_episodes(
-        experiment_of, row, faults, workers=workers, named=lambda place: f"fault {faults[place]}", **watch
+        experiment_of, row, faults, workers=workers, episode_name=lambda place: f"fault {faults[place]}", **watch
     )
     return pd.DataFrame(rows)
 

@@ -13,25 +13,25 @@ from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 import twin_gait
-from twin_gait.exceptions import JobFailed as JobFailed  # for callers, which catch it
+from twin_gait.exceptions import JobError as JobError  # for callers, which catch it
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.studies.workers import Item, Result, Workers, WorkersLost
 
 # Modules whose changes do not affect results; all others are part of the version of a worker. An installed
 # copy has a script in urdf that makes the meshes; a checkout keeps this script outside of the package.
-SHOWN_ONLY = frozenset({"_version.py", "cli", "live", "viewer", "checking", "testing", "export", "urdf"})
+DISPLAY_MODULES = frozenset({"_version.py", "cli", "live", "viewer", "checking", "testing", "export", "urdf"})
 
 # Lock of a worker process. A worker of a cluster may have several threads, and silencing the URDF parser
 # redirects the standard error of the process, so that two threads would interfere. The lock is reentrant,
 # because a job may run jobs of its own in its process.
-_ONE_AT_A_TIME = threading.RLock()
+_PROCESS_LOCK = threading.RLock()
 
 Progress = Callable[[int, int], None]
 Stop = Callable[[], bool]
 BlockFunction = Callable[[Sequence[Item]], Iterable[tuple[int, Result]]]
 
 
-class Watch(TypedDict, total=False):
+class WorkCallbacks(TypedDict, total=False):
     """Callbacks that follow the work on many items.
 
     Attributes:
@@ -51,7 +51,7 @@ def run_jobs(
     items: Sequence[Item],
     *,
     workers: int | Workers = 1,
-    **watch: Unpack[Watch],
+    **watch: Unpack[WorkCallbacks],
 ) -> list[Result]:
     """Call a function with each of many items, on several processes or a cluster.
 
@@ -85,7 +85,7 @@ def run_blocks(
     *,
     block: int,
     workers: int | Workers = 1,
-    keep: Callable[[dict[int, Result]], None] | None = None,
+    on_results: Callable[[dict[int, Result]], None] | None = None,
     progress: Progress | None = None,
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
@@ -103,11 +103,11 @@ def run_blocks(
     with nullcontext(workers) if isinstance(workers, Workers) else Workers(workers) as own:
         blocks = max(own.slots(), math.ceil(total / block))
         chunks = _chunks(items, max(1, math.ceil(total / blocks)), should_stop)
-        with closing(own.as_they_come(partial(_do, function, sources_hash()), chunks)) as coming:
+        with closing(own.as_completed(partial(_process_chunk, function, sources_hash()), chunks)) as coming:
             for found, problem in coming:
-                (keep or results.update)(found)
+                (on_results or results.update)(found)
                 if problem:
-                    raise JobFailed(*problem)
+                    raise JobError(*problem)
                 done += len(found)
                 if progress is not None:
                     progress(done, total)
@@ -120,7 +120,7 @@ def _one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> It
         try:
             yield place, function(item)
         except TwinGaitError as error:
-            raise JobFailed(place, str(error)) from error
+            raise JobError(place, str(error)) from error
 
 
 def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterator[dict[int, Any]]:
@@ -131,7 +131,7 @@ def _chunks(items: Sequence[Any], size: int, should_stop: Stop | None) -> Iterat
         yield {place: items[place] for place in range(first, min(first + size, len(items)))}
 
 
-def _do(
+def _process_chunk(
     function: BlockFunction[Any, Result], sources: str, chunk: dict[int, Any]
 ) -> tuple[dict[int, Result], tuple[int, str] | None]:
     """Process the items of a chunk, up to the first that fails, in any process.
@@ -142,11 +142,11 @@ def _do(
         raise WorkersLost("a worker has another version of twin_gait; install the same everywhere")
     results: dict[int, Result] = {}
     indices, problem = list(chunk), None
-    with _ONE_AT_A_TIME:
+    with _PROCESS_LOCK:
         try:
             for place, result in function(list(chunk.values())):
                 results[indices[place]] = result
-        except JobFailed as error:  # a text, because not every exception can be pickled
+        except JobError as error:  # a text, because not every exception can be pickled
             problem = (indices[error.index], error.problem)
     return results, problem
 
@@ -164,6 +164,6 @@ def sources_hash() -> str:
         [*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml"), *root.glob("studies/**/*.yaml")]
     ):
         place = path.relative_to(root)
-        if place.parts[0] not in SHOWN_ONLY:
+        if place.parts[0] not in DISPLAY_MODULES:
             digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes())
     return digest.hexdigest()

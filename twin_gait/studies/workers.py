@@ -31,7 +31,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 CONNECTION_TIMEOUT = 10.0  # [s]
 WORKER_TIMEOUT = 60.0  # [s]
-AHEAD = 2  # submitted items for each running one, so that no worker waits for this process
+SUBMITTED_PER_SLOT = 2  # submitted items for each running one, so that no worker waits for this process
 
 
 class WorkersLost(TwinGaitError):
@@ -79,21 +79,21 @@ class Workers:
         """Return the number of jobs that run at a time; on a cluster it may change."""
         return self._workers if self._client is None else max(1, sum(self._client.nthreads().values()))
 
-    def as_they_come(
+    def as_completed(
         self, function: Callable[[Item], Result], items: Iterable[Item]
     ) -> Generator[Result, None, None]:
         """Yield results in the order of completion; items are taken one by one when a slot is free."""
         if self._client is None and self._workers == 1:
             yield from map(function, items)
             return
-        under_way: set[Future[Result]] = set()
+        pending: set[Future[Result]] = set()
         try:
             for item in items:
-                under_way.add(self._submit(function, item))
-                if len(under_way) >= AHEAD * self.slots():
-                    yield from _finished(under_way)
-            while under_way:
-                yield from _finished(under_way)
+                pending.add(self._submit(function, item))
+                if len(pending) >= SUBMITTED_PER_SLOT * self.slots():
+                    yield from _finished(pending)
+            while pending:
+                yield from _finished(pending)
         except BrokenProcessPool:
             self._end_processes()
             raise WorkersLost(_DIED) from None
@@ -105,7 +105,7 @@ class Workers:
                 f"the cluster is gone or gave up ({reason}); has every worker the same twin_gait and memory?"
             ) from error
         finally:
-            for future in under_way:
+            for future in pending:
                 future.cancel()  # no longer needed if the caller has ended early
 
     def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
@@ -130,20 +130,20 @@ def _new_pool(workers: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
 
 
-def _finished(under_way: set[Future[Result]]) -> Iterator[Result]:
+def _finished(pending: set[Future[Result]]) -> Iterator[Result]:
     """Yield the completed results, as soon as there is one."""
-    for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-        under_way.remove(future)
+    for future in wait(pending, return_when=FIRST_COMPLETED).done:
+        pending.remove(future)
         yield future.result()
 
 
 def _begin_worker() -> None:
     """Ignore Ctrl-C in a worker, because the parent handles it, and end the worker with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
 
 
-def _leave_with_parent() -> None:
+def _exit_with_parent() -> None:
     """Wait for the end of the parent, then exit; a killed parent cannot end its workers itself."""
     parent = parent_process()
     assert parent is not None  # only workers call this

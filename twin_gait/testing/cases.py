@@ -16,10 +16,10 @@ from twin_gait.exceptions import MeasurementError
 from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME, signal_of
+from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME, find_signal
 from twin_gait.gait.table import StateTable
-from twin_gait.testing.exits import Exit, Scenario
-from twin_gait.testing.reference import Vector
+from twin_gait.testing.exits import Exit, ExitScenario
+from twin_gait.testing.reference import Measurements
 from twin_gait.testing.scenarios import scenarios
 
 
@@ -58,7 +58,7 @@ class TransitionTest:
     name: str
     table: StateTable  # the expectation is derived from the table alone
     machine: MachineFactory  # builds the machine under test
-    scenario: Scenario  # measurements, and expected transitions of the leg
+    scenario: ExitScenario  # measurements, and expected transitions of the leg
 
     @property
     def undecided(self) -> str | None:
@@ -71,10 +71,10 @@ class TransitionTest:
 
         Raises AssertionError if the machine deviates from the table.
         """
-        if self.scenario.refuses:
-            _refuse(self.table, self.scenario, self.machine)
+        if self.scenario.expects_rejection:
+            _check_rejection(self.table, self.scenario, self.machine)
         else:
-            _play(self.table, self.scenario, self.machine)
+            _run_scenario(self.table, self.scenario, self.machine)
 
 
 def transition_tests(table: StateTable, machine: MachineFactory | None = None) -> list[TransitionTest]:
@@ -89,26 +89,26 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
     """
     factory = machine_of(table) if machine is None else machine
     return [
-        TransitionTest(f"{item.source}→{item.target} ({item.cause})::{shown.what}", table, factory, shown)
+        TransitionTest(f"{item.source}→{item.target} ({item.cause})::{shown.description}", table, factory, shown)
         for index, item in enumerate(table.transitions)
         for shown in scenarios(Exit(table, index))
     ]
 
 
-def _told(table: StateTable, vector: Vector) -> dict[str, float]:
+def _machine_inputs(table: StateTable, vector: Measurements) -> dict[str, float]:
     """Return the inputs of a machine: 0 for signals missing in a vector, none of an absent other leg."""
-    untold = (TIME, OTHER) if vector.other_phase is None else TIME
-    return {name: vector.signals.get(name, 0.0) for name in table.signals if not name.startswith(untold)}
+    excluded = (TIME, OTHER) if vector.other_phase is None else TIME
+    return {name: vector.signals.get(name, 0.0) for name in table.signals if not name.startswith(excluded)}
 
 
-def _play(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
+def _run_scenario(table: StateTable, scenario: ExitScenario, factory: MachineFactory) -> None:
     """Run a scenario on a machine; raise AssertionError at the first tick that is not as expected."""
     machine, phase = factory(scenario.phase), scenario.phase
-    told: dict[int, dict[str, float]] = {}
+    inputs: dict[int, dict[str, float]] = {}
     for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
-        if id(vector) not in told:
-            told[id(vector)] = _told(table, vector)
-        switch, source, expected = machine.step(tick, told[id(vector)], vector.other_phase), phase, None
+        if id(vector) not in inputs:
+            inputs[id(vector)] = _machine_inputs(table, vector)
+        switch, source, expected = machine.step(tick, inputs[id(vector)], vector.other_phase), phase, None
         if index is not None:
             item = table.transitions[index]
             expected, phase = (tick, phase, item.target, item.cause), item.target
@@ -125,23 +125,23 @@ def _require(holds: bool, text: str) -> None:
         raise AssertionError(text)
 
 
-def _refuse(table: StateTable, scenario: Scenario, factory: MachineFactory) -> None:
+def _check_rejection(table: StateTable, scenario: ExitScenario, factory: MachineFactory) -> None:
     """Pass one invalid measurement to a machine that is about to take an exit; AssertionError if it accepts.
 
     Each signal in turn is NaN or infinite, or is missing if it has to be measured.
     """
     *before, last = scenario.steps
-    told = _told(table, last.vector)
-    signals = [name for name in told if name != OTHER_TIME]
+    inputs = _machine_inputs(table, last.vector)
+    signals = [name for name in inputs if name != OTHER_TIME]
     broken = (math.nan, math.inf, -math.inf)
-    spoilt = {f"{name} = {value}": {**told, name: value} for name in signals for value in broken}
+    spoilt = {f"{name} = {value}": {**inputs, name: value} for name in signals for value in broken}
     for name in signals:
-        if math.isnan(signal_of(name).first):
-            spoilt[f"{name} is missing"] = {key: told[key] for key in told if key != name}
+        if math.isnan(find_signal(name).initial_value):
+            spoilt[f"{name} is missing"] = {key: inputs[key] for key in inputs if key != name}
     for text, bad in spoilt.items():
         machine = factory(scenario.phase)
         for tick, vector in before:
-            machine.step(tick, _told(table, vector), vector.other_phase)
+            machine.step(tick, _machine_inputs(table, vector), vector.other_phase)
         try:
             machine.step(last.tick, bad, last.vector.other_phase)
         except MeasurementError:

@@ -52,7 +52,7 @@ def compiled_machines(tables: Sequence[StateTable]) -> list[MachineFactory]:
 
         def machine(phase: str) -> GaitStateMachine:
             made = GaitStateMachine(table, Side.LEFT, initial_phase=phase, program=program)
-            made.choose = in_c
+            made.transition_selector = in_c
             return made
 
         return machine

@@ -10,23 +10,23 @@ from itertools import product
 from typing import NamedTuple, TypeGuard
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, Way, bound_of, most_comfortable
+from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, Case, comparison_bound, find_most_robust
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition
-from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, outcomes
+from twin_gait.testing.reference import TickInput, TickInputs, Measurements, exit_indices, holds, outcomes
 
 LONGEST_RUN = 20_000  # ticks; a longer time-out is not run tick by tick
 
 
-class Scenario(NamedTuple):
+class ExitScenario(NamedTuple):
     """Measurements tick by tick, and the expected transitions of the leg."""
 
-    what: str  # tested property in words
+    description: str  # tested property in words
     phase: str  # phase that the leg enters at tick 0
-    steps: Steps  # the measurements; empty if no measurements can test the property
+    steps: TickInputs  # the measurements; empty if no measurements can test the property
     expected: tuple[int | None, ...]  # index of the transition taken at each step, or None
-    refuses: bool = False  # whether the last measurements are made invalid and have to be rejected
+    expects_rejection: bool = False  # whether the last measurements are made invalid and have to be rejected
 
 
 class Decisive(NamedTuple):
@@ -64,9 +64,9 @@ def reads_only_own_time(atom: Comparison | PhaseMembership) -> TypeGuard[Compari
     return isinstance(atom, Comparison) and {atom.signal, atom.minus} <= {TIME, None}
 
 
-def find(
+def find_measurements(
     phases: Phases, requirements: Sequence[Requirement], ticks: range, pinned: Sequence[Bound] = ()
-) -> Vector | None:
+) -> Measurements | None:
     """Find measurements that fulfil requirements at some ticks, far from all thresholds; None if none do.
 
     ``phases``: allowed phases of the other leg, ``(None,)`` without another leg.
@@ -75,19 +75,19 @@ def find(
 
     def bounds_of(atom: Comparison, true: bool) -> list[Bound] | None:
         if reads_only_own_time(atom):
-            return [] if all(holds(atom, Vector({}, None), tick) is true for tick in ends) else None
-        bound = bound_of(atom, true)
-        return [bound.at(TIME, tick * TICK) for tick in ends] if reads_own_time(atom) else [bound]
+            return [] if all(holds(atom, Measurements({}, None), tick) is true for tick in ends) else None
+        bound = comparison_bound(atom, true)
+        return [bound.substitute(TIME, tick * TICK) for tick in ends] if reads_own_time(atom) else [bound]
 
-    start = Way(phases, (*pinned, Bound(ZERO, OTHER_TIME, 0.0)))
+    start = Case(phases, (*pinned, Bound(ZERO, OTHER_TIME, 0.0)))
     try:
-        found = most_comfortable(start, requirements, bounds_of)
+        found = find_most_robust(start, requirements, bounds_of)
     except GaitTableError:  # too many choices to try
         return None
-    return None if found is None else Vector(found[1], found[0].phases[0])
+    return None if found is None else Measurements(found[1], found[0].phases[0])
 
 
-Accept = Callable[["Exit", Steps], bool]
+Accept = Callable[["Exit", TickInputs], bool]
 Stretch = tuple[Sequence[Requirement], int]  # requirements, and number of ticks for which they have to hold
 
 
@@ -97,7 +97,7 @@ class Exit:
 
     table: StateTable
     index: int
-    spared: int = -1  # index of a rival that is not closed, -1 for none
+    ignored_rival: int = -1  # index of a rival that is not closed, -1 for none
 
     @property
     def item(self) -> Transition:
@@ -122,7 +122,7 @@ class Exit:
     @property
     def gate(self) -> int:
         """First tick in the phase in which the exit may be taken, without its debounce."""
-        return max(1, self.table.phases[self.item.source].minimum_ticks, self.item.time_out_ticks or 0)
+        return max(1, self.table.phases[self.item.source].minimum_ticks, self.item.timeout_ticks or 0)
 
     @cached_property
     def siblings(self) -> list[Exit]:
@@ -132,14 +132,14 @@ class Exit:
     @cached_property
     def latest(self) -> float:
         """Number of ticks after which a time-out ends the phase; infinite without a time-out."""
-        waits = [item for item in self.siblings if item.item.is_time_out]
-        return min((max(item.item.time_out_ticks or 0, item.debounce) for item in waits), default=math.inf)
+        waits = [item for item in self.siblings if item.item.is_timeout]
+        return min((max(item.item.timeout_ticks or 0, item.debounce) for item in waits), default=math.inf)
 
     @cached_property
     def rivals(self) -> tuple[Exit, ...]:
         """Other exits of the same phase with a guard, without the spared one."""
-        others = (item for item in self.siblings if item.index not in (self.index, self.spared))
-        return tuple(item for item in others if not item.item.is_time_out)
+        others = (item for item in self.siblings if item.index not in (self.index, self.ignored_rival))
+        return tuple(item for item in others if not item.item.is_timeout)
 
     @property
     def timed(self) -> list[tuple[Comparison, tuple[Requirement, ...]]]:
@@ -159,9 +159,9 @@ class Exit:
         candidates = {earliest, *near, *(tick - ticks + 1 for tick in near)}
         return sorted(tick for tick in candidates if earliest <= tick and tick + ticks - 1 < self.latest)
 
-    def look(
+    def candidate_measurements(
         self, requirements: Sequence[Requirement], ticks: range, pinned: Sequence[Bound] = ()
-    ) -> Iterator[Vector]:
+    ) -> Iterator[Measurements]:
         """Yield measurements that fulfil requirements, with fewer and fewer rivals closed.
 
         First all rivals are closed, then only those that have priority and could be due. Measurements without
@@ -170,41 +170,41 @@ class Exit:
         able = [item for item in self.rivals if item.debounce <= len(ticks) and item.gate < ticks.stop]
         earlier = [item for item in able if item.index < self.index]
         for phases, closed in product((self.table.members or (None,), (None,)), (self.rivals, earlier)):
-            found = find(phases, [*requirements, *(item.closes for item in closed)], ticks, pinned)
+            found = find_measurements(phases, [*requirements, *(item.closes for item in closed)], ticks, pinned)
             if found is not None:
                 yield found
 
-    def outcomes(self, steps: Steps) -> list[int | None]:
+    def outcomes(self, steps: TickInputs) -> list[int | None]:
         """Return the transition that a leg takes at each step, or None; it enters the phase at tick 0."""
         return outcomes(self.table, self.item.source, steps)
 
-    def fires(self, steps: Steps) -> bool:
+    def fires(self, steps: TickInputs) -> bool:
         """Return whether a leg takes the exit in the last of some steps and none before."""
         return self.outcomes(steps) == [None] * (len(steps) - 1) + [self.index]
 
-    def stays(self, steps: Steps) -> bool:
+    def stays(self, steps: TickInputs) -> bool:
         """Return whether a leg takes no exit."""
         return self.outcomes(steps) == [None] * len(steps)
 
-    def yields(self, steps: Steps) -> bool:
+    def yields(self, steps: TickInputs) -> bool:
         """Return whether a leg does not take this exit; it may take a rival that is open, too."""
         return self.index not in self.outcomes(steps)
 
     def search(
         self, start: int, stretches: Sequence[Stretch], accept: Accept, pinned: Sequence[Bound] = ()
-    ) -> Steps:
+    ) -> TickInputs:
         """Search for steps that pass a criterion, stretch by stretch; empty if there are none.
 
         ``start``: first tick. ``pinned``: bounds that hold throughout.
         """
 
-        def ways(first: int, left: Sequence[Stretch]) -> Iterator[Steps]:
+        def ways(first: int, left: Sequence[Stretch]) -> Iterator[TickInputs]:
             if not left:
                 yield ()
                 return
             requirements, length = left[0]
             ticks = range(first, first + length)
-            for vector in self.look(requirements, ticks, pinned):
+            for vector in self.candidate_measurements(requirements, ticks, pinned):
                 for rest in ways(ticks.stop, left[1:]):
                     yield constant(vector, ticks) + rest
 
@@ -213,9 +213,9 @@ class Exit:
             return ()
         return next((steps for steps in ways(start, stretches) if accept(self, steps)), ())
 
-    def comfortable(
+    def search_with_margin(
         self, requirements: Sequence[Requirement], *accepts: Accept, pinned: Sequence[Bound] = ()
-    ) -> Steps:
+    ) -> TickInputs:
         """Search for steps, one debounce long, that fulfil requirements with a margin.
 
         The steps pass one of the criteria ``accepts``; empty if there are none.
@@ -226,30 +226,30 @@ class Exit:
             for start in self.starts(self.debounce)
         )
 
-    def scenario(self, what: str, steps: Steps) -> Scenario:
+    def scenario(self, description: str, steps: TickInputs) -> ExitScenario:
         """Create a scenario whose expectation follows from the rules of the table."""
-        return Scenario(what, self.item.source, steps, tuple(self.outcomes(steps)))
+        return ExitScenario(description, self.item.source, steps, tuple(self.outcomes(steps)))
 
 
 def exits_of(table: StateTable, phase: str) -> list[Exit]:
     """Return the exits of a phase in their order of priority."""
-    return [Exit(table, index) for index in exits(table, phase)]
+    return [Exit(table, index) for index in exit_indices(table, phase)]
 
 
-def constant(vector: Vector, ticks: range) -> Steps:
+def constant(vector: Measurements, ticks: range) -> TickInputs:
     """Repeat the same measurements for each tick."""
-    return tuple(Step(tick, vector) for tick in ticks)
+    return tuple(TickInput(tick, vector) for tick in ticks)
 
 
 def turning_tick(atom: Comparison) -> int:
     """Return the first tick at which a comparison of the own time alone has its later truth value."""
     near = round(atom.threshold / TICK)
     start = max(0, near - 2)
-    before = holds(atom, Vector({}, None), start)
+    before = holds(atom, Measurements({}, None), start)
     ticks = range(start, near + 4)
-    return next((tick for tick in ticks if holds(atom, Vector({}, None), tick) is not before), start)
+    return next((tick for tick in ticks if holds(atom, Measurements({}, None), tick) is not before), start)
 
 
-def first_of(tries: Iterable[Steps]) -> Steps:
+def first_of(tries: Iterable[TickInputs]) -> TickInputs:
     """Return the first non-empty steps of some searches; empty if all failed."""
     return next(filter(None, tries), ())

@@ -12,7 +12,7 @@ from twin_gait.gait.signals import OTHER, TIME, signal_scale
 from twin_gait.gait.table import TICK, StateTable
 
 
-class Vector(NamedTuple):
+class Measurements(NamedTuple):
     """Measurements of both legs, without the own time in the phase."""
 
     signals: Mapping[str, float]  # value by name in the units of the table; irrelevant names are 0
@@ -20,17 +20,17 @@ class Vector(NamedTuple):
     other_phase: str | None
 
 
-class Step(NamedTuple):
+class TickInput(NamedTuple):
     """Measurements of one tick."""
 
     tick: int
-    vector: Vector
+    vector: Measurements
 
 
-Steps = tuple[Step, ...]
+TickInputs = tuple[TickInput, ...]
 
 
-def holds(guard: Guard, vector: Vector, ticks: int) -> bool:
+def holds(guard: Guard, vector: Measurements, ticks: int) -> bool:
     """Return whether a guard is open some ticks after the entry of the phase.
 
     A condition that reads another leg is closed if there is no other leg.
@@ -53,21 +53,21 @@ def holds(guard: Guard, vector: Vector, ticks: int) -> bool:
     return left > threshold if guard.operator == ">" else left < threshold
 
 
-def exits(table: StateTable, phase: str) -> list[int]:
+def exit_indices(table: StateTable, phase: str) -> list[int]:
     """Return the indices of the transitions that leave a phase, in their order of priority."""
     return [index for index, item in enumerate(table.transitions) if item.source == phase]
 
 
-def outcomes(table: StateTable, phase: str, steps: Sequence[Step]) -> list[int | None]:
+def outcomes(table: StateTable, phase: str, steps: Sequence[TickInput]) -> list[int | None]:
     """Return the transition that a leg takes at each step, or None; the leg entered the phase at tick 0."""
     entry, open_ticks, taken = 0, dict[int, int](), list[int | None]()
     for tick, vector in steps:
         due = None
-        for index in exits(table, phase):
+        for index in exit_indices(table, phase):
             item = table.transitions[index]
             is_open = holds(item.guard, vector, tick - entry)
             open_ticks[index] = open_ticks.get(index, 0) + 1 if is_open else 0
-            least = max(table.phases[phase].minimum_ticks, item.time_out_ticks or 0)
+            least = max(table.phases[phase].minimum_ticks, item.timeout_ticks or 0)
             if due is None and open_ticks[index] >= item.debounce_ticks and tick - entry >= least:
                 due = index
         if due is not None:

@@ -17,11 +17,11 @@ from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.leg_model.urdf_document import Mimic, mimic_joints
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Track, Window, set_animation
-from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.commands import Track, CommandBuffer, set_animation
+from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import Motion, PhaseSpells, held_rows, read_motion
-from twin_gait.viewer.page import About, packed, page_data, recorded_page
-from twin_gait.viewer.scene import Scene, Setting, build_scene, build_urdf_scene
+from twin_gait.viewer.page import PageTexts, encode_compressed, page_data, recorded_page
+from twin_gait.viewer.scene import Scene, SceneOptions, build_scene, build_urdf_scene
 from twin_gait.vocabulary import HOLD
 
 _CONTINUOUS = ("position", "quaternion", "scale")
@@ -37,10 +37,10 @@ def recorded_run(
     log: pd.DataFrame,
     model: LegModel,
     *,
-    about: About,
+    about: PageTexts,
     frames_per_second: float,
-    moments: Sequence[float] = (),
-    **setting: Unpack[Setting],
+    frame_times: Sequence[float] = (),
+    **setting: Unpack[SceneOptions],
 ) -> dict[str, Any]:
     """Return the data of one run for :func:`twin_gait.viewer.page.recorded_page`, which accepts one or two.
 
@@ -48,8 +48,8 @@ def recorded_run(
     time. Each change of a phase has a frame, and each of ``moments`` in [s]. Raises ModelError if the URDF
     cannot be read, and ViewerError if the log does not match the model.
     """
-    motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
-    recorder = Window()
+    motion = read_motion(log, model, frames_per_second=frames_per_second, frame_times=frame_times)
+    recorder = CommandBuffer()
     scene = build_scene(recorder, model, **setting)
     scene.draw_trails(motion)
     recorder.apply(scene.state_at(motion, 0))
@@ -65,8 +65,8 @@ def recorded_run(
         shown={side: leg.curves for side, leg in motion.legs.items()},
         duration=round(float(motion.times[-1]), 3),
         strides=_strides(log, model, motion),
-        frames=packed(dump(_frames(motion)).encode("ascii")),
-        scene=packed(recorder.packed()),
+        frames=encode_compressed(dump(_frames(motion)).encode("ascii")),
+        scene=encode_compressed(recorder.packed()),
     )
 
 
@@ -117,10 +117,10 @@ def _tracks(scene: Scene, motion: Motion) -> Iterator[Track]:
         else:
             track = Track(place, name, early, values)
         if (track.values != track.values[0]).any():
-            yield _thinned(track)
+            yield _drop_redundant_keys(track)
 
 
-def _thinned(track: Track) -> Track:
+def _drop_redundant_keys(track: Track) -> Track:
     """Drop the keys inside an interval without change, which interpolation restores exactly."""
     if len(track.times) < 2:  # track of the belt in a run of a few ticks
         return track
@@ -139,7 +139,7 @@ def _belt_track(speed: np.ndarray) -> Track:
     ticks = np.union1d(np.arange(0, len(speed), _BELT_LOOK), np.append(before, before + 1))
     times = TICK * (ticks + np.isin(ticks, before)) - _SWITCH * np.isin(ticks, before)
     values = np.outer(np.round(offsets[ticks], 5), [1.0, 0.0, 0.0])
-    return _thinned(Track(surroundings.BELT, "position", times, values))
+    return _drop_redundant_keys(Track(surroundings.BELT, "position", times, values))
 
 
 def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
@@ -151,18 +151,18 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     """
     urdf = find_urdf(path)
     model = build_model(urdf)
-    recorder = Window()
+    recorder = CommandBuffer()
     scene = build_urdf_scene(recorder, model, urdf, up_axis=up_axis)
     counted = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
     page = page_data(
-        About(title=urdf.name, subtitle=[counted]), mode="model", view=scene.view,
+        PageTexts(title=urdf.name, subtitle=[counted]), mode="model", view=scene.view,
         joints=list(joint_entries(scene.figure, mimic_joints(urdf))),
-        scene=packed(recorder.packed()),
+        scene=encode_compressed(recorder.packed()),
     )  # fmt: skip
     return recorded_page([page])
 
 
-def joint_entries(figure: Figure, mimics: Mapping[str, Mimic]) -> Iterator[dict[str, Any]]:
+def joint_entries(figure: ArticulatedFigure, mimics: Mapping[str, Mimic]) -> Iterator[dict[str, Any]]:
     """Yield the data of a slider for each joint that turns about or slides along one axis.
 
     ``mimics``: couplings of joints that follow another joint. An entry has name, path in the scene,

@@ -8,7 +8,7 @@ import numpy as np
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import EXTENSION_COLOUR, FLEXION_COLOUR, GROUND_FORCE_COLOUR
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, rgb, set_property
 from twin_gait.viewer.shapes import Shape
 
 # Scales of the arrows, which the scene uses and the legend of the page states.
@@ -21,16 +21,16 @@ _ARC_RADIUS = 0.1  # [m], radius of these meshes
 _ARROW = ((0.0, 0.0), (0.012, 0.0), (0.012, 0.8), (0.031, 0.8), (0.0, 1.0))  # (radius, height) for 1 m
 
 
-def draw_arrow(window: Window, name: str) -> str:
+def draw_arrow(window: CommandBuffer, name: str) -> str:
     """Draw a hidden arrow, and return its path in the scene."""
     path = f"{FORCE_ROOT}/{name}"
     material = Material(colour=rgb(GROUND_FORCE_COLOUR), roughness=0.8, glow=0.2)
-    draw_mesh(window, path, shapes.turned(_ARROW, columns=24), material)
+    draw_mesh(window, path, shapes.revolve(_ARROW, columns=24), material)
     window.send(set_property(path, "visible", False))
     return path
 
 
-def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> State:
+def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> SceneState:
     """Return the state of an arrow whose length is proportional to its force; it is visible during contact.
 
     ``force``: forward and upward in [N], shape ``(2,)``; ``point``: its start in [m], shape ``(3,)``.
@@ -48,7 +48,7 @@ def arrow_state(path: str, force: np.ndarray, point: np.ndarray) -> State:
     }
 
 
-def arc_state(arcs: Mapping[int, str], torque: float) -> State:
+def arc_state(arcs: Mapping[int, str], torque: float) -> SceneState:
     """Return the visibility of the arrows of a joint, of which at most one is visible.
 
     ``arcs``: path of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0; ``torque`` of the
@@ -76,5 +76,5 @@ def arc_arrow(number: int, radius: float, placement: np.ndarray) -> tuple[Shape,
     """
     size, colour = radius / _ARC_RADIUS, FLEXION_COLOUR if number > 0 else EXTENSION_COLOUR
     sized = np.diag([size, math.copysign(size, number), size, 1.0])
-    shape = shapes.packaged(f"torque_{abs(number)}", placement @ sized)
+    shape = shapes.load_packaged_mesh(f"torque_{abs(number)}", placement @ sized)
     return shape, Material(colour=rgb(colour), roughness=0.8, glow=0.35)

@@ -16,8 +16,8 @@ from twin_gait.parameters.crutches import CrutchParameters
 from twin_gait.parameters.wearer import SHANK_LENGTH, Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
-from twin_gait.viewer.commands import State, Window, draw_mesh
-from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.commands import SceneState, CommandBuffer, draw_mesh
+from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import Element, Motion
 from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import Side
@@ -33,19 +33,19 @@ _ROPE = ((0.0, 0.0), (0.006, 0.0), (0.006, 1.0), (0.0, 1.0))  # (radius, height)
 ROOT = "/meshcat/crutches"
 _COLUMNS = ("forward_m", "height_m", "friction_force_N", "normal_force_N")
 LEFT = {Side.LEFT: 1.0, Side.RIGHT: -1.0}
-_BESIDE = 0.13  # [m], lateral distance of the crutch tip from the hip joint of the device
-_BEFORE_SHAFT = np.array([0.05, 0.0, 0.0])  # [m], offset of the arrow from the tip, clear of the shaft
+_CRUTCH_TIP_OFFSET = 0.13  # [m], lateral distance of the crutch tip from the hip joint of the device
+_ARROW_OFFSET = np.array([0.05, 0.0, 0.0])  # [m], offset of the arrow from the tip, clear of the shaft
 
 
 def draw_wearer(
-    figure: Figure, legs: Mapping[Side, LegJoints], patient: Patient, *, trunk_joint: str | None
+    figure: ArticulatedFigure, legs: Mapping[Side, LegJoints], patient: Patient, *, trunk_joint: str | None
 ) -> None:
     """Draw the wearer on a figure.
 
     ``trunk_joint``: joint to which the trunk is fixed, or None to draw the legs only.
     """
     for side, leg in legs.items():
-        inside = _inside(figure, side, leg.hip, patient)
+        inside = _hip_offset(figure, side, leg.hip, patient)
         thigh = figure.segment(leg.hip)
         if leg.ankle is None:
             shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
@@ -55,28 +55,28 @@ def draw_wearer(
         parts = ((leg.hip, "thigh", thigh), (leg.knee, "shank", shank))
         for (joint, name, segment), upper, lower in zip(parts, ends, ends[1:], strict=False):
             # The limb is scaled by girth and by segment length, and sheared towards the joint below.
-            limb = _sized(patient, float(np.linalg.norm(segment)))
+            limb = _wearer_scaling(patient, float(np.linalg.norm(segment)))
             limb[1, 2:] = upper - lower, upper
             for part, look in ((name, "skin"), (f"{name}_strap", "strap")):
-                shape = shapes.packaged(f"wearer_{part}", _axes(-segment) @ limb)
+                shape = shapes.load_packaged_mesh(f"wearer_{part}", _axes(-segment) @ limb)
                 figure.draw(joint, f"wearer_{part}", shape, MATERIALS[look])
         if leg.ankle is not None:
             foot = np.diag([*[patient.height / _DRAWN_HEIGHT] * 3, 1.0])
             foot[1, 3] = ends[2]
-            shape = shapes.packaged("wearer_foot", _axes(-shank) @ foot)
+            shape = shapes.load_packaged_mesh("wearer_foot", _axes(-shank) @ foot)
             figure.draw(leg.ankle, "wearer_foot", shape, MATERIALS["skin"])
     if trunk_joint is not None:
         _draw_on_trunk(figure, trunk_joint, patient, {"trunk": "cloth", "head": "skin"})
 
 
-def _draw_on_trunk(figure: Figure, joint: str, patient: Patient, parts: Mapping[str, str]) -> None:
+def _draw_on_trunk(figure: ArticulatedFigure, joint: str, patient: Patient, parts: Mapping[str, str]) -> None:
     """Draw meshes that are scaled with the trunk. ``parts``: their materials by name."""
-    placement = trunk_axes(figure) @ _sized(patient, patient.height / _DRAWN_HEIGHT)
+    placement = trunk_axes(figure) @ _wearer_scaling(patient, patient.height / _DRAWN_HEIGHT)
     for part, look in parts.items():
-        figure.draw(joint, f"wearer_{part}", shapes.packaged(f"wearer_{part}", placement), MATERIALS[look])
+        figure.draw(joint, f"wearer_{part}", shapes.load_packaged_mesh(f"wearer_{part}", placement), MATERIALS[look])
 
 
-def trunk_axes(figure: Figure) -> np.ndarray:
+def trunk_axes(figure: ArticulatedFigure) -> np.ndarray:
     """Return the frame of the trunk in the frame of its joint: x forward, y left, z up.
 
     The result is a homogeneous transform, shape ``(4, 4)``.
@@ -84,7 +84,7 @@ def trunk_axes(figure: Figure) -> np.ndarray:
     return _axes(figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0]))
 
 
-def _sized(patient: Patient, length: float) -> np.ndarray:
+def _wearer_scaling(patient: Patient, length: float) -> np.ndarray:
     """Return the scaling of a mesh by ``length`` along z and by the girth of the wearer across; ``(4, 4)``.
 
     The girth is 1 for the body that the meshes show, and follows from equal density for other bodies.
@@ -93,7 +93,7 @@ def _sized(patient: Patient, length: float) -> np.ndarray:
     return np.diag([girth, girth, length, 1.0])
 
 
-def _inside(figure: Figure, side: Side, hip: str, patient: Patient) -> float:
+def _hip_offset(figure: ArticulatedFigure, side: Side, hip: str, patient: Patient) -> float:
     """Compute the offset of the wearer's hip centre from the device's joint in [m], positive to the left."""
     placement = figure.model.jointPlacements[figure.model.getJointId(hip)].translation
     lateral = abs(float((figure.base[:3, :3] @ np.asarray(placement))[1]))
@@ -108,19 +108,19 @@ def _axes(up: np.ndarray) -> np.ndarray:
     return shapes.frame(up, np.array([1.0, 0.0, 0.0]))
 
 
-def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
+def draw_harness(figure: ArticulatedFigure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
     """Draw a harness on the wearer's chest.
 
     Returns the hooks of the ropes in the frame of the trunk's joint in [m], shape ``(3,)`` each.
     """
     _draw_on_trunk(figure, trunk_joint, patient, {"vest": "vest", "harness": "strap"})
     x, y, share = _HOOK
-    hook = _sized(patient, wearer.TRUNK_LENGTH * patient.height)[:3, :3] @ [x, y, share]
+    hook = _wearer_scaling(patient, wearer.TRUNK_LENGTH * patient.height)[:3, :3] @ [x, y, share]
     return [trunk_axes(figure)[:3, :3] @ (hook * [1.0, side, 1.0]) for side in (1.0, -1.0)]
 
 
 def draw_ropes(
-    window: Window, figure: Figure, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool
+    window: CommandBuffer, figure: ArticulatedFigure, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool
 ) -> Element:
     """Draw vertical ropes from a harness to the bar of a mast or to rails, and the mast or the rails.
 
@@ -130,22 +130,22 @@ def draw_ropes(
     ends = [figure.world_point(joint, hook) for hook in hooks]
     uppers = np.array([[x, y, height] for x, y, _ in ends])
     for number in range(len(hooks)):  # a mesh of 1 m along z, scaled to its length
-        draw_mesh(window, f"{ROPES}/{number}", shapes.turned(_ROPE, columns=8), MATERIALS["rope"])
+        draw_mesh(window, f"{ROPES}/{number}", shapes.revolve(_ROPE, columns=8), MATERIALS["rope"])
     draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
     draw(window, uppers)
 
-    def state(motion: Motion, frame: int) -> State:
-        found: State = {}
+    def state(motion: Motion, frame: int) -> SceneState:
+        found: SceneState = {}
         for number, (hook, upper) in enumerate(zip(hooks, uppers, strict=True)):
             lower = figure.world_point(joint, hook)
             span = (np.array([lower[0], *upper[1:]]) if on_rail else upper) - lower
-            found |= _spanned(f"{ROPES}/{number}", lower, span)
+            found |= _stretched_state(f"{ROPES}/{number}", lower, span)
         return found
 
     return state
 
 
-def _spanned(path: str, start: np.ndarray, span: np.ndarray) -> State:
+def _stretched_state(path: str, start: np.ndarray, span: np.ndarray) -> SceneState:
     """Return the state that makes a part of 1 m along z extend from ``start`` by ``span``, both in [m]."""
     return {
         (path, "position"): start.tolist(),
@@ -173,7 +173,7 @@ def bent_elbow(shoulder: np.ndarray, tip: np.ndarray, upper: float, lower: float
 
 
 def draw_crutches(
-    window: Window, figure: Figure, crutches: CrutchParameters, patient: Patient, joint: str
+    window: CommandBuffer, figure: ArticulatedFigure, crutches: CrutchParameters, patient: Patient, joint: str
 ) -> Element:
     """Draw both arms and crutches with the ground forces on them; the tips are next to the legs.
 
@@ -184,7 +184,7 @@ def draw_crutches(
     # Lengths from shoulder to elbow and from elbow to tip in the sagittal plane in [m].
     upper = wearer.UPPER_ARM_LENGTH * patient.height
     lower = crutches.length * patient.height - upper
-    outside = _BESIDE + max(placement.translation[1] for placement in figure.model.jointPlacements)
+    outside = _CRUTCH_TIP_OFFSET + max(placement.translation[1] for placement in figure.model.jointPlacements)
     arrows = {side: draw_arrow(window, f"{side}_crutch") for side in Side}
     shoulders = {
         side: trunk_axes(figure)[:3, :3] @ [0.0, left * aside, SHOULDER_HEIGHT * patient.height]
@@ -196,11 +196,11 @@ def draw_crutches(
             ("wearer_forearm", "forearm/skin", "skin"),
             ("crutch", "forearm/crutch", "plastic"),
         ):  # meshes of 1 m along z
-            shape, casts = shapes.packaged(name, _sized(patient, 1.0)), look == "plastic"
+            shape, casts = shapes.load_packaged_mesh(name, _wearer_scaling(patient, 1.0)), look == "plastic"
             draw_mesh(window, f"{ROOT}/{side}_{path}", shape, MATERIALS[look], casts=casts)
 
-    def state(motion: Motion, frame: int) -> State:
-        found: State = {}
+    def state(motion: Motion, frame: int) -> SceneState:
+        found: SceneState = {}
         for side, left in LEFT.items():
             columns = (motion.columns[f"{side}_crutch_{name}"] for name in _COLUMNS)
             forward, upward, *force = (float(values[frame]) for values in columns)
@@ -209,9 +209,9 @@ def draw_crutches(
             sagittal = bent_elbow(shoulder[[0, 2]], tip[[0, 2]], upper, lower)
             elbow = np.insert(sagittal, 1, shoulder[1] + upper / (upper + lower) * (tip[1] - shoulder[1]))
             found |= {
-                **_spanned(f"{ROOT}/{side}_upper_arm", shoulder, elbow - shoulder),
-                **_spanned(f"{ROOT}/{side}_forearm", tip, elbow - tip),
-                **arrow_state(arrows[side], np.array(force), tip + _BEFORE_SHAFT),
+                **_stretched_state(f"{ROOT}/{side}_upper_arm", shoulder, elbow - shoulder),
+                **_stretched_state(f"{ROOT}/{side}_forearm", tip, elbow - tip),
+                **arrow_state(arrows[side], np.array(force), tip + _ARROW_OFFSET),
             }
         return found
 

@@ -20,7 +20,7 @@ from twin_gait.viewer.shapes import Shape
 _CHALK = 0.7  # roughness from which on a surface is drawn without gloss
 
 Command = dict[str, Any]
-State = dict[tuple[str, str], Any]  # values of properties, by path and name
+SceneState = dict[tuple[str, str], Any]  # values of properties, by path and name
 Colour = Sequence[float]  # red, green and blue from 0 to 1
 
 
@@ -56,7 +56,7 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
 
 
 def draw_mesh(
-    window: Window, path: str, shape: Shape, material: Material, *, casts: bool = False, shaded: bool = False
+    window: CommandBuffer, path: str, shape: Shape, material: Material, *, casts: bool = False, shaded: bool = False
 ) -> None:
     """Draw a mesh; ``casts``: whether it casts a shadow; ``shaded``: whether it receives shadows."""
     window.send(set_object(path, shape, material))
@@ -170,7 +170,7 @@ def _integer(colour: Colour) -> int:
 _ORDER = ("page", "set_object", "set_transform", "set_property", "set_animation", "sample")
 
 
-class Window:
+class CommandBuffer:
     """Collector of commands: it stores the whole scene, and its changes since the last call of changes()."""
 
     def __init__(self) -> None:
@@ -185,7 +185,7 @@ class Window:
         if self._commands.get(key) != command:
             self._commands[key] = self._changes[key] = command
 
-    def apply(self, state: State) -> None:
+    def apply(self, state: SceneState) -> None:
         """Set the properties of a state."""
         for (path, name), value in state.items():
             self.send(set_property(path, name, value))

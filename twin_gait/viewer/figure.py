@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, arc_arrow
-from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
+from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, LinkPart
 
@@ -16,11 +16,11 @@ ROOT = "/meshcat/figure"
 STICK_COLOUR = (0.86, 0.88, 0.91)
 _STICK_RADIUS = 0.05  # radius of a stick as a share of the median segment length
 _SHORTEST_SEGMENT = 0.02  # [m]
-_SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # [m], segment of a leg whose joints coincide
+_DEFAULT_SEGMENT = np.array([0.0, 0.0, -0.4])  # [m], segment of a leg whose joints coincide
 _ARC_CLEARANCE, _ARC_GAP = 0.033, 0.014  # [m], radial and axial distance of a torque arrow from its motor
 
 
-class Figure:
+class ArticulatedFigure:
     """Moving part of the scene.
 
     Groups are nested like the joints: the transform of a group is the transform of its joint relative to the
@@ -32,7 +32,7 @@ class Figure:
     """
 
     def __init__(
-        self, window: Window, model: pin.Model, parts: Sequence[LinkPart] = (), *, up_axis: str = "z"
+        self, window: CommandBuffer, model: pin.Model, parts: Sequence[LinkPart] = (), *, up_axis: str = "z"
     ) -> None:
         """Make the groups and draw the parts of the URDF, or sticks from joint to joint if there are none.
 
@@ -83,7 +83,7 @@ class Figure:
             if name != FIXED_JOINT:
                 pieces.append(shapes.ball(1.5 * radius, columns=16))
             if pieces:
-                self.draw(name, "sticks", shapes.merged(pieces), material)
+                self.draw(name, "sticks", shapes.merge_meshes(pieces), material)
 
     def _ends(self, index: int) -> list[np.ndarray]:
         """Return the positions of the child joints, or of a last link's frames, in the joint's frame [m]."""
@@ -102,13 +102,13 @@ class Figure:
         """
         index = self.model.getJointId(joint)
         before = np.asarray(self.model.jointPlacements[index].translation).copy()
-        bare = before if np.linalg.norm(before) > _SHORTEST_SEGMENT else _SOME_SEGMENT
+        bare = before if np.linalg.norm(before) > _SHORTEST_SEGMENT else _DEFAULT_SEGMENT
         return max(self._ends(index), key=np.linalg.norm, default=bare)
 
     def draw_cap(self, joint: str, radius: float, material: Material) -> str:
         """Draw the cap of a motor, whose colour shows the phase; ``radius`` in [m]."""
         placement = shapes.frame(self.axis(joint)) @ np.diag([radius, radius, radius, 1.0])
-        return self.draw(joint, "motor_cap", shapes.packaged("motor_cap", placement), material)
+        return self.draw(joint, "motor_cap", shapes.load_packaged_mesh("motor_cap", placement), material)
 
     def draw_arc(self, joint: str, radius: float, outward: float) -> dict[int, str]:
         """Draw the arrows that show the torque of a motor, all of them hidden.
@@ -122,7 +122,7 @@ class Figure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # axes of the scene in the frame of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        thick = shapes.packaged("motor_cap", np.eye(4)).vertices[:, 2].max()  # thickness for radius 1
+        thick = shapes.load_packaged_mesh("motor_cap", np.eye(4)).vertices[:, 2].max()  # thickness for radius 1
         middle = before.translation + (thick * radius + _ARC_GAP) * face
         placement = shapes.frame(axis, up, at=middle)
         paths = {}
@@ -145,14 +145,14 @@ class Figure:
         """Move the figure to the coordinates ``q``, shape ``(nq,)``; it starts at the neutral ones."""
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
 
-    def posture(self, q: np.ndarray) -> State:
+    def posture(self, q: np.ndarray) -> SceneState:
         """Move the figure, and compute the transform of each joint group relative to its parent.
 
         ``q``: coordinates, shape ``(nq,)``. Returns the ``position`` in [m] and the ``quaternion``
         (x, y, z, w) of each group by its path.
         """
         self.move(q)
-        found: State = {}
+        found: SceneState = {}
         for name, transform in zip(list(self.model.names)[1:], list(self._data.liMi)[1:], strict=True):
             path = self.paths[str(name)]
             found[path, "position"] = transform.translation.tolist()
@@ -166,7 +166,7 @@ class Figure:
         points = [np.array([place.translation for place in origins])]
         for part in self._parts:
             place = self._data.oMi[self.model.getJointId(part.joint)]
-            points.append(shapes.moved(part.shape, place.homogeneous).vertices)
+            points.append(shapes.transform_mesh(part.shape, place.homogeneous).vertices)
         return np.concatenate(points) @ self.base[:3, :3].T
 
     def world_point(self, joint: str, point: np.ndarray | None = None) -> np.ndarray:

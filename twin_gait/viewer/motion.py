@@ -18,7 +18,7 @@ from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.leg_record import driven_joints
 from twin_gait.palette import TORQUE_COLOURS
 from twin_gait.simulation.log import state_columns
-from twin_gait.viewer.commands import State
+from twin_gait.viewer.commands import SceneState
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
@@ -35,7 +35,7 @@ class PhaseSpells(NamedTuple):
     starts: np.ndarray  # start of each interval in [s], shape ``(m,)``
     codes: np.ndarray  # phase of each interval as an index into ``Motion.phase_names``, shape ``(m,)``
 
-    def at(self, time: float) -> int:
+    def code_at(self, time: float) -> int:
         """Return the code of the phase at a time in [s]."""
         return int(self.codes[max(0, int(np.searchsorted(self.starts, time, side="right")) - 1)])
 
@@ -67,7 +67,7 @@ class Motion:
 
 # Function of a moving part of the scene: it returns the state of the part in the frame to which the figure
 # has moved.
-Element = Callable[[Motion, int], State]
+Element = Callable[[Motion, int], SceneState]
 
 
 def read_motion(
@@ -75,7 +75,7 @@ def read_motion(
     model: LegModel,
     *,
     frames_per_second: float = FRAMES_PER_SECOND,
-    moments: Sequence[float] = (),
+    frame_times: Sequence[float] = (),
 ) -> Motion:
     """Select the frames of a log to show.
 
@@ -97,11 +97,11 @@ def read_motion(
         names = (*names, HOLD)
     spells = {side: _spells(log, times, side, names) for side in model.sides}
     changes = [one.starts for one in spells.values()]
-    rows = _rows_to_show(times, frames_per_second, np.concatenate([*changes, moments]))
+    rows = _rows_to_show(times, frames_per_second, np.concatenate([*changes, frame_times]))
     legs = {}
     for side, phases in spells.items():
         curves = {
-            name: faithful_curve(times, known, rows)
+            name: simplify_curve(times, known, rows)
             for name, known in leg_values(log, side).items()
             if known.any() or not name.endswith(_RARE_PARTS)
         }
@@ -124,11 +124,11 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
     return np.asarray(clock[1:][changed[1:]] - clock[0])
 
 
-def _rows_to_show(times: np.ndarray, frames_per_second: float, moments: np.ndarray) -> np.ndarray:
+def _rows_to_show(times: np.ndarray, frames_per_second: float, frame_times: np.ndarray) -> np.ndarray:
     """Return the rows of evenly spaced frames, of the last one, and of ``moments`` in [s]; ``(n,)``."""
     span = float(times[-1])
     step = 1.0 / min(frames_per_second, frame_rate(span))
-    inside = moments[(moments >= 0.0) & (moments <= span + 1e-9)]
+    inside = frame_times[(frame_times >= 0.0) & (frame_times <= span + 1e-9)]
     wanted = np.concatenate((step * np.arange(int(span / step + 1e-9) + 1), inside, [span]))
     rows = np.searchsorted(times, wanted - 1e-9)
     return np.unique(np.minimum(rows, len(times) - 1))
@@ -176,7 +176,7 @@ class Curve(NamedTuple):
     values: np.ndarray  # shape ``(n,)``; NaN where there is no line
 
 
-def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> Curve:
+def simplify_curve(times: np.ndarray, values: np.ndarray, fixed_rows: np.ndarray) -> Curve:
     """Simplify a curve so that it deviates by at most 0.2 % of the range of its values.
 
     The row that is farthest from its line becomes a corner, until no row is too far: the algorithm of Ramer
@@ -187,14 +187,14 @@ def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> C
     finite = np.isfinite(values)
     tolerance = FAITHFUL * float(np.ptp(values[finite])) if finite.any() else 0.0
     ends = np.flatnonzero(np.diff(finite))
-    rows, kept = np.arange(len(values)), np.union1d(kept, np.concatenate((ends, ends + 1)))
+    rows, fixed_rows = np.arange(len(values)), np.union1d(fixed_rows, np.concatenate((ends, ends + 1)))
     while True:
-        off = np.nan_to_num(np.abs(values - np.interp(rows, kept, values[kept])))[:-1]
-        worst = np.repeat(np.maximum.reduceat(off, kept[:-1]), np.diff(kept)) if len(off) else off
+        off = np.nan_to_num(np.abs(values - np.interp(rows, fixed_rows, values[fixed_rows])))[:-1]
+        worst = np.repeat(np.maximum.reduceat(off, fixed_rows[:-1]), np.diff(fixed_rows)) if len(off) else off
         found = np.flatnonzero((off == worst) & (off > tolerance))
         if not len(found):
-            return Curve(times[kept], values[kept])
-        kept = np.union1d(kept, found)
+            return Curve(times[fixed_rows], values[fixed_rows])
+        fixed_rows = np.union1d(fixed_rows, found)
 
 
 def extremes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

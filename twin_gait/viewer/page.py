@@ -17,7 +17,7 @@ import numpy as np
 from twin_gait import palette
 from twin_gait.files import dump
 from twin_gait.measures.outcome import RunEvent
-from twin_gait.templates import templates_in
+from twin_gait.templates import make_template_environment
 from twin_gait.viewer.arrows import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.viewer.commands import rgb
 from twin_gait.viewer.surroundings import FLOOR
@@ -44,7 +44,7 @@ def viewer_folder() -> Path:
     return Path(str(distribution("meshcat").locate_file("meshcat/viewer")))
 
 
-class About(TypedDict, total=False):
+class PageTexts(TypedDict, total=False):
     """Texts of a page about a run or a live scene.
 
     Attributes:
@@ -68,11 +68,11 @@ class About(TypedDict, total=False):
     modes: Sequence[str]
 
 
-Shown = Mapping[Side, Iterable[str]]  # names of the curves of each leg
+CurveNames = Mapping[Side, Iterable[str]]  # names of the curves of each leg
 
 
 def page_data(
-    about: About, *, mode: str, view: View, phases: Sequence[str] = (), shown: Shown | None = None, **own: Any
+    texts: PageTexts, *, mode: str, view: View, phases: Sequence[str] = (), shown: CurveNames | None = None, **mode_data: Any
 ) -> dict[str, Any]:
     """Return the data of a run or of a live scene for the scripts of the page.
 
@@ -84,16 +84,16 @@ def page_data(
         for side, keys in (shown or {}).items()
     ]  # fmt: skip
     return {
-        **about,
+        **texts,
         "mode": mode,
-        "title": _unicode(about["title"]),
-        "subtitle": list(map(_unicode, about.get("subtitle", ()))),
-        "differing": list(map(_unicode, about.get("differing", ()))),
-        "notes": list(map(_unicode, about.get("notes", ()))),
+        "title": _unicode(texts["title"]),
+        "subtitle": list(map(_unicode, texts.get("subtitle", ()))),
+        "differing": list(map(_unicode, texts.get("differing", ()))),
+        "notes": list(map(_unicode, texts.get("notes", ()))),
         "view": asdict(view),
         "phases": _phase_entries(phases),
-        "modes": [_words(name) for name in about.get("modes", ())],
-        "events": event_entries(about.get("events", ())),
+        "modes": [_words(name) for name in texts.get("modes", ())],
+        "events": event_entries(texts.get("events", ())),
         "parts": [
             {"key": key, "label": key.replace("_", " ").replace("compensation", "comp."), "colour": colour}
             for key, colour in palette.TORQUE_COLOURS.items()
@@ -105,7 +105,7 @@ def page_data(
         "floor": FLOOR,  # object that is darkened on a dark page
         "duration": None,  # in [s]; None if there is no end
         "footnote": FOOTNOTE,
-        **own,
+        **mode_data,
     }
 
 
@@ -154,7 +154,7 @@ def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     data = embedded_json({"mode": runs[0]["mode"], "runs": list(runs)})
-    title, bundle = " | ".join(run["title"] for run in runs), packed(_bundle())
+    title, bundle = " | ".join(run["title"] for run in runs), encode_compressed(_bundle())
     return _filled(live=False, title=title, notice=notice.replace("--", "- -"), data=data, bundle=bundle)
 
 
@@ -170,11 +170,11 @@ def _bundle() -> bytes:
 
 
 def _filled(**content: Any) -> str:
-    template = templates_in(PAGE_FOLDER, autoescape=True).get_template("page.html")
+    template = make_template_environment(PAGE_FOLDER, autoescape=True).get_template("page.html")
     return template.render(palette=palette, **content)
 
 
-def packed(content: bytes) -> str:
+def encode_compressed(content: bytes) -> str:
     """Compress bytes and encode them as text that can be part of a page."""
     return base64.b64encode(zlib.compress(content, _EFFORT)).decode("ascii")
 

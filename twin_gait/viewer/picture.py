@@ -26,7 +26,7 @@ _FLAGS = (
     "--enable-logging=stderr", f"--virtual-time-budget={_SETTLING}",
 )  # fmt: skip
 SIZE = (1600, 1000)  # width and height of a picture in pixels
-PATIENCE = 120.0  # [s], timeout of the browser
+BROWSER_TIMEOUT = 120.0  # [s], timeout of the browser
 
 
 def find_browser() -> str:
@@ -64,10 +64,10 @@ def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
         ]  # fmt: skip
         log = Path(folder) / "said.txt"  # a file, because child processes of the browser may outlive it
         try:
-            with log.open("wb") as said:
-                subprocess.run(command, stdout=subprocess.DEVNULL, stderr=said, timeout=PATIENCE, check=False)
+            with log.open("wb") as stderr:
+                subprocess.run(command, stdout=subprocess.DEVNULL, stderr=stderr, timeout=BROWSER_TIMEOUT, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:
-            reason = f"it does not start, or is not ready within {PATIENCE:g} s"
+            reason = f"it does not start, or is not ready within {BROWSER_TIMEOUT:g} s"
             raise ViewerError(f"{browser} cannot draw the page: {reason}") from error
         notes = re.findall(r"twin_gait: ([^\"\n]*)", log.read_text(encoding="utf-8", errors="replace"))
         content = drawn.read_bytes() if drawn.is_file() else b""

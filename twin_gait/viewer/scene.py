@@ -19,12 +19,12 @@ from twin_gait.parameters.wearer import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.arrows import FORCE_ROOT, arc_state, arrow_state, draw_arrow
 from twin_gait.viewer.body import LEFT, draw_crutches, draw_harness, draw_ropes, draw_wearer
-from twin_gait.viewer.commands import Material, State, Window, draw_mesh, rgb, set_transform
-from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, rgb, set_transform
+from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import Element, Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, load_visuals
-from twin_gait.vocabulary import JointName, Side, Surroundings
+from twin_gait.vocabulary import JointName, Side, Environment
 
 _IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
 _CAP_SHARE = 0.16  # radius of a cap as a share of the segment length; it covers the motors of the device
@@ -39,8 +39,8 @@ _RADIUS = 0.006  # [m]
 _COLUMNS = 5
 _SHORTEST_STEP = 1e-3  # [m]
 _BAR_ABOVE_HEAD = 0.08  # [m]
-_TO_CRUTCHES = 0.12  # [m], forward distance from the hips to the middle of wearer and crutches
-_FROM_THE_FRONT = (0.6, -1.0, 0.3)
+_CRUTCH_VIEW_SHIFT = 0.12  # [m], forward distance from the hips to the middle of wearer and crutches
+_FRONT_VIEW = (0.6, -1.0, 0.3)
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,10 @@ class View:
 class Scene:
     """Drawn scene whose parts can be moved."""
 
-    def __init__(self, window: Window, model: pin.Model, urdf: Path, up_axis: str) -> None:
+    def __init__(self, window: CommandBuffer, model: pin.Model, urdf: Path, up_axis: str) -> None:
         """Start a scene with the figure of a model, which :class:`Figure` draws from its URDF."""
         surroundings.set_studio(window)
-        self.figure = Figure(window, model, load_visuals(model, urdf), up_axis=up_axis)
+        self.figure = ArticulatedFigure(window, model, load_visuals(model, urdf), up_axis=up_axis)
         self.caps: dict[Side, list[str]] = {}  # paths of the coloured caps of the motors
         self.arrows: dict[Side, str] = {}  # path of the arrow of the ground force
         self.arcs: dict[Side, dict[str, dict[int, str]]] = {}  # paths of torque arrows by joint and level
@@ -111,7 +111,7 @@ class Scene:
         last = leg.items()[-1][1]
         return self.figure.world_point(last, self.figure.segment(last))
 
-    def _force_state(self, side: Side, motion: Motion, frame: int) -> State:
+    def _force_state(self, side: Side, motion: Motion, frame: int) -> SceneState:
         """Return the arrow of the force of the ground on a foot, in the axes of the ground."""
         names = [f"{side}_foot_{name}_force_N" for name in ("friction", "normal")]
         if side not in self.arrows or any(name not in motion.columns for name in names):
@@ -122,17 +122,17 @@ class Scene:
         along, left, _ = (ends[0] + share * (ends[-1] - ends[0])) @ self.ground
         return arrow_state(self.arrows[side], force, np.array([along, left, 0.0]))
 
-    def state_at(self, motion: Motion, frame: int) -> State:
+    def state_at(self, motion: Motion, frame: int) -> SceneState:
         """Return the state of the scene in a frame of a motion, without the belt."""
         time = float(motion.times[frame])
-        state: State = {**self.figure.posture(motion.q[frame])}
+        state: SceneState = {**self.figure.posture(motion.q[frame])}
         for side, arcs in self.arcs.items():
             for joint, arc in arcs.items():
                 torques = motion.columns.get(f"{side}_{joint}_motor_torque_Nm")
                 state |= {} if torques is None else arc_state(arc, float(torques[frame]))
         for side, leg in motion.legs.items():
             state |= self._force_state(side, motion, frame)
-            code = leg.phases.at(time)
+            code = leg.phases.code_at(time)
             colour = rgb(phase_colour(motion.phase_names[code], code))
             state |= {(path, "color"): [*colour, 1.0] for path in self.caps.get(side, ())}
         for path, begin, end in self.trails:
@@ -164,13 +164,13 @@ def trail_shape(
     if len(keep) < FEWEST_POINTS:
         return None
     tube = shapes.tube(points[keep], _RADIUS, _COLUMNS)
-    codes = [phases.at(float(time)) for time in times[keep]]
+    codes = [phases.code_at(float(time)) for time in times[keep]]
     colours = np.array([rgb(phase_colour(names[code], code)) for code in codes])
     nearest = np.linalg.norm(tube.vertices[:, None] - points[keep], axis=2).argmin(axis=1)
     return tube._replace(colours=colours[nearest])
 
 
-class Setting(TypedDict, total=False):
+class SceneOptions(TypedDict, total=False):
     """Options of the scene of a leg model.
 
     Attributes:
@@ -183,7 +183,7 @@ class Setting(TypedDict, total=False):
         chair: Chair behind the wearer, or None.
     """
 
-    around: Surroundings
+    environment: Environment
     drives: Collection[str]
     patient: Patient | None
     slope: float
@@ -192,7 +192,7 @@ class Setting(TypedDict, total=False):
     chair: ChairParameters | None
 
 
-def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> Scene:
+def build_scene(window: CommandBuffer, model: LegModel, **setting: Unpack[SceneOptions]) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     A mesh that cannot be read is omitted with a warning. Raises ModelError if the URDF cannot be read.
@@ -200,7 +200,7 @@ def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> 
     scene = Scene(window, model.model, model.urdf_path, model.up_axis)
     for side, leg in model.legs.items():
         scene.draw_drives(side, leg, setting.get("drives", (JointName.HIP, JointName.KNEE)))
-    patient, around = setting.get("patient"), setting.get("around", Surroundings.TREADMILL)
+    patient, around = setting.get("patient"), setting.get("around", Environment.TREADMILL)
     trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
@@ -209,18 +209,18 @@ def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> 
     top = scene.figure.world_point(hip)
     bottom = float(scene.figure.world_point(end, scene.figure.segment(end))[2])
     height = float(top[2]) - bottom
-    if around is Surroundings.STAND:
+    if around is Environment.STAND:
         _surround_bench_leg(window, scene, first, top, height)
         return scene
-    if around is Surroundings.FLOOR:
+    if around is Environment.FLOOR:
         surroundings.draw_floor(window, bottom - 0.02)
         scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
         return scene
-    if around is Surroundings.WALKWAY:
+    if around is Environment.WALKWAY:
         assert model.forward_index is not None  # a walkway needs a model with a forward coordinate
         scene.elements.append(surroundings.draw_walkway(window, model.forward_index))
     else:
-        pose = surroundings.tilted(setting.get("slope", 0.0))
+        pose = surroundings.belt_pose(setting.get("slope", 0.0))
         window.send(set_transform(FORCE_ROOT, pose))
         scene.ground = pose[:3, :3]
         surroundings.draw_treadmill(window, setting.get("slope", 0.0))
@@ -233,7 +233,7 @@ def build_scene(window: Window, model: LegModel, **setting: Unpack[Setting]) -> 
     return scene
 
 
-def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
+def build_urdf_scene(window: CommandBuffer, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
     """Draw any URDF with all coordinates at zero; without visuals, sticks connect its joints.
 
     ``up_axis``: vertical axis of the URDF, ``"x"``, ``"y"`` or ``"z"``. Raises ModelError if the URDF cannot
@@ -245,27 +245,27 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     size = max(float(np.linalg.norm(high - low)), 0.1)
     x, y, z = (0.5 * (low + high)).tolist()
     surroundings.draw_floor(window, float(low[2]) - 0.01 * size, radius=max(1.0, 1.6 * size))
-    scene.view = View((x, y, z), width=1.1 * size, height=1.1 * size, direction=_FROM_THE_FRONT)
+    scene.view = View((x, y, z), width=1.1 * size, height=1.1 * size, direction=_FRONT_VIEW)
     return scene
 
 
-def _equip_walker(window: Window, scene: Scene, patient: Patient, trunk: str, setting: Setting) -> None:
+def _equip_walker(window: CommandBuffer, scene: Scene, patient: Patient, trunk: str, setting: SceneOptions) -> None:
     """Draw harness, crutches and chair, and set the view from the foot of the treadmill to the bar."""
     low, high = -0.13, _BAR_ABOVE_HEAD + patient.height + 0.07
     scene.view = View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
     if setting.get("ropes", True):
         hooks = draw_harness(scene.figure, patient, trunk)
-        on_rail = setting.get("around") is Surroundings.WALKWAY
+        on_rail = setting.get("around") is Environment.WALKWAY
         height = _BAR_ABOVE_HEAD + patient.height
         scene.elements.append(draw_ropes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
     if (crutches := setting.get("crutches")) is not None:
         scene.elements.append(draw_crutches(window, scene.figure, crutches, patient, trunk))
-        scene.view = replace(scene.view, target=(_TO_CRUTCHES, *scene.view.target[1:]))
+        scene.view = replace(scene.view, target=(_CRUTCH_VIEW_SHIFT, *scene.view.target[1:]))
     if (chair := setting.get("chair")) is not None:
         scene.elements.append(surroundings.draw_chair(window, chair))
 
 
-def _surround_bench_leg(window: Window, scene: Scene, side: Side, hip: np.ndarray, height: float) -> None:
+def _surround_bench_leg(window: CommandBuffer, scene: Scene, side: Side, hip: np.ndarray, height: float) -> None:
     """Draw the bench with the leg clear of the floor and its column on the far side, and set the view."""
     floor, away = float(hip[2]) - 1.22 * height, -LEFT[side]
     surroundings.draw_bench(window, floor, hip, far_side=away)

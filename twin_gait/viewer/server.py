@@ -36,13 +36,13 @@ LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
 # A longer message is not read: the socket is closed with status 1009. The functions that check messages may
 # set a lower limit and reply.
 LONGEST_MESSAGE = 65536  # [B]
-PATIENCE = 10.0  # [s], timeout for the headers of a request, for its body, and for the next request
+REQUEST_TIMEOUT = 10.0  # [s], timeout for the headers of a request, for its body, and for the next request
 _LONGEST_HEADER = 16384  # [B]
 _HEADERS = {
     "Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
     "Content-Security-Policy": "frame-ancestors 'none'", "Referrer-Policy": "no-referrer",
 }  # fmt: skip
-_FAREWELL = 0.05  # [s], time for a page to acknowledge the close message
+_CLOSE_TIMEOUT = 0.05  # [s], time for a page to acknowledge the close message
 
 
 def is_loopback(host: str) -> bool:
@@ -64,7 +64,7 @@ def is_own_page(origin: str | None, host: str) -> bool:
     return origin is not None and is_loopback(host) and origin.lower() == f"http://{host.lower()}"
 
 
-class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in tornado
+class GuardedHandler(RequestHandler):  # type: ignore[misc]  # no type information in tornado
     """Handler of requests with a name of this machine and the token; it rejects others with a reason."""
 
     needs_origin = False  # if False, a request without an origin is also accepted
@@ -95,7 +95,7 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
             super().log_exception(kind, error, trace)
 
 
-class NothingHandler(Guarded):
+class NotFoundHandler(GuardedHandler):
     """Handler of all unknown paths."""
 
     def get(self) -> None:
@@ -103,7 +103,7 @@ class NothingHandler(Guarded):
         raise HTTPError(404)
 
 
-class Outbox:
+class SendBuffer:
     """Send buffer of one page, which sends one batch at a time.
 
     New items wait under their keys while a batch is being sent, and a newer item replaces an older one of the
@@ -144,7 +144,7 @@ class Outbox:
             await self._write(batch)
 
 
-class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
+class GuardedSocket(GuardedHandler, WebSocketHandler):  # type: ignore[misc]  # no type information in tornado
     """Web socket of an own page; its subclasses define ``write_batch``, which sends the waiting items."""
 
     needs_origin = True
@@ -152,20 +152,20 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
     def open(self) -> None:
         """Register the socket with the server."""
         self.set_nodelay(True)
-        self.outbox = Outbox(self.write_batch)
+        self.outbox = SendBuffer(self.write_batch)
         self.server.sockets.add(self)
 
     def on_close(self) -> None:
         """Remove the socket from the server."""
         self.server.sockets.discard(self)
 
-    async def abandon(self) -> None:
+    async def close_immediately(self) -> None:
         """Close without waiting for the page."""
         if self.ws_connection is not None:
             self.ws_connection.stream.close()
         await self.outbox.ended()
 
-    async def write_or_leave(self, content: str | bytes) -> bool:
+    async def try_write(self, content: str | bytes) -> bool:
         """Write to the page, and return whether it is still open; a closed page is not an error."""
         try:
             await self.write_message(content, binary=isinstance(content, bytes))
@@ -175,7 +175,7 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
         return True
 
 
-class CappedServer(HTTPServer):  # type: ignore[misc]  # no type information in tornado
+class LimitedServer(HTTPServer):  # type: ignore[misc]  # no type information in tornado
     """HTTP server with a limited number of connections; half of them are reserved for those with the token.
 
     Connections use at most half of the files of the process. Connections that have not sent the token are
@@ -244,12 +244,12 @@ class SceneServer:
         owner = {"server": self}
         application = Application(
             [(path, handler, owner) for path, handler in self.routes()],
-            default_handler_class=NothingHandler, default_handler_args=owner,
+            default_handler_class=NotFoundHandler, default_handler_args=owner,
             websocket_max_message_size=LONGEST_MESSAGE, log_function=lambda handler: None,
         )  # fmt: skip
-        self._http = CappedServer(
+        self._http = LimitedServer(
             application, max_body_size=LONGEST_MESSAGE, max_header_size=_LONGEST_HEADER,
-            idle_connection_timeout=PATIENCE, body_timeout=PATIENCE,
+            idle_connection_timeout=REQUEST_TIMEOUT, body_timeout=REQUEST_TIMEOUT,
         )  # fmt: skip
         self._http.add_socket(listener)
 
@@ -268,7 +268,7 @@ class SceneServer:
         for view in self.views:
             view.outbox.post(changes)
 
-    def knows(self, token: bytes) -> bool:
+    def is_valid_token(self, token: bytes) -> bool:
         """Return whether a token is the token of this start, in a time that does not depend on the token."""
         return hmac.compare_digest(token, self._token.encode())
 
@@ -282,9 +282,9 @@ class SceneServer:
         open_pages = list(self.sockets)
         for page in open_pages:
             page.close(1001, "the program has ended")
-        await asyncio.sleep(_FAREWELL if open_pages else 0.0)
+        await asyncio.sleep(_CLOSE_TIMEOUT if open_pages else 0.0)
         for page in open_pages:
-            await page.abandon()
+            await page.close_immediately()
         await self._http.close_all_connections()
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
@@ -292,7 +292,7 @@ class SceneServer:
         return [(r"/", PageHandler), (r"/socket", SceneSocket)]
 
 
-class PageHandler(Guarded):
+class PageHandler(GuardedHandler):
     """Handler of the page."""
 
     def get(self) -> None:
@@ -326,5 +326,5 @@ class SceneSocket(GuardedSocket):
     async def write_batch(self, batch: list[bytes]) -> None:
         """Write a batch, and wait until it is drawn."""
         self._drawn.clear()
-        if await self.write_or_leave(b"".join(batch)):
+        if await self.try_write(b"".join(batch)):
             await self._drawn.wait()

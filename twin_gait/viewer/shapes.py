@@ -52,7 +52,7 @@ def surface(rings: np.ndarray) -> Shape:
     faces, points = _grid_faces(*rings.shape[:2]), rings.reshape(-1, 3)
     first, second, third = (points[faces[:, corner]] for corner in range(3))
     whole = np.any(np.cross(second - first, third - first) != 0.0, axis=1)  # at a tip, points coincide
-    return creased(points, faces[whole])
+    return compute_normals(points, faces[whole])
 
 
 def _grid_faces(rows: int, columns: int) -> np.ndarray:
@@ -62,7 +62,7 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
     return np.concatenate((np.stack((c, b, a), axis=1), np.stack((d, c, a), axis=1)))
 
 
-def turned(profile: Sequence[tuple[float, float]] | np.ndarray, columns: int = 28) -> Shape:
+def revolve(profile: Sequence[tuple[float, float]] | np.ndarray, columns: int = 28) -> Shape:
     """Make a solid of revolution about the z axis.
 
     ``profile``: points (radius, height) in [m]; the outside is to the right of the direction from each point
@@ -83,7 +83,7 @@ def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
     bevel = min(bevel, radius / 3.0, length / 3.0)
     third = bevel * (1.0 - math.cos(math.pi / 4.0))
     upper = [(radius, half - bevel), (radius - third, half - third), (radius - bevel, half), (0.0, half)]
-    return turned([(ring, -height) for ring, height in reversed(upper)] + upper)
+    return revolve([(ring, -height) for ring, height in reversed(upper)] + upper)
 
 
 def ball(radius: float, columns: int = 28) -> Shape:
@@ -91,7 +91,7 @@ def ball(radius: float, columns: int = 28) -> Shape:
     latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)
     profile = radius * np.column_stack((np.cos(latitude), np.sin(latitude)))
     profile[[0, -1], 0] = 0.0
-    return turned(profile, columns)
+    return revolve(profile, columns)
 
 
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
@@ -101,14 +101,14 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     """
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    across = _carried_along(ahead)
+    across = _perpendicular_directions(ahead)
     angle = np.linspace(0.0, 2.0 * math.pi, columns, endpoint=False)[None, :, None]
     around = np.cos(angle) * across[:, None, :] + np.sin(angle) * np.cross(ahead, across)[:, None, :]
     middle = np.repeat(points[:, None, :], columns, axis=1)
     return surface(np.concatenate((middle[:1], middle + radius * around, middle[-1:])))
 
 
-def _carried_along(ahead: np.ndarray) -> np.ndarray:
+def _perpendicular_directions(ahead: np.ndarray) -> np.ndarray:
     """Compute a direction perpendicular to each segment of a path, without twist along the path."""
     across = np.empty_like(ahead)
     before = np.eye(3)[int(np.argmin(np.abs(ahead[0])))]
@@ -118,7 +118,7 @@ def _carried_along(ahead: np.ndarray) -> np.ndarray:
     return across
 
 
-def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
+def compute_normals(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     """Compute the normals of a mesh, smooth on curved parts and sharp at edges.
 
     ``vertices``: shape ``(n, 3)``; ``faces``: shape ``(m, 3)``. Returns the mesh, in which a vertex on an
@@ -170,7 +170,7 @@ def frame(
     return placement
 
 
-def moved(shape: Shape, placement: np.ndarray) -> Shape:
+def transform_mesh(shape: Shape, placement: np.ndarray) -> Shape:
     """Move a mesh by a homogeneous transform, shape ``(4, 4)``; a reflection reverses the faces."""
     linear = placement[:3, :3]
     normals = _unit(shape.normals @ np.linalg.inv(linear))
@@ -178,7 +178,7 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
     return shape._replace(vertices=shape.vertices @ linear.T + placement[:3, 3], normals=normals, faces=faces)
 
 
-def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
+def select_faces(shape: Shape, chosen: np.ndarray) -> Shape:
     """Return some faces of a mesh with their vertices.
 
     ``shape``: the mesh, without colours of its vertices; ``chosen``: mask of the faces, shape ``(m,)``.
@@ -187,7 +187,7 @@ def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
     return Shape(shape.vertices[used], shape.normals[used], index.reshape(-1, 3))
 
 
-def merged(items: Iterable[Shape]) -> Shape:
+def merge_meshes(items: Iterable[Shape]) -> Shape:
     """Join meshes into one."""
     items = list(items)
     first = np.cumsum([0, *(len(item.vertices) for item in items)])
@@ -205,9 +205,9 @@ def _packaged(name: str) -> Shape:
     rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
     vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=float)
     faces = [[int(corner.split("/")[0]) - 1 for corner in row[1:]] for row in rows if row[0] == "f"]
-    return creased(vertices, np.array(faces))
+    return compute_normals(vertices, np.array(faces))
 
 
-def packaged(name: str, placement: np.ndarray) -> Shape:
+def load_packaged_mesh(name: str, placement: np.ndarray) -> Shape:
     """Load a mesh made by ``urdf/make_meshes.py``, moved by ``placement`` of shape ``(4, 4)``."""
-    return moved(_packaged(name), placement)
+    return transform_mesh(_packaged(name), placement)

@@ -13,7 +13,7 @@ import numpy as np
 
 from twin_gait.parameters.surroundings import ChairParameters
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, State, Window, draw_mesh, set_property, set_transform
+from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.yaml12 import load_yaml
 
@@ -42,13 +42,13 @@ _BEHIND, _MARKED = 8, 60  # [m], lengths with marks behind and before the start 
 _MAST_HEIGHT = 1.83  # [m], height of the bar in the mesh of the mast
 
 
-def set_studio(window: Window) -> None:
+def set_studio(window: CommandBuffer) -> None:
     """Set the background and the light."""
     for path, name, value in _DRAWN["studio"]:
         window.send(set_property(path, name, value))
 
 
-def draw_place(window: Window, name: str, *, placement: np.ndarray | None = None, floor: float = 0.0) -> None:
+def draw_environment(window: CommandBuffer, name: str, *, placement: np.ndarray | None = None, floor: float = 0.0) -> None:
     """Draw the parts of a place of ``surroundings.yaml``.
 
     ``placement`` of the place in the scene, shape ``(4, 4)``; ``floor``: height of the floor in the frame of
@@ -57,10 +57,10 @@ def draw_place(window: Window, name: str, *, placement: np.ndarray | None = None
     for part, drawn in _DRAWN["places"][name].items():
         solids = [_box(sides, drawn.get("edge", _EDGE), floor) for sides in drawn.get("boxes", ())]
         if "turned" in drawn:
-            solids.append(shapes.moved(shapes.turned(drawn["turned"]), shapes.translation(drawn["at"])))
-        whole, shaded = shapes.merged(solids), drawn.get("shaded", False)
+            solids.append(shapes.transform_mesh(shapes.revolve(drawn["turned"]), shapes.translation(drawn["at"])))
+        whole, shaded = shapes.merge_meshes(solids), drawn.get("shaded", False)
         if placement is not None:
-            whole = shapes.moved(whole, placement)
+            whole = shapes.transform_mesh(whole, placement)
         path, material = f"{ROOT}/{name}/{part}", MATERIALS[drawn["material"]]
         draw_mesh(window, path, whole, material, casts=not shaded, shaded=shaded)
 
@@ -69,15 +69,15 @@ def _box(sides: Sequence[float | None], edge: float, floor: float = 0.0) -> Shap
     """Make a box from its two limits along x, y and z in [m]; None is the height of the floor."""
     ends = np.array([floor if side is None else side for side in sides]).reshape(3, 2)
     solid = shapes.rounded_box((ends[:, 1] - ends[:, 0]).tolist(), edge)
-    return shapes.moved(solid, shapes.translation(ends.mean(axis=1)))
+    return shapes.transform_mesh(solid, shapes.translation(ends.mean(axis=1)))
 
 
-def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
+def draw_floor(window: CommandBuffer, height: float, radius: float = 2.0) -> None:
     """Draw a round floor that fades into the background.
 
     ``height`` in [m]; ``radius`` at which the floor is fully transparent, in [m].
     """
-    disc = shapes.turned([(ring * radius, 0.0) for ring in np.linspace(1.0, 0.0, 9)], columns=48)
+    disc = shapes.revolve([(ring * radius, 0.0) for ring in np.linspace(1.0, 0.0, 9)], columns=48)
     share = np.linalg.norm(disc.vertices, axis=1) / radius
     opacity = np.clip((1.0 - share) / 0.6, 0.0, 1.0)
     smooth = opacity * opacity * (3.0 - 2.0 * opacity)
@@ -88,35 +88,35 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     window.send(set_property(f"{FLOOR}/<object>", "renderOrder", -1))
 
 
-def tilted(slope: float) -> np.ndarray:
+def belt_pose(slope: float) -> np.ndarray:
     """Return the pose of a belt that rises forwards by an angle in [rad], shape ``(4, 4)``."""
     return shapes.frame(np.array([-np.sin(slope), 0.0, np.cos(slope)]), np.array([1.0, 0.0, 0.0]))
 
 
-def draw_treadmill(window: Window, slope: float = 0.0) -> None:
+def draw_treadmill(window: CommandBuffer, slope: float = 0.0) -> None:
     """Draw a treadmill whose belt runs along x, lower than the soles that press into the soft ground.
 
     ``slope`` of the belt in [rad], positive if it rises forwards.
     """
-    window.send(set_transform(TREADMILL, tilted(slope)))
-    draw_place(window, "treadmill")
+    window.send(set_transform(TREADMILL, belt_pose(slope)))
+    draw_environment(window, "treadmill")
     marks, width = np.arange(_FIRST_MARK, _LAST_MARK, BELT_MARK_SPACING), _BELT[3] - _BELT[2] - 0.04
     lines = [_line(x, 0.012, width) for x in marks]
-    draw_mesh(window, f"{BELT}/marks", shapes.merged(lines), MATERIALS["mark"], shaded=True)
+    draw_mesh(window, f"{BELT}/marks", shapes.merge_meshes(lines), MATERIALS["mark"], shaded=True)
     draw_floor(window, -_DECK_HEIGHT - 0.9 * abs(np.sin(slope)))
 
 
-def draw_mast(window: Window, hooks: np.ndarray) -> None:
+def draw_mast(window: CommandBuffer, hooks: np.ndarray) -> None:
     """Draw a mast next to the treadmill, its arm, and the bar above the wearer to which the ropes are tied.
 
     ``hooks``: upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
     height = float(hooks[0, 2]) / _MAST_HEIGHT
-    mast = shapes.packaged("mast", np.diag([1.0, 1.0, height, 1.0]))
+    mast = shapes.load_packaged_mesh("mast", np.diag([1.0, 1.0, height, 1.0]))
     draw_mesh(window, f"{ROOT}/mast", mast, MATERIALS["steel"], casts=True)
 
 
-def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:
+def draw_bench(window: CommandBuffer, floor: float, hip: np.ndarray, far_side: float) -> None:
     """Draw the bench: a table with vice and weights.
 
     ``floor``: height of the floor in [m]; ``hip``: position of the hip in [m], shape ``(3,)``; ``far_side``:
@@ -124,35 +124,35 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
     """
     placement = np.diag([1.0, far_side, 1.0, 1.0])
     placement[:3, 3] = hip
-    draw_place(window, "bench", placement=placement, floor=floor - float(hip[2]))
+    draw_environment(window, "bench", placement=placement, floor=floor - float(hip[2]))
     draw_floor(window, floor)
 
 
-def draw_chair(window: Window, chair: ChairParameters) -> Element:
+def draw_chair(window: CommandBuffer, chair: ChairParameters) -> Element:
     """Draw a chair, and return the function that moves it to the position in the log."""
-    draw_place(window, "chair")
+    draw_environment(window, "chair")
     window.send(set_property(CHAIR, "scale", [chair.depth, 1.0, chair.height]))
 
-    def state(motion: Motion, frame: int) -> State:
+    def state(motion: Motion, frame: int) -> SceneState:
         return {(CHAIR, "position"): [float(motion.columns[SEAT][frame]), 0.0, 0.0]}
 
     return state
 
 
-def draw_walkway(window: Window, forward: int) -> Element:
+def draw_walkway(window: CommandBuffer, forward: int) -> Element:
     """Draw a walkway along x, and return the function that moves the scene towards the camera.
 
     The parts that look the same everywhere along the walkway move with the walker. ``forward``: index of the
     walker's forward coordinate.
     """
     draw_floor(window, _FLOOR_HEIGHT, radius=3.2)
-    draw_place(window, "floor")
+    draw_environment(window, "floor")
     # There is a line at each metre; every fifth one is twice as thick.
     metres = range(-_BEHIND, _MARKED + 1)
     lines = [_line(metre, 0.012 if metre % 5 else 0.024, _STRIP[3] - _STRIP[2]) for metre in metres]
-    draw_mesh(window, METRES, shapes.merged(lines), MATERIALS["mark"], shaded=True)
+    draw_mesh(window, METRES, shapes.merge_meshes(lines), MATERIALS["mark"], shaded=True)
 
-    def state(motion: Motion, frame: int) -> State:
+    def state(motion: Motion, frame: int) -> SceneState:
         # The camera moves with the walker: the scene moves backwards, and the floor stays.
         way = float(motion.q[frame][forward])
         return {("/meshcat", "position"): [-way, 0.0, 0.0], (FLOOR, "position"): [way, 0.0, _FLOOR_HEIGHT]}
@@ -160,18 +160,18 @@ def draw_walkway(window: Window, forward: int) -> Element:
     return state
 
 
-def draw_rails(window: Window, hooks: np.ndarray) -> None:
+def draw_rails(window: CommandBuffer, hooks: np.ndarray) -> None:
     """Draw a rail above the walkway for each rope. ``hooks``: upper ends of the ropes in [m], ``(n, 3)``."""
     rails = [_box([-5.0, _MARKED + 5.0, y - 0.025, y + 0.025, z, z + 0.05], 0.01) for _, y, z in hooks]
-    draw_mesh(window, f"{ROOT}/rails", shapes.merged(rails), MATERIALS["steel"])
+    draw_mesh(window, f"{ROOT}/rails", shapes.merge_meshes(rails), MATERIALS["steel"])
 
 
-def belt_offset(way: T) -> T:
+def belt_offset(distance: T) -> T:
     """Compute the displacement of the belt marks along x after the belt has moved by ``way`` in [m].
 
     The result in [m] is between minus one spacing and 0.
     """
-    return -(way % BELT_MARK_SPACING)
+    return -(distance % BELT_MARK_SPACING)
 
 
 def _line(x: float, length: float, width: float) -> Shape:

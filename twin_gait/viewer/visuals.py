@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.joints import ALL_GUIDES
-from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, visual_document
+from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, capture_stderr, visual_document
 from twin_gait.leg_model.urdf_document import GIT_LFS_POINTER, UrdfWarning
 from twin_gait.viewer import shapes
 from twin_gait.viewer.shapes import Shape
@@ -52,13 +52,13 @@ def load_visuals(model: pin.Model, urdf: Path) -> list[LinkPart]:
     carrier = {FIXED_JOINT: guides[-1]} if guides else {}
     found: dict[tuple[str, Colour], list[Shape]] = {}
     for item in geometry.geometryObjects:
-        raw, joint = _shape_of(item), str(nominal.names[item.parentJoint])
+        raw, joint = _make_mesh(item), str(nominal.names[item.parentJoint])
         if raw is not None:
-            placement = _growth(nominal, model, item.parentJoint) @ item.placement.homogeneous
-            for colour, piece in _coloured(item, shapes.moved(raw, placement)):
+            placement = _link_scaling(nominal, model, item.parentJoint) @ item.placement.homogeneous
+            for colour, piece in _split_by_colour(item, shapes.transform_mesh(raw, placement)):
                 rounded = tuple(round(value, 4) for value in colour)
                 found.setdefault((carrier.get(joint, joint), rounded), []).append(piece)
-    return [LinkPart(*key, shapes.merged(items)) for key, items in found.items()]
+    return [LinkPart(*key, shapes.merge_meshes(items)) for key, items in found.items()]
 
 
 def _located_visuals(urdf: Path) -> ElementTree.Element:
@@ -77,17 +77,17 @@ def _located_visuals(urdf: Path) -> ElementTree.Element:
                 # A material that has a texture and no colour would be black.
                 if material.get("name") not in coloured:
                     visual.remove(material)
-    _leave_out(root, urdf, partial(_locate, urdf))
+    _remove_unreadable(root, urdf, partial(_locate, urdf))
     return root
 
 
-def _leave_out(
-    root: ElementTree.Element, urdf: Path, problem_of: Callable[[ElementTree.Element], str]
+def _remove_unreadable(
+    root: ElementTree.Element, urdf: Path, find_problem: Callable[[ElementTree.Element], str]
 ) -> None:
     """Remove the visuals that have a problem, with a warning for each of them."""
     for link in root.findall("link"):
         for visual in link.findall("visual"):
-            problem = problem_of(visual)
+            problem = find_problem(visual)
             if problem:
                 warnings.warn(f"{urdf}: {problem}, and not drawn", UrdfWarning, stacklevel=2)
                 link.remove(visual)
@@ -131,7 +131,7 @@ def collada_unit(path: Path) -> float:
 def _geometry(model: pin.Model, root: ElementTree.Element) -> pin.GeometryModel | None:
     """Read the visuals of a URDF; None if one of them cannot be read."""
     text = ElementTree.tostring(root, encoding="unicode")
-    with quiet_stderr() as printed:
+    with capture_stderr() as printed:
         try:
             geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
         except (ValueError, RuntimeError):
@@ -139,14 +139,14 @@ def _geometry(model: pin.Model, root: ElementTree.Element) -> pin.GeometryModel 
     return None if any(line.startswith("Error:") for line in printed) else geometry
 
 
-def _problem_of(visual: ElementTree.Element) -> str:
+def _find_read_error(visual: ElementTree.Element) -> str:
     """Return the reason why Pinocchio cannot read a visual, or an empty text."""
     robot = ElementTree.Element("robot", name="trial")
     link = ElementTree.SubElement(robot, "link", name="link")
     ElementTree.SubElement(link, "visual").extend(visual.findall("origin") + visual.findall("geometry"))
     text = ElementTree.tostring(robot, encoding="unicode")
     reason = ""
-    with quiet_stderr() as printed:
+    with capture_stderr() as printed:
         try:
             pin.buildGeomFromUrdfString(pin.buildModelFromXML(text), text, pin.GeometryType.VISUAL)
         except (ValueError, RuntimeError) as error:
@@ -192,7 +192,7 @@ def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel
     nominal, root = build_model(urdf), _located_visuals(urdf)
     geometry = _geometry(nominal, root)
     if geometry is None:
-        _leave_out(root, urdf, _problem_of)
+        _remove_unreadable(root, urdf, _find_read_error)
         geometry = _geometry(nominal, root)
     if geometry is None:
         raise ViewerError(f"{urdf}: its visuals cannot be read; remove them, or correct their numbers")
@@ -202,7 +202,7 @@ def _nominal(model: pin.Model, urdf: Path) -> tuple[pin.Model, pin.GeometryModel
     return nominal, geometry
 
 
-def _growth(nominal: pin.Model, model: pin.Model, index: int) -> np.ndarray:
+def _link_scaling(nominal: pin.Model, model: pin.Model, index: int) -> np.ndarray:
     """Compute the scaling of the link of a joint from the file to the model, shape ``(4, 4)``.
 
     A resized segment is scaled along the vector to the next joint, a last link in all directions by the
@@ -225,7 +225,7 @@ def _growth(nominal: pin.Model, model: pin.Model, index: int) -> np.ndarray:
     return growth
 
 
-def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
+def _split_by_colour(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
     """Yield the pieces of a visual by colour: the colour of the URDF, or else those of the mesh file."""
     stated: Colour = tuple(float(value) for value in item.meshColor)
     own = not item.overrideMaterial and str(item.meshPath).lower().endswith(".dae")
@@ -237,10 +237,10 @@ def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
     colours = [colour or stated for colour, _ in patches]
     number = np.repeat([colours.index(colour) for colour in colours], counts)
     for one in np.unique(number):
-        yield colours[one], shapes.part_of(shape, number == one)
+        yield colours[one], shapes.select_faces(shape, number == one)
 
 
-def _shape_of(item: Any) -> Shape | None:
+def _make_mesh(item: Any) -> Shape | None:
     """Return the mesh of a visual in its own frame, with rounded edges of primitives; None if it is empty."""
     solid = item.geometry
     match type(solid).__name__:
@@ -257,7 +257,7 @@ def _shape_of(item: Any) -> Shape | None:
     triangles = (solid.tri_indices(index) for index in range(solid.num_tris))
     faces = np.array([[corner[0], corner[1], corner[2]] for corner in triangles], dtype=int)
     mirrored = float(np.prod(item.meshScale)) < 0.0
-    return shapes.creased(vertices, faces[:, ::-1] if mirrored else faces)
+    return shapes.compute_normals(vertices, faces[:, ::-1] if mirrored else faces)
 
 
 def dae_patches(path: Path) -> list[Patch]:

@@ -33,14 +33,14 @@ of its own.
 import math
 from dataclasses import dataclass
 
-from twin_gait.core.arms import Arm, held, turn_grip
+from twin_gait.core.arms import Arm, clamp, set_grip_angle
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.estimation import DelayLine, first_order_gain, new_delay_line
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.crutches import ArmParameters
 
-PLANTED, SWUNG, LOWERED, BEHIND = 0, 1, 2, 3
-SITS, LEANS, RISES, REACHES, LOWERS = 1.0, 2.0, 3.0, 4.0, 5.0  # perceived states of sitting on a chair
+PLANTED, SWINGING, LOWERING, PLANTED_BEHIND = 0, 1, 2, 3
+SITTING, LEANING, RISING, REACHING_BACK, SITTING_DOWN = 1.0, 2.0, 3.0, 4.0, 5.0  # perceived states of sitting on a chair
 
 
 @dataclass(slots=True)
@@ -61,7 +61,7 @@ class ArmPolicy:
 
     arms: ArmParameters
     weight: float
-    longest: float
+    max_length: float
     yielding: float
     swing_ticks: int
     planted_ticks: int
@@ -86,7 +86,7 @@ def new_policy(arms: ArmParameters, weight: float, longest: float) -> ArmPolicy:
 
 
 @dataclass(slots=True)
-class Sense:
+class Perception:
     """Delayed perception of the trunk and of the announcements of the device.
 
     Attributes:
@@ -101,18 +101,18 @@ class Sense:
         felt_chair: Delay line of the announced state of sitting on a chair.
     """
 
-    felt_lean: DelayLine
-    felt_rate: DelayLine
-    felt_stepping: DelayLine
-    felt_chair: DelayLine
+    lean_delay: DelayLine
+    lean_rate_delay: DelayLine
+    stepping_delay: DelayLine
+    chair_delay: DelayLine
     lean: float = 0.0
     lean_rate: float = 0.0
     stepping: float = 0.0
-    still: int = 0
-    chair: float = 0.0
+    ticks_since_swing: int = 0
+    chair_state: float = 0.0
 
 
-def new_sense(delay: int, lean: float, chair: float = 0.0) -> Sense:
+def new_perception(delay: int, lean: float, chair: float = 0.0) -> Perception:
     """Return the perception of a person who has leant constantly for a while.
 
     Args:
@@ -121,10 +121,10 @@ def new_sense(delay: int, lean: float, chair: float = 0.0) -> Sense:
         chair: Perceived state of sitting on a chair.
     """
     rate, stepping = new_delay_line(delay), new_delay_line(delay)
-    return Sense(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair))
+    return Perception(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair))
 
 
-def move_arm(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
+def move_arm(policy: ArmPolicy, perception: Perception, arm: Arm, other: Arm, ahead: float, load: float) -> None:
     """Compute the action of a person with one arm in a tick.
 
     Args:
@@ -135,140 +135,140 @@ def move_arm(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float
         ahead: Perceived distance of the tip in front of the shoulder in [m].
         load: Perceived load on the tip in [N].
     """
-    arm.since += 1
-    if arm.doing == SWUNG:
-        share = blend_share(arm.since / policy.swing_ticks, BLEND_MINIMUM_JERK)
-        turn_grip(arm.grip, blend(arm.first_angle, arm.reach, share) + sense.lean)
-        if arm.since >= policy.swing_ticks:
-            arm.doing, arm.since = LOWERED, 0
-    elif arm.doing == LOWERED:
+    arm.phase_ticks += 1
+    if arm.phase == SWINGING:
+        share = blend_share(arm.phase_ticks / policy.swing_ticks, BLEND_MINIMUM_JERK)
+        set_grip_angle(arm.grip, blend(arm.first_angle, arm.reach, share) + perception.lean)
+        if arm.phase_ticks >= policy.swing_ticks:
+            arm.phase, arm.phase_ticks = LOWERING, 0
+    elif arm.phase == LOWERING:
         _lower(policy, arm)
         if load > policy.arms.touch:
             plant_crutch(policy, arm)
-    elif sense.chair > 0.0 or arm.doing == BEHIND:
-        _use_behind(policy, sense, arm, other, ahead, load)
+    elif perception.chair_state > 0.0 or arm.phase == PLANTED_BEHIND:
+        _control_rear_crutch(policy, perception, arm, other, ahead, load)
     else:
-        _lean_on(policy, sense, arm, other)
-        if not _may_lift(policy, sense, arm, other):
+        _push_on_front_crutch(policy, perception, arm, other)
+        if not _may_lift(policy, perception, arm, other):
             return
         if ahead < policy.arms.lift_ahead:
-            _lift(policy, sense, arm, policy.arms.reach)
-        elif _stands(policy, sense, arm, other) and abs(ahead - policy.stand_ahead) > policy.arms.stand_slack:
-            _lift(policy, sense, arm, policy.arms.stand_reach)
+            _lift(policy, perception, arm, policy.arms.reach)
+        elif _is_standing_still(policy, perception, arm, other) and abs(ahead - policy.stand_ahead) > policy.arms.stand_slack:
+            _lift(policy, perception, arm, policy.arms.stand_reach)
 
 
 def _lower(policy: ArmPolicy, arm: Arm) -> None:
     """Lengthen the strut towards the ground; draw the tip nearer if the strut is too short to reach it."""
     grip, way = arm.grip, policy.arms.lowering * TICK
-    if grip.length < policy.longest:
-        grip.length = min(grip.length + way, policy.longest)
+    if grip.length < policy.max_length:
+        grip.length = min(grip.length + way, policy.max_length)
     else:
-        nearer = way / policy.longest
-        turn_grip(grip, grip.angle - (nearer if arm.reach > 0.0 else -nearer))
+        nearer = way / policy.max_length
+        set_grip_angle(grip, grip.angle - (nearer if arm.reach > 0.0 else -nearer))
 
 
-def _may_lift(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> bool:
+def _may_lift(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm) -> bool:
     """Check that both crutches have been planted for long enough to lift one, and that no leg swings."""
     return _rested(policy, arm) and _rested(policy, other) and sense.stepping == 0.0
 
 
 def _rested(policy: ArmPolicy, arm: Arm) -> bool:
-    return (arm.doing == PLANTED or arm.doing == BEHIND) and arm.since > policy.planted_ticks
+    return (arm.phase == PLANTED or arm.phase == PLANTED_BEHIND) and arm.phase_ticks > policy.planted_ticks
 
 
-def _stands(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> bool:
+def _is_standing_still(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm) -> bool:
     """Check whether the person has been standing still on both crutches, in front, for a while."""
-    shortest = min(sense.still, arm.since, other.since)
-    return other.doing == PLANTED and shortest > policy.still_ticks
+    shortest = min(sense.ticks_since_swing, arm.phase_ticks, other.phase_ticks)
+    return other.phase == PLANTED and shortest > policy.still_ticks
 
 
-def _use_behind(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm, ahead: float, load: float) -> None:
+def _control_rear_crutch(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm, ahead: float, load: float) -> None:
     """Bring a crutch behind for a chair, rest the hand, push, hold on, or bring the crutch forwards again."""
     # One crutch behind is enough to sit down; the person leans on the other one.
-    readies = sense.chair == LEANS or (sense.chair == REACHES and other.doing == PLANTED)
+    readies = sense.chair_state == LEANING or (sense.chair_state == REACHING_BACK and other.phase == PLANTED)
     if readies and ahead > 0.0 and _may_lift(policy, sense, arm, other):
         _lift(policy, sense, arm, -policy.arms.chair_tilt)
         return
-    if sense.chair == REACHES and arm.doing == PLANTED and ahead > 0.0:
-        _lean_on(policy, sense, arm, other)  # until the other crutch is behind
+    if sense.chair_state == REACHING_BACK and arm.phase == PLANTED and ahead > 0.0:
+        _push_on_front_crutch(policy, sense, arm, other)  # until the other crutch is behind
         return
-    if sense.chair != arm.felt or arm.doing == PLANTED:
-        arm.felt = sense.chair
-        arm.doing, arm.since, arm.first_length = BEHIND, 0, arm.length
-    if sense.chair > 0.0:
-        _push_up(policy, sense, arm)
+    if sense.chair_state != arm.perceived_chair_state or arm.phase == PLANTED:
+        arm.perceived_chair_state = sense.chair_state
+        arm.phase, arm.phase_ticks, arm.first_length = PLANTED_BEHIND, 0, arm.length
+    if sense.chair_state > 0.0:
+        _push_on_rear_crutch(policy, sense, arm)
         return
     _push_forwards(policy, sense, arm, load)
     if load < policy.arms.touch and _may_lift(policy, sense, arm, other):
         _lift(policy, sense, arm, policy.arms.stand_reach)
 
 
-def _lean_on(policy: ArmPolicy, sense: Sense, arm: Arm, other: Arm) -> None:
+def _push_on_front_crutch(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm) -> None:
     """Push back on a crutch in front, with muscles that yield to slow motions."""
     habit, weight = policy.arms, policy.weight
-    push = 0.0 if other.doing == BEHIND else habit.push * weight
-    upright = habit.push_per_lean * weight * (sense.lean - habit.lean)
-    wanted = push + upright + habit.push_per_rate * weight * sense.lean_rate
-    arm.grip.push = held(wanted, 0.0, arm.push_limit)
-    arm.grip.turn = -habit.turn
+    push = 0.0 if other.phase == PLANTED_BEHIND else habit.axial_force * weight
+    upright = habit.axial_force_per_lean * weight * (sense.lean - habit.lean)
+    wanted = push + upright + habit.axial_force_per_lean_rate * weight * sense.lean_rate
+    arm.grip.axial_force = clamp(wanted, 0.0, arm.push_limit)
+    arm.grip.shoulder_moment = -habit.shoulder_moment
     _yield(policy, arm)
 
 
-def _push_forwards(policy: ArmPolicy, sense: Sense, arm: Arm, load: float) -> None:
+def _push_forwards(policy: ArmPolicy, sense: Perception, arm: Arm, load: float) -> None:
     """Straighten the arm on a crutch behind until the hand feels no load, as the weight is over the feet."""
     habit, grip = policy.arms, arm.grip
-    grip.push = held(-habit.push_per_rate * policy.weight * sense.lean_rate, 0.0, arm.push_limit)
-    grip.turn = -habit.turn
+    grip.axial_force = clamp(-habit.axial_force_per_lean_rate * policy.weight * sense.lean_rate, 0.0, arm.push_limit)
+    grip.shoulder_moment = -habit.shoulder_moment
     grip.stiffness, grip.damping = habit.stiffness, habit.damping
     if load >= habit.touch:
         grip.length += habit.straightening * TICK
-    _give_way(policy, arm)
+    _yield_to_extension(policy, arm)
 
 
-def _give_way(policy: ArmPolicy, arm: Arm) -> None:
+def _yield_to_extension(policy: ArmPolicy, arm: Arm) -> None:
     """Yield at once to a motion that would lift the tip, and slowly to one that turns the arm."""
     arm.grip.length = max(arm.grip.length, arm.length)
-    turn_grip(arm.grip, arm.grip.angle - policy.yielding * arm.aside / arm.length)
+    set_grip_angle(arm.grip, arm.grip.angle - policy.yielding * arm.transverse_deflection / arm.length)
 
 
-def _push_up(policy: ArmPolicy, sense: Sense, arm: Arm) -> None:
+def _push_on_rear_crutch(policy: ArmPolicy, sense: Perception, arm: Arm) -> None:
     """Rest the hand while sitting, push towards a length while rising or sitting down, else hold on."""
     habit, grip = policy.arms, arm.grip
-    grip.push = grip.turn = grip.stiffness = 0.0
-    if sense.chair == SITS:
+    grip.axial_force = grip.shoulder_moment = grip.stiffness = 0.0
+    if sense.chair_state == SITTING:
         return
     grip.stiffness, grip.damping = habit.stiffness, habit.damping
-    if sense.chair == RISES or sense.chair == LOWERS:
-        grip.push, grip.turn = habit.chair_push * policy.weight, -habit.chair_turn
-        share = blend_share(arm.since / policy.chair_ticks, BLEND_MINIMUM_JERK)
-        wanted = habit.risen_length if sense.chair == RISES else habit.seated_length
-        grip.length = blend(arm.first_length, wanted * policy.longest, share)
-    _give_way(policy, arm)
+    if sense.chair_state == RISING or sense.chair_state == SITTING_DOWN:
+        grip.axial_force, grip.shoulder_moment = habit.chair_axial_force * policy.weight, -habit.chair_shoulder_moment
+        share = blend_share(arm.phase_ticks / policy.chair_ticks, BLEND_MINIMUM_JERK)
+        wanted = habit.risen_length if sense.chair_state == RISING else habit.seated_length
+        grip.length = blend(arm.first_length, wanted * policy.max_length, share)
+    _yield_to_extension(policy, arm)
 
 
 def _yield(policy: ArmPolicy, arm: Arm) -> None:
     """Let the muscles yield to slow motions."""
     grip = arm.grip
     grip.length += policy.yielding * (arm.length - grip.length)
-    turn_grip(grip, grip.angle - policy.yielding * arm.aside / arm.length)
+    set_grip_angle(grip, grip.angle - policy.yielding * arm.transverse_deflection / arm.length)
 
 
-def _lift(policy: ArmPolicy, sense: Sense, arm: Arm, reach: float) -> None:
+def _lift(policy: ArmPolicy, sense: Perception, arm: Arm, reach: float) -> None:
     """Begin to swing a crutch to an angle from the vertical in [rad]."""
     grip = arm.grip
-    arm.doing, arm.since, arm.reach = SWUNG, 0, reach
+    arm.phase, arm.phase_ticks, arm.reach = SWINGING, 0, reach
     arm.first_angle = grip.angle - sense.lean
-    grip.push = grip.turn = 0.0
+    grip.axial_force = grip.shoulder_moment = 0.0
     grip.length = arm.length - policy.arms.clearance
-    grip.stiffness = grip.turning_stiffness = policy.arms.swing_stiffness
-    grip.damping = grip.turning_damping = policy.arms.swing_damping
+    grip.stiffness = grip.transverse_stiffness = policy.arms.swing_stiffness
+    grip.damping = grip.transverse_damping = policy.arms.swing_damping
 
 
 def plant_crutch(policy: ArmPolicy, arm: Arm) -> None:
     """Plant a crutch and lean on it from now on; the arm is held in its present state."""
     grip = arm.grip
-    arm.doing, arm.since = PLANTED, 0
+    arm.phase, arm.phase_ticks = PLANTED, 0
     grip.length = arm.length
-    turn_grip(grip, grip.angle - arm.aside / arm.length)
+    set_grip_angle(grip, grip.angle - arm.transverse_deflection / arm.length)
     grip.stiffness, grip.damping = policy.arms.stiffness, policy.arms.damping
-    grip.turning_stiffness, grip.turning_damping = policy.arms.turning_stiffness, policy.arms.turning_damping
+    grip.transverse_stiffness, grip.transverse_damping = policy.arms.transverse_stiffness, policy.arms.transverse_damping

@@ -11,7 +11,7 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.friction import FrictionParameters
 from twin_gait.vocabulary import JointName
 
-DUTIES = quantities.Range(0.0, 1.0, above=True, words="above 0 and at most 1")
+DUTIES = quantities.Range(0.0, 1.0, exclusive_minimum=True, words="above 0 and at most 1")
 GAINS = quantities.Range(0.0, 10.0, reason="a loop with ten times what it compensates is unstable")
 AMPLITUDES = quantities.Range(0.0, 2.0**24, reason="full duty of the finest timers")
 BRAKING = quantities.Range(0.0, 1e3, reason="the largest torque at 1 rad/s")
@@ -43,13 +43,13 @@ class DutyControl(quantities.Parameters):
         duty_limit: Limit of the duty as a share of full duty.
     """
 
-    amplitude: Annotated[float, quantities.Unit("counts"), AMPLITUDES] = 170.0
+    amplitude: Annotated[float, quantities.QuantityUnits("counts"), AMPLITUDES] = 170.0
     frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 3.0
     transparency_gain: Annotated[quantities.Ratio, GAINS] = 1.10
     lowest_velocity: Annotated[quantities.AngularVelocity, quantities.POSITIVE] = _LOWEST
     static_voltage: Annotated[quantities.Voltage, quantities.NOT_NEGATIVE] = 0.05
     back_emf_share: Annotated[quantities.Ratio, GAINS] = 0.9
-    braking_torque: Annotated[float, quantities.Unit("Nms2_per_rad2"), BRAKING] = 18.0
+    braking_torque: Annotated[float, quantities.QuantityUnits("Nms2_per_rad2"), BRAKING] = 18.0
     duty_limit: Annotated[quantities.Ratio, DUTIES] = 0.9
 
 

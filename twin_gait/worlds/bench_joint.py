@@ -30,16 +30,16 @@ HORIZONTAL = math.pi / 2.0  # [rad], angle at which the fall begins (thesis 2.3.
 STOP_ANGLE = math.radians(125.0)  # angle at which the fall ends (thesis, appendix B)
 LOWER_STOP = math.radians(-4.0)  # angle of the lower stop (thesis 2.4)
 TEMPERATURES = quantities.Range(-40.0, 100.0, reason="what greases of such gears bear")
-INDUCTANCES = quantities.Range(0.0, 0.1, above=True, reason="a hundred times that of the motors")
-BANDWIDTHS = quantities.Range(0.0, 2e5, above=True, reason="the rate of the fastest loops, in rad/s")
+INDUCTANCES = quantities.Range(0.0, 0.1, exclusive_minimum=True, reason="a hundred times that of the motors")
+BANDWIDTHS = quantities.Range(0.0, 2e5, exclusive_minimum=True, reason="the rate of the fastest loops, in rad/s")
 RIPPLES = quantities.Range(0.0, 1.0, reason="a share of the current")
-DUTY_COUNTS = quantities.whole(0, 2**24, "the finest timers")
-POLE_PAIRS = quantities.whole(1, 100, "eight times those of the motors")
+DUTY_COUNTS = quantities.integer_range(0, 2**24, "the finest timers")
+POLE_PAIRS = quantities.integer_range(1, 100, "eight times those of the motors")
 BENCH_STOPS = quantities.Range(-1e3, 1e3, reason="160 turns; no test turns farther")
-MOMENT = quantities.Unit("kgm", quantities.within(100.0, "50 kg at 2 m"))
+MOMENT = quantities.QuantityUnits("kgm", quantities.symmetric_range(100.0, "50 kg at 2 m"))
 CATALOGUE = quantities.Range(-10.0, 40.0, words="-10 to 40 °C, the range of the catalogue")
 
-_PER_KELVIN = quantities.within(10.0, "the whole friction of a joint in a kelvin")
+_PER_KELVIN = quantities.symmetric_range(10.0, "the whole friction of a joint in a kelvin")
 
 
 class LoadAngle(StrEnum):
@@ -66,9 +66,9 @@ class BenchFriction(quantities.Parameters):
 
     law: FrictionLaw
     coulomb_per_load: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
-    coulomb_per_kelvin: Annotated[float, quantities.Unit("Nm_per_K", _PER_KELVIN)] = 0.0
-    viscous_per_kelvin: Annotated[float, quantities.Unit("Nms_per_rad_K", _PER_KELVIN)] = 0.0
-    temperature: Annotated[float, quantities.Unit("degC"), TEMPERATURES] = 25.0
+    coulomb_per_kelvin: Annotated[float, quantities.QuantityUnits("Nm_per_K", _PER_KELVIN)] = 0.0
+    viscous_per_kelvin: Annotated[float, quantities.QuantityUnits("Nms_per_rad_K", _PER_KELVIN)] = 0.0
+    temperature: Annotated[float, quantities.QuantityUnits("degC"), TEMPERATURES] = 25.0
     ripple: Annotated[quantities.Torque, quantities.NOT_NEGATIVE] = 0.0
 
 
@@ -164,7 +164,7 @@ class DriveParameters(quantities.Parameters):
         delay: Periods of the loop between a sample and its use; an assumption.
     """
 
-    inductance: Annotated[float, quantities.Unit("H"), INDUCTANCES]
+    inductance: Annotated[float, quantities.QuantityUnits("H"), INDUCTANCES]
     pole_pairs: Annotated[int, POLE_PAIRS] = 12
     rate: Annotated[quantities.Frequency, quantities.POSITIVE] = 20_000.0
     counts: Annotated[int, DUTY_COUNTS] = 6000
@@ -195,7 +195,7 @@ class CatalogueEfficiency(quantities.Parameters):
         transition_velocity: Transition velocity of the loss at a reversal, in [rad] / [s]; an assumption.
     """
 
-    temperature: Annotated[float, quantities.Unit("degC"), CATALOGUE] = 25.0
+    temperature: Annotated[float, quantities.QuantityUnits("degC"), CATALOGUE] = 25.0
     coefficients: tuple[float, float, float, float, float, float] = (
         0.688878205, 9.24475524e-3, -1.18764569e-4, -1.47423702e-3, 1.06902515e-5, 1.57005966e-6,
     )  # fmt: skip
@@ -270,7 +270,7 @@ class BenchJoint(quantities.Parameters):
     start_velocity: quantities.AngularVelocity = 0.0
     gravity: Annotated[quantities.Acceleration, quantities.NOT_NEGATIVE] = 9.81
     duration: Annotated[quantities.Time, quantities.Range(1e-3, 3600.0, words="0.001 to 3600 s")] = 5.0
-    rest_at_stop: Annotated[quantities.Time, quantities.LATER] = math.inf
+    rest_at_stop: Annotated[quantities.Time, quantities.NON_NEGATIVE_OR_INFINITE] = math.inf
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -11,8 +11,8 @@ from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.world import Posture, Scenario, World, start_posture, starting_at
+from twin_gait.vocabulary import JointName, PelvisGuide, Side, Environment
+from twin_gait.worlds.world import Posture, Scenario, World, start_posture, posture_field
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class ImposedMotionParameters(quantities.Parameters):
     frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 0.25
     stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 400.0
     damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 40.0
-    release_time: Annotated[quantities.Time, quantities.LATER, quantities.Key("release")] = math.inf
+    release_time: Annotated[quantities.Time, quantities.NON_NEGATIVE_OR_INFINITE, quantities.Key("release")] = math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +48,14 @@ class BenchLeg(Scenario):
     """
 
     kind: ClassVar[str] = "bench_leg"
-    surroundings: ClassVar[Surroundings] = Surroundings.STAND
+    surroundings: ClassVar[Environment] = Environment.STAND
     pelvis = PelvisGuide.FIXED
 
-    start_angles: Annotated[Posture, quantities.Key("start")] = starting_at(20.0, 10.0)
+    start_angles: Annotated[Posture, quantities.Key("start")] = posture_field(20.0, 10.0)
     initial_phase: Annotated[str | None, quantities.Key("start_phase")] = None
     imposed_motion: ImposedMotionParameters | None = None
 
-    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
+    def replace_postures(self, postures: Mapping[Side, Posture]) -> Self:
         """Return the same stand with a leg that starts in another posture."""
         return replace(self, start_angles=next(iter(postures.values())))
 
@@ -67,7 +67,7 @@ class BenchLeg(Scenario):
         imposed_motion = None
         if self.imposed_motion is not None:
             place = model.index(side, self.imposed_motion.joint)
-            imposed_motion = quantities.taken_from(
+            imposed_motion = quantities.from_attributes(
                 ImposedMotion, self.imposed_motion, place=place, start_angle=float(q[place])
             )
         return World(

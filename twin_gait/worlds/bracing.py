@@ -7,10 +7,10 @@ import numpy as np
 
 from twin_gait.core.plant import Brace, Plant
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.quantities import from_attributes
 from twin_gait.parameters.surroundings import BraceParameters
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds.world import Braces, World, start_posture
+from twin_gait.worlds.world import BracedModels, World, start_posture
 
 # Motions without a force have the double eigenvalue 1, which is computed only to the square root of the
 # rounding.
@@ -32,23 +32,23 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
         plant=(*of_device, *of_wearer),
         start_q=np.tile(world.start_q, 2),
         start_v=np.tile(world.start_v, 2),
-        braces=Braces(device=device, wearer=wearer, braces=_braces(world.model, parameters)),
+        braces=BracedModels(device=device, wearer=wearer, braces=_braces(world.model, parameters)),
     )
 
 
 def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
     # Coordinates that are not joints have the brace of the pelvis.
-    braces = [taken_from(Brace, parameters.pelvis) for _ in range(model.nv)]
+    braces = [from_attributes(Brace, parameters.pelvis) for _ in range(model.nv)]
     for side, leg in model.legs.items():
         for joint, _ in leg.items():
-            braces[model.index(side, joint)] = taken_from(Brace, parameters.of(joint))
+            braces[model.index(side, joint)] = from_attributes(Brace, parameters.joint_brace(joint))
     return tuple(braces)
 
 
 # ---------------------------------------------------------------------- the step
 
 
-def carries(world: World, step: float, *, runge_kutta: bool) -> bool:
+def is_step_stable(world: World, step: float, *, runge_kutta: bool) -> bool:
     r"""Check whether an integrator is stable for the braces and bristles of a world.
 
     Stable means that their oscillation does not grow. Braces, springs, viscous dampers and bristles that

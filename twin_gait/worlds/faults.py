@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.quantities import DEGREE, NOT_NEGATIVE, require
-from twin_gait.vocabulary import Coded, JointName, Side
+from twin_gait.vocabulary import CodedEnum, JointName, Side
 
 FOOT = "foot"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
 _SHAPE = re.compile(rf"([a-z_]+)(?::([a-z]+_[a-z]+))?@({_NUMBER})s(?:=({_NUMBER})([A-Za-z/]*))?")
 
 
-class FaultKind(Coded):
+class FaultKind(CodedEnum):
     """Kind of a fault; ``code`` is its number in :mod:`twin_gait.core.faults`."""
 
     ENCODER_FREEZE = "encoder_freeze"
@@ -33,7 +33,7 @@ class FaultKind(Coded):
         """Units in which a magnitude may be given, with their factors to SI; the SI unit is the first."""
         return _MAGNITUDES.get(self, (0.0, {}))[1]
 
-    def place(self, side: Side, joint: JointName) -> str:
+    def location(self, side: Side, joint: JointName) -> str:
         """Return the affected part in the notation: a joint of a leg, its foot, or nothing for the supply."""
         if self is FaultKind.SUPPLY_DIP:
             return ""
@@ -71,7 +71,7 @@ class Fault:
 
     kind: FaultKind  # Kind of the fault.
     time: float  # Time at which it begins, in [s].
-    place: str = ""  # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
+    location: str = ""  # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
     # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], according
     # to
     # the kind; None means the default of the kind.
@@ -93,16 +93,16 @@ class Fault:
     @property
     def side(self) -> Side | None:
         """Side of the affected leg; None for the supply."""
-        return Side(self.place.partition("_")[0]) if self.place else None
+        return Side(self.location.partition("_")[0]) if self.location else None
 
     @property
     def joint(self) -> JointName | None:
         """Affected joint; None for a foot and the supply."""
-        part = self.place.partition("_")[2]
+        part = self.location.partition("_")[2]
         return JointName(part) if part in list(JointName) else None
 
     @property
-    def strength(self) -> float:
+    def magnitude_or_default(self) -> float:
         """Magnitude in SI units; 0 for a kind without one."""
         return _MAGNITUDES.get(self.kind, (0.0, {}))[0] if self.magnitude is None else self.magnitude
 
@@ -122,23 +122,23 @@ class Fault:
         )
 
     def _require_place(self, name: str, sides: Iterable[Side], joints: Iterable[JointName]) -> None:
-        places = dict.fromkeys(self.kind.place(side, joint) for joint in joints for side in sides)
+        places = dict.fromkeys(self.kind.location(side, joint) for joint in joints for side in sides)
         words = " or ".join(places) or "no place, as in supply_dip@4.2s"
-        require(self.place in places, name, words, self.place)
+        require(self.location in places, name, words, self.location)
 
     def __str__(self) -> str:
         """Return the fault in its notation; parsing it gives an equal fault."""
-        return with_time(self.without_time, self.time)
+        return insert_time(self.untimed_notation, self.time)
 
     @property
-    def without_time(self) -> str:
+    def untimed_notation(self) -> str:
         """Notation of the fault without the time, as in the text of an event."""
-        place = f":{self.place}" if self.place else ""
+        place = f":{self.location}" if self.location else ""
         size = "" if self.magnitude is None else f"={self.magnitude!r}{next(iter(self.kind.units))}"
         return f"{self.kind}{place}{size}"
 
 
-def with_time(text: str, time: float) -> str:
+def insert_time(text: str, time: float) -> str:
     """Insert a time in [s] into the notation of a fault without a time."""
     name, equals, size = text.partition("=")
     return f"{name}@{time!r}s{equals}{size}"
@@ -164,6 +164,6 @@ def parse_fault(text: str) -> Fault:
         kind = FaultKind(name)
         require(unit is None or unit in kind.units, "unit", " or ".join(kind.units) or "no magnitude", unit)
         magnitude = None if size is None else float(size) * kind.units[unit]
-        return Fault(kind=kind, time=float(time), place=place or "", magnitude=magnitude)
+        return Fault(kind=kind, time=float(time), location=place or "", magnitude=magnitude)
     except ParameterError as error:
         raise ParameterError(f"fault {text!r}: {error}") from error

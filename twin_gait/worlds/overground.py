@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 
-from twin_gait.core.arms import Arm, Grip, turn_grip
+from twin_gait.core.arms import Arm, Grip, set_grip_angle
 from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import new_delay_line
 from twin_gait.core.plant import Harness, Plant, Trunk
@@ -15,15 +15,15 @@ from twin_gait.gait.table import TICK
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.wearer import SHOULDER_HEIGHT
 from twin_gait.parameters import quantities
-from twin_gait.parameters.crutches import LEANS, ArmParameters, CrutchParameters
+from twin_gait.parameters.crutches import LEAN_ANGLES, ArmParameters, CrutchParameters
 from twin_gait.parameters.surroundings import ChairParameters, ContactParameters
-from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
-from twin_gait.worlds.arm_policy import SITS, new_policy, new_sense, plant_crutch
-from twin_gait.worlds.standing import FALL_SHARE, Sitting, SplitStance, seat_of, stand_on_both_feet
-from twin_gait.worlds.world import Adjustment, Posture, Walking, World, start_posture, starting_at
+from twin_gait.vocabulary import PelvisGuide, Side, Environment
+from twin_gait.worlds.arm_policy import SITTING, new_policy, new_perception, plant_crutch
+from twin_gait.worlds.standing import FALL_SHARE, SeatedBalance, SplitStance, new_seat, level_feet
+from twin_gait.worlds.world import Adjustment, Posture, Walking, World, start_posture, posture_field
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
-SPEEDS = quantities.Range(0.0, 2.0, above=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
+SPEEDS = quantities.Range(0.0, 2.0, exclusive_minimum=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +42,8 @@ class HarnessParameters(quantities.Parameters):
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
     height: Annotated[quantities.Ratio, quantities.Range(0.0, 0.4)] = 0.25
     damping: Annotated[quantities.LinearDamping, quantities.NOT_NEGATIVE] = 0.0
-    catch_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 0.0
-    catch_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
+    lock_stiffness: Annotated[quantities.LinearStiffness, quantities.NOT_NEGATIVE] = 0.0
+    lock_dissipation: Annotated[quantities.LinearDissipation, quantities.NOT_NEGATIVE] = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,11 +71,11 @@ class Overground(SplitStance):
 
     kind: ClassVar[str] = "overground"
     step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
-    surroundings: ClassVar[Surroundings] = Surroundings.WALKWAY
+    surroundings: ClassVar[Environment] = Environment.WALKWAY
     pelvis = PelvisGuide.FREE
 
     speed: Annotated[quantities.Speed, SPEEDS] = 0.3
-    crutches: Annotated[CrutchParameters | None, quantities.Word("none", "forearm")] = field(
+    crutches: Annotated[CrutchParameters | None, quantities.LiteralAlias("none", "forearm")] = field(
         default_factory=CrutchParameters
     )
     arms: ArmParameters = field(default_factory=ArmParameters)
@@ -83,15 +83,15 @@ class Overground(SplitStance):
     chair: ChairParameters | None = None
     contact: ContactParameters = field(default_factory=ContactParameters)
     start: Literal["standing", "sitting"] = "standing"
-    lean: Annotated[quantities.Angle, LEANS] = math.radians(8.0)
+    lean: Annotated[quantities.Angle, LEAN_ANGLES] = math.radians(8.0)
     shank: Annotated[quantities.Angle, SHANKS] = 0.0
-    crutch_ahead: Annotated[Mapping[Side, quantities.Length], quantities.UnitInside()] = field(
+    crutch_ahead: Annotated[Mapping[Side, quantities.Length], quantities.UnitInKeys()] = field(
         default_factory=lambda: {Side.LEFT: 0.35, Side.RIGHT: 0.3}
     )
-    fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, above=True)] = math.radians(60.0)
+    fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, exclusive_minimum=True)] = math.radians(60.0)
     leading: Side = Side.LEFT
-    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = starting_at(26.0, 8.0)
-    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = starting_at(0.0, 10.0)
+    leading_angles: Annotated[Posture, quantities.Key("leading_start")] = posture_field(26.0, 8.0)
+    trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = posture_field(0.0, 10.0)
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
 
@@ -100,37 +100,37 @@ class Overground(SplitStance):
         """Parameters of walking on the floor."""
         return Walking(speed=self.speed, support_share=self.harness.share, contact=self.contact, belt=Belt())
 
-    def without_aids(self) -> Self | None:
+    def remove_aids(self) -> Self | None:
         """Return the same floor without crutches; None where there are none."""
         return None if self.crutches is None else replace(self, crutches=None)
 
     @property
     def adjustments(self) -> tuple[Adjustment, ...]:
         """Adjustment of the body-weight support."""
-        return (Adjustment.of_support(self.harness.share, "harness.share", "harness carries"),)
+        return (Adjustment.create_support(self.harness.share, "harness.share", "harness carries"),)
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Place a model with both legs on the floor, with a wearer if there are crutches."""
-        self.require_soles(model, "the floor")
+        self.require_feet(model, "the floor")
         height, pitch, weight = model.pelvis_index, model.pitch_index, model.total_mass * gravity
         assert height is not None and pitch is not None  # the pelvis is free
         tall = 0.0 if model.patient is None else model.patient.height
-        seat = None if self.chair is None else seat_of(model, self.chair)
+        seat = None if self.chair is None else new_seat(model, self.chair)
         if self.start == "sitting":
             quantities.require(seat is not None, "start", "standing, or a chair to sit on", self.start)
             assert seat is not None
             still = replace(seat)  # a copy, because the sums of a seat change
-            q = Sitting(model, still, self.contact, plant, lean=self.lean, shank=self.shank).posture()
+            q = SeatedBalance(model, still, self.contact, plant, lean=self.lean, shank=self.shank).solve_posture()
         else:
             q = start_posture(model, self.postures(), ankle_rest)
             q[pitch] = self.lean
-            q[height] = stand_on_both_feet(model, q, 0.0)
+            q[height] = level_feet(model, q, 0.0)
         rope = self.harness
         harness = Harness(rope.height * tall, rope.share * weight, rope.damping)
         trunk = Trunk(SHOULDER_HEIGHT * tall, harness)
         low = FALL_SHARE * (q[height] if seat is None else seat.height)
         more = {"fall_height": low, "fall_pitch": self.fall_lean, "trunk": trunk, "seat": seat}
-        world = self.standing(model, plant, q, rope, weight, **more)
+        world = self.build_standing_world(model, plant, q, rope, weight, **more)
         return world if self.crutches is None else self._with_crutches(world, self.crutches)
 
     def _with_crutches(self, world: World, crutches: CrutchParameters) -> World:
@@ -145,18 +145,18 @@ class Overground(SplitStance):
         arms: list[Arm] = []
         tips: list[float] = []
         for ahead in self.crutch_ahead.values():
-            arm = quantities.taken_from(
+            arm = quantities.from_attributes(
                 Arm,
                 crutches,
                 place=world.model.nv + len(tips),
                 longest=longest,
                 anchor=forward + ahead,
-                grip=Grip(self.arms.push * world.body_weight, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+                grip=Grip(self.arms.axial_force * world.body_weight, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
                 felt_ahead=new_delay_line(delay, ahead),
                 felt_load=new_delay_line(delay),
                 length=math.hypot(ahead, up),
             )
-            turn_grip(arm.grip, math.atan2(ahead, up) + self.lean)
+            set_grip_angle(arm.grip, math.atan2(ahead, up) + self.lean)
             plant_crutch(policy, arm)
             arms.append(arm)
             tips += [forward + ahead, 0.0]
@@ -168,6 +168,6 @@ class Overground(SplitStance):
             start_v=np.zeros(len(q)),
             arms=tuple(arms),
             policy=policy,
-            sense=new_sense(delay, self.lean, SITS if self.start == "sitting" else 0.0),
+            sense=new_perception(delay, self.lean, SITTING if self.start == "sitting" else 0.0),
             longest_reach=longest + crutches.slack,
         )

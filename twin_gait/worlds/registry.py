@@ -33,7 +33,7 @@ def world_kinds() -> tuple[str, ...]:
     return (*_shipped(), *entry_points(group=GROUP).names)
 
 
-def world_of(kind: str) -> type[Scenario]:
+def find_world(kind: str) -> type[Scenario]:
     """Return the class of a world.
 
     Raises ParameterError if there is no such world, or if the package that provides it is broken.
@@ -47,12 +47,12 @@ def world_of(kind: str) -> type[Scenario]:
         )
     world = load_plugin(brought[0])
     if not _is_world(world) or getattr(world, "kind", None) != kind:
-        raise ParameterError(f"{words(brought[0])}: expected a Scenario with the kind {kind}; repair it")
+        raise ParameterError(f"{describe_entry_point(brought[0])}: expected a Scenario with the kind {kind}; repair it")
     found: type[Scenario] = world
     return found
 
 
-def built(scenario: Scenario, model: LegModel, **surroundings: Any) -> World:
+def build_world(scenario: Scenario, model: LegModel, **surroundings: Any) -> World:
     """Build a world, see :meth:`Scenario.build`.
 
     Raises ParameterError if the package of a world that does not ship with the program has a mistake.
@@ -87,11 +87,11 @@ def load_plugin(entry: EntryPoint) -> Any:
     except Exception as error:  # importing another package may raise any exception
         problem = f"{type(error).__name__}: {error}"
         raise ParameterError(
-            f"{words(entry)} cannot be loaded ({problem}); repair or uninstall it"
+            f"{describe_entry_point(entry)} cannot be loaded ({problem}); repair or uninstall it"
         ) from error
 
 
-def words(entry: EntryPoint) -> str:
+def describe_entry_point(entry: EntryPoint) -> str:
     """Return a description of an entry point that begins a message."""
     package = "" if entry.dist is None else f" of the package {entry.dist.name}"
     return f"plug-in {entry.value}{package}"

@@ -8,9 +8,9 @@ from typing import Any, Self
 import numpy as np
 
 from twin_gait.core.contact import contact_normal_force
-from twin_gait.core.plant import Pad, Plant, Seat, pitching_moment, seat_the_hips, seat_the_thigh
+from twin_gait.core.plant import Pad, Plant, Seat, pitching_moment, seat_force_on_buttocks, seat_force_on_thigh
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.parameters.quantities import require, taken_from
+from twin_gait.parameters.quantities import require, from_attributes
 from twin_gait.parameters.surroundings import ChairParameters, ContactParameters
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import Posture, Scenario, World
@@ -35,11 +35,11 @@ class SplitStance(Scenario):
 
     contact: ContactParameters  # Contact parameters of heels and toes.
 
-    def leading_of(self, sides: Sequence[Side]) -> Side:
+    def leading_side(self, sides: Sequence[Side]) -> Side:
         """Return the leg that starts in front."""
         return self.leading
 
-    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
+    def replace_postures(self, postures: Mapping[Side, Posture]) -> Self:
         """Return the same world with legs that start in other postures."""
         trailing = next(angles for side, angles in postures.items() if side is not self.leading)
         changed = {"leading_angles": postures[self.leading], "trailing_angles": trailing}
@@ -58,14 +58,14 @@ class SplitStance(Scenario):
         """Phases of both legs at the start."""
         return {side: self.leading_phase if side is self.leading else self.trailing_phase for side in Side}
 
-    def require_soles(self, model: LegModel, ground: str) -> None:
+    def require_feet(self, model: LegModel, ground: str) -> None:
         """Raise ParameterError unless a model has two legs with heels and toes and z upwards."""
         require(len(model.legs) == 2, "legs", f"two legs on {ground}", len(model.legs))
         require(model.up_axis == "z", "up_axis", f"z on {ground}", model.up_axis)
         for side, leg in model.legs.items():
             require(bool(leg.contact_frames), f"leg.{side}.contact_frames", f"heel and toe on {ground}", ())
 
-    def standing(
+    def build_standing_world(
         self, model: LegModel, plant: tuple[Plant, ...], q: np.ndarray, ropes: Any, weight: float, **more: Any
     ) -> World:
         """Build a world with both legs on the ground.
@@ -73,7 +73,7 @@ class SplitStance(Scenario):
         ``ropes``: parameters of body-weight support, with the share of the ``weight`` in [N] that they carry,
         and the properties of a rope that locks at a trip. ``more``: further attributes of the world.
         """
-        return taken_from(
+        return from_attributes(
             World,
             ropes,
             model=model,
@@ -89,7 +89,7 @@ class SplitStance(Scenario):
         )
 
 
-def stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
+def level_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
     """Bend the ankle of the foot that reaches lower until both feet are on the ground.
 
     ``q``: coordinates with the hips in the origin, shape ``(nv,)``; the ankle is changed in place. ``rise``:
@@ -131,16 +131,16 @@ def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> fl
     return float(min((points[:, 2] - rise * points[:, 0]).tolist()))
 
 
-def seat_of(model: LegModel, chair: ChairParameters) -> Seat:
+def new_seat(model: LegModel, chair: ChairParameters) -> Seat:
     """Return the seat of a chair and the pads of a wearer on it."""
     share, thigh = chair.thigh_share, _height(model, JointName.HIP) - _height(model, JointName.KNEE)
-    return taken_from(
+    return from_attributes(
         Seat,
         chair,
         forward=chair.front,
         buttocks=Pad((1.0 - share) * chair.stiffness, chair.dissipation, chair.hip_height),
         thigh=Pad(
-            0.5 * share * chair.stiffness, chair.dissipation, chair.thigh_thickness, chair.thigh_place * thigh
+            0.5 * share * chair.stiffness, chair.dissipation, chair.thigh_thickness, chair.thigh_position * thigh
         ),
         hips=[model.index(side, JointName.HIP) for side in model.sides],
     )
@@ -152,7 +152,7 @@ def _height(model: LegModel, joint: JointName) -> float:
 
 
 @dataclass(frozen=True)
-class Sitting:
+class SeatedBalance:
     """Wearer on a chair whose motors hold the posture and whose hands rest."""
 
     model: LegModel  # Model of wearer and device.
@@ -162,7 +162,7 @@ class Sitting:
     lean: float  # Lean of the trunk in [rad].
     shank: float  # Angle from the vertical by which the shanks lean forward over the feet, in [rad].
 
-    def posture(self) -> np.ndarray:
+    def solve_posture(self) -> np.ndarray:
         """Compute the coordinates in balance, with the hips at 0 forwards: shape ``(nv,)``.
 
         Height of the hips, elevation of the thighs and dorsiflexion are such that vertical force, moment
@@ -219,11 +219,11 @@ class Sitting:
         assert model.pelvis_index is not None and model.pitch_index is not None  # the pelvis is free
         left = -model.gravity_torque(q)[[model.pelvis_index, model.pitch_index, ankle]]
         left[2] += spring.force - spring.stiffness * q[ankle]
-        _, upward, _ = seat_the_hips(seat, 0.0, found[0], 0.0, 0.0, 0.0)
+        _, upward, _ = seat_force_on_buttocks(seat, 0.0, found[0], 0.0, 0.0, 0.0)
         left[0] += upward
         for side in model.sides:
             sine, cosine = math.sin(found[1]), math.cos(found[1])
-            _, upward, lift = seat_the_thigh(seat, sine, cosine, 0.0, found[0], 0.0, 0.0, 0.0)
+            _, upward, lift = seat_force_on_thigh(seat, sine, cosine, 0.0, found[0], 0.0, 0.0, 0.0)
             left[:2] += upward, -lift
             axis = model.frame_position(q, str(model.legs[side].ankle))[0]
             for name in model.legs[side].contact_frames:

@@ -8,15 +8,15 @@ from typing import Annotated, ClassVar
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, taken_from
+from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, from_attributes
 from twin_gait.parameters.surroundings import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.vocabulary import PelvisGuide, Side, Surroundings
-from twin_gait.worlds.standing import FALL_SHARE, SplitStance, stand_on_both_feet
-from twin_gait.worlds.world import BELT_SPEED, Adjustment, Posture, Walking, World, start_posture, starting_at
+from twin_gait.vocabulary import PelvisGuide, Side, Environment
+from twin_gait.worlds.standing import FALL_SHARE, SplitStance, level_feet
+from twin_gait.worlds.world import BELT_SPEED, Adjustment, Posture, Walking, World, start_posture, posture_field
 
 STEEPEST = math.radians(10.0)  # [rad], steepest slope; treadmills rise to 15 % (8.5 deg) as a rule
-SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
-RAMPS = Range(0.0, above=True, endless=True, words="a time above 0")
+SPEEDS = Range(0.0, 2.0, exclusive_minimum=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
+RAMPS = Range(0.0, exclusive_minimum=True, allows_infinity=True, words="a time above 0")
 SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most, up or down")
 BELT_RANGE = (0.5, 1.5)  # range of adjustment relative to the present speed; tables are made for one speed
 
@@ -48,7 +48,7 @@ class Treadmill(SplitStance):
 
     kind: ClassVar[str] = "treadmill"
     step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
-    surroundings: ClassVar[Surroundings] = Surroundings.TREADMILL
+    surroundings: ClassVar[Environment] = Environment.TREADMILL
 
     belt_speed: Annotated[Speed, SPEEDS] = 1.5 / 3.6
     belt: BeltProfile | None = None
@@ -58,13 +58,13 @@ class Treadmill(SplitStance):
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
     # Posture between two steps of the default walk; both feet reach the belt, and the first swings clear it.
-    leading_angles: Annotated[Posture, Key("leading_start")] = starting_at(18.0, 10.0)
-    trailing_angles: Annotated[Posture, Key("trailing_start")] = starting_at(-8.0, 11.0)
+    leading_angles: Annotated[Posture, Key("leading_start")] = posture_field(18.0, 10.0)
+    trailing_angles: Annotated[Posture, Key("trailing_start")] = posture_field(-8.0, 11.0)
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
 
     def _belt(self) -> Belt:
-        return taken_from(Belt, self.belt, cruise=self.belt_speed, stop_ramp=self.stop_ramp)
+        return from_attributes(Belt, self.belt, cruise=self.belt_speed, stop_ramp=self.stop_ramp)
 
     @property
     def steady(self) -> tuple[float, float]:
@@ -96,21 +96,21 @@ class Treadmill(SplitStance):
             Adjustment(
                 name=BELT_SPEED,
                 value=self.belt_speed,
-                place="belt_speed",
+                path="belt_speed",
                 label="belt speed",
                 unit="km/h",
                 scale=KM_PER_H,
-                least=BELT_RANGE[0] * speed,
-                largest=BELT_RANGE[1] * speed,
+                minimum=BELT_RANGE[0] * speed,
+                maximum=BELT_RANGE[1] * speed,
                 step=0.05,
                 help="The table's hip angles follow it by the table's own law.",
             ),
-            Adjustment.of_support(self.support.share, "support.share", "ropes carry"),
+            Adjustment.create_support(self.support.share, "support.share", "ropes carry"),
         )
 
     def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
         """Place a model with both legs and a pelvis that moves on the treadmill."""
-        self.require_soles(model, "a treadmill")
+        self.require_feet(model, "a treadmill")
         ropes, pelvis, weight = self.support, model.pelvis_index, model.total_mass * gravity
         assert pelvis is not None  # the pelvis of this scenario moves
         plant[pelvis].spring.damping, plant[pelvis].spring.force = ropes.damping, ropes.share * weight
@@ -118,6 +118,6 @@ class Treadmill(SplitStance):
             harness = plant[model.forward_index].spring
             harness.stiffness, harness.damping = ropes.forward_stiffness, ropes.forward_damping
         q = start_posture(model, self.postures(self.slope), ankle_rest)
-        q[pelvis] = stand_on_both_feet(model, q, math.tan(self.slope))
+        q[pelvis] = level_feet(model, q, math.tan(self.slope))
         more = {"belt": self._belt(), "slope": self.slope, "fall_height": FALL_SHARE * q[pelvis]}
-        return self.standing(model, plant, q, ropes, weight, **more)
+        return self.build_standing_world(model, plant, q, ropes, weight, **more)

@@ -23,14 +23,14 @@ from twin_gait.parameters.quantities import (
     Angle,
     Inline,
     Parameters,
-    UnitInside,
+    UnitInKeys,
     declarations,
     require,
-    taken_from,
+    from_attributes,
 )
 from twin_gait.parameters.surroundings import ContactParameters
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
-from twin_gait.worlds.arm_policy import ArmPolicy, Sense
+from twin_gait.vocabulary import JointName, PelvisGuide, Side, Environment
+from twin_gait.worlds.arm_policy import ArmPolicy, Perception
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class LegSource(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Braces:
+class BracedModels:
     """Device and wearer as separate models, each with all coordinates, and the braces between them.
 
     Attributes:
@@ -111,17 +111,17 @@ class World:
     contact: ContactParameters | None = None
     slope: float = 0.0
     support_force: float = 0.0
-    catch_stiffness: float = 0.0
-    catch_dissipation: float = 0.0
+    lock_stiffness: float = 0.0
+    lock_dissipation: float = 0.0
     body_weight: float = 0.0
     fall_height: float = -math.inf
     imposed_motion: ImposedMotion | None = None
     contact_frames: Mapping[Side, tuple[str, ...]] = field(default_factory=dict)
-    braces: Braces | None = None
+    braces: BracedModels | None = None
     trunk: Trunk | None = None
     arms: tuple[Arm, ...] = ()
     policy: ArmPolicy | None = None
-    sense: Sense | None = None
+    perception: Perception | None = None
     fall_pitch: float = math.inf
     longest_reach: float = math.inf
     seat: Seat | None = None
@@ -136,12 +136,12 @@ class World:
         if self.contact is None:
             return Ground()
         sine, cosine = sine_cosine(self.slope)
-        return taken_from(
+        return from_attributes(
             Ground, self.contact, belt_speed=self.belt.cruise, slope_sine=sine, slope_cosine=cosine
         )
 
     @property
-    def wearer_shift(self) -> int:
+    def wearer_offset(self) -> int:
         """Offset from a coordinate of the device to that of the wearer; 0 if they are one body."""
         return 0 if self.braces is None else self.model.nv
 
@@ -168,10 +168,10 @@ def start_posture(
     return q
 
 
-Posture = Annotated[Mapping[JointName, Angle], UnitInside()]  # angles of the joints of a leg in [rad]
+Posture = Annotated[Mapping[JointName, Angle], UnitInKeys()]  # angles of the joints of a leg in [rad]
 
 
-def starting_at(hip: float, knee: float) -> Any:
+def posture_field(hip: float, knee: float) -> Any:
     """Declare a field of a world that has angles of hip and knee in [deg] as default."""
     angles = {JointName.HIP: math.radians(hip), JointName.KNEE: math.radians(knee)}
     return field(default_factory=angles.copy)
@@ -207,22 +207,22 @@ class Adjustment(NamedTuple):
 
     name: str  # Name of the control in a live session.
     value: float  # Present value in SI.
-    place: str  # Path of the number in the world, such as ``support.share``.
+    path: str  # Path of the number in the world, such as ``support.share``.
     label: str  # Label of the control in words.
-    least: float  # Least value, in ``unit``.
-    largest: float  # Largest value, in ``unit``.
+    minimum: float  # Least value, in ``unit``.
+    maximum: float  # Largest value, in ``unit``.
     step: float  # Step of the control, in ``unit``.
     help: str  # Explanation in one sentence.
     unit: str = ""  # Unit of the control.
     scale: float = 1.0  # SI value of one unit.
 
     @classmethod
-    def of_support(cls, share: float, place: str, ropes: str) -> Self:
+    def create_support(cls, share: float, path: str, ropes: str) -> Self:
         """Return the adjustment of the share of the weight that is supported, at a path in a world."""
         return cls(
             name=SUPPORT_SHARE,
             value=share,
-            place=place,
+            place=path,
             label="body-weight support",
             least=0.0,
             largest=1.0,
@@ -246,7 +246,7 @@ class Scenario(Parameters, ABC):
     """
 
     step: ClassVar[float] = 1e-3
-    surroundings: ClassVar[Surroundings] = Surroundings.FLOOR
+    surroundings: ClassVar[Environment] = Environment.FLOOR
 
     @property
     @abstractmethod
@@ -271,7 +271,7 @@ class Scenario(Parameters, ABC):
         """
 
     @abstractmethod
-    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
+    def replace_postures(self, postures: Mapping[Side, Posture]) -> Self:
         """Return the same world with legs that start in other postures."""
 
     @property
@@ -280,17 +280,17 @@ class Scenario(Parameters, ABC):
         fields = (item for item in declarations(type(self)) if item.name.endswith("_phase"))
         return {item.key: getattr(self, item.name) for item in fields}
 
-    def starting_among(self, phases: Sequence[str]) -> Self:
+    def replace_unknown_phases(self, phases: Sequence[str]) -> Self:
         """Return the world in which legs start in the first phase if their own is not in ``phases``."""
         fields = (item.name for item in declarations(type(self)) if item.name.endswith("_phase"))
         other = (name for name in fields if getattr(self, name) not in (None, *phases))
         return replace(self, **dict.fromkeys(other, phases[0]))
 
-    def leading_of(self, sides: Sequence[Side]) -> Side:
+    def leading_side(self, sides: Sequence[Side]) -> Side:
         """Return the leg with which a cycle begins; the other is half a cycle behind."""
         return sides[0]
 
-    def without_aids(self) -> Self | None:
+    def remove_aids(self) -> Self | None:
         """Return the same world without aids in the hands; None where there are none."""
         return None
 
@@ -314,13 +314,13 @@ class Scenario(Parameters, ABC):
         """Adjustments of the world, in the order in which a page shows them."""
         return ()
 
-    def adjusts(self, *names: str) -> bool:
+    def has_adjustments(self, *names: str) -> bool:
         """Check whether the world has adjustments of all these names."""
         return {*names} <= {item.name for item in self.adjustments}
 
-    def adjusted(self, name: str, value: float) -> Self:
+    def replace_adjustment(self, name: str, value: float) -> Self:
         """Return the same world with another value of an adjustment, in SI."""
-        place = next(item.place for item in self.adjustments if item.name == name)
+        place = next(item.path for item in self.adjustments if item.name == name)
         changed: Self = _with_value(self, place, value)
         return changed
 

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from twin_gait.control.controller import Controller, Path, Plan, TickFunction, cycle_place
-from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
+from twin_gait.control.controller import Controller, ReferencePath, Plan, TickFunction, find_cycle_interval
+from twin_gait.control.gait_controller import N_JOINTS_PER_LEG, ControllerState
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
 from twin_gait.vocabulary import JointName
 
 # Build flags: whether the shares change from stride to stride, and whether the other controller has a tick.
-ADAPTS = ASSISTED_ACTS = False
+WITH_ADAPTATION = WITH_ASSISTED_TICK = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +32,10 @@ class AssistanceParameters(Parameters):
         default_factory=lambda: {JointName.HIP: 1.0, JointName.KNEE: 1.0}
     )
     adaptive: bool = False
-    forgetting: Annotated[Ratio, SHARE] = 0.9
+    forgetting_factor: Annotated[Ratio, SHARE] = 0.9
     gain: Annotated[PerAngle, NOT_NEGATIVE] = 0.6
-    allowance: Annotated[Angle, NOT_NEGATIVE] = math.radians(4.0)
-    least: Annotated[Ratio, SHARE] = 0.2
+    error_deadband: Annotated[Angle, NOT_NEGATIVE] = math.radians(4.0)
+    min_assistance: Annotated[Ratio, SHARE] = 0.2
 
     @property
     def is_full(self) -> bool:
@@ -52,9 +52,9 @@ def adapted_assistance(settings: AssistanceParameters, assistance: float, error:
     error is larger than the allowance, after J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement
     training as an optimization problem, IEEE ICORR (2005) 307-312.
     """
-    excess = max(0.0, error - settings.allowance)
-    wanted = settings.forgetting * assistance + settings.gain * excess
-    return min(1.0, max(settings.least, wanted))
+    excess = max(0.0, error - settings.error_deadband)
+    wanted = settings.forgetting_factor * assistance + settings.gain * excess
+    return min(1.0, max(settings.min_assistance, wanted))
 
 
 @dataclass(slots=True)
@@ -80,7 +80,7 @@ class AssistanceMemory:
     other: object  # Memory of the controller whose impedance is scaled.
     assisted: list[AssistedJoint]  # Joints, leg by leg: left hip, left knee, right hip, …
     strides: list[AssistedLeg]  # Strides of the legs; empty if the shares are fixed.
-    path: Path  # Reference of the tracking error; empty if the shares are fixed.
+    path: ReferencePath  # Reference of the tracking error; empty if the shares are fixed.
     settings: AssistanceParameters
 
 
@@ -89,18 +89,18 @@ def assisted_tick(memory: Any, device: Any, tick: int, period: float) -> None:
     raise NotImplementedError
 
 
-def assist(memory: AssistanceMemory, device: ControllerState, tick: int, period: float) -> None:
+def assistance_tick(memory: AssistanceMemory, device: ControllerState, tick: int, period: float) -> None:
     """Run the other controller, adapt the shares at the end of a stride, and apply them."""
-    if ASSISTED_ACTS:
+    if WITH_ASSISTED_TICK:
         assisted_tick(memory.other, device, tick, period)
-    if ADAPTS:
+    if WITH_ADAPTATION:
         for number in range(len(device.legs)):
             leg = device.legs[number]
             if tick > 0 and leg.phase == 0 and leg.entry_tick == tick:
                 _end_stride(memory, number, tick)
             _add_errors(memory, device, number, tick)
     for number in range(len(device.joints)):
-        asked, share = device.joints[number].demand, memory.assisted[number].share
+        asked, share = device.joints[number].setpoint, memory.assisted[number].share
         asked.stiffness *= share
         asked.damping *= share
 
@@ -108,7 +108,7 @@ def assist(memory: AssistanceMemory, device: ControllerState, tick: int, period:
 class Assistance(Controller):
     """A share of the impedance of another controller, which provides everything else."""
 
-    tick = staticmethod(assist)
+    tick = staticmethod(assistance_tick)
 
     def __init__(self, parameters: AssistanceParameters, other: Controller) -> None:
         """Take the shares from ``parameters``, and everything not defined here from the other controller."""
@@ -116,31 +116,31 @@ class Assistance(Controller):
         for name in ("by_phases", "refusal", "setpoints", "start", "walk"):
             setattr(self, name, getattr(other, name))
         adaptive = "control.assistance.adaptive: true is not printed; set false, and a share"
-        self.unprinted = other.unprinted or (adaptive if parameters.adaptive else "")
+        self.unprinted_reason = other.unprinted_reason or (adaptive if parameters.adaptive else "")
 
     @property
     def name(self) -> str:
         """Name of the other controller."""
         return self.other.name
 
-    def memory(self, plan: Plan) -> AssistanceMemory:
+    def initial_memory(self, plan: Plan) -> AssistanceMemory:
         """Return the memory of the other controller, the shares, and the reference of the tracking error."""
         settings = self.parameters
-        path = self.walk(plan) if settings.adaptive else Path([], 0, [])
+        path = self.reference_path(plan) if settings.adaptive else ReferencePath([], 0, [])
         shares = [settings.share.get(JointName(name), 1.0) for _ in plan.sides for name in plan.joints]
         assisted = [AssistedJoint(share) for share in shares]
         strides = [AssistedLeg(path.cycle_ticks) for _ in path.starts]
-        return AssistanceMemory(self.other.memory(plan), assisted, strides, path, settings)
+        return AssistanceMemory(self.other.initial_memory(plan), assisted, strides, path, settings)
 
-    def constants(self) -> dict[str, int]:
+    def build_flags(self) -> dict[str, int]:
         """Return the build flags, including whether the shares adapt."""
         acts = self.other.tick is not None
-        return {**super().constants(), "ADAPTS": self.parameters.adaptive, "ASSISTED_ACTS": acts}
+        return {**super().build_flags(), "ADAPTS": self.parameters.adaptive, "ASSISTED_ACTS": acts}
 
-    def functions(self) -> dict[str, TickFunction]:
+    def tick_functions(self) -> dict[str, TickFunction]:
         """Return the functions, including the tick of the other controller."""
         other = {} if self.other.tick is None else {"assisted_tick": self.other.tick}
-        return {**super().functions(), **other}
+        return {**super().tick_functions(), **other}
 
 
 def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, tick: int) -> None:
@@ -149,9 +149,9 @@ def _add_errors(memory: AssistanceMemory, device: ControllerState, number: int, 
     progress = (tick - stride.stride_start) / stride.stride_ticks
     if stride.stride_start == 0:
         progress += memory.path.starts[number]
-    before, share = cycle_place(progress, len(angles))
-    for position in range(JOINTS_PER_LEG):
-        place = number * JOINTS_PER_LEG + position
+    before, share = find_cycle_interval(progress, len(angles))
+    for position in range(N_JOINTS_PER_LEG):
+        place = number * N_JOINTS_PER_LEG + position
         start = angles[before][position]
         wanted = start + share * (angles[before + 1][position] - start)
         memory.assisted[place].tracking += abs(device.joints[place].measurement.angle - wanted)
@@ -161,7 +161,7 @@ def _end_stride(memory: AssistanceMemory, number: int, tick: int) -> None:
     """Adapt the shares of one leg to the errors of its last stride."""
     stride = memory.strides[number]
     duration = tick - stride.stride_start
-    for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
+    for place in range(number * N_JOINTS_PER_LEG, (number + 1) * N_JOINTS_PER_LEG):
         joint = memory.assisted[place]
         joint.share = adapted_assistance(memory.settings, joint.share, joint.tracking / duration)
         joint.tracking = 0.0

@@ -17,7 +17,7 @@ class Transparent(Controller):
     """Friction compensation and gravity shares of the table, without impedance."""
 
     mode = "transparent"
-    by_phases = False
+    phase_driven = False
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
         """Set the stiffness and damping of the table to zero."""
@@ -41,7 +41,7 @@ class Constant(Controller):
     """One impedance for the whole stride: the mean of the table's phases."""
 
     mode = "constant"
-    by_phases = False
+    phase_driven = False
 
     def setpoints(self, plan: Plan, side: Side, rows: np.ndarray) -> np.ndarray:
         """Replace the setpoints of every phase by their mean over the phases."""

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
-from twin_gait.control.controller import Controller, Path, Plan, cycle_place
-from twin_gait.control.gait_controller import JOINTS_PER_LEG, ControllerState
+from twin_gait.control.controller import Controller, ReferencePath, Plan, find_cycle_interval
+from twin_gait.control.gait_controller import N_JOINTS_PER_LEG, ControllerState
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.parameters.quantities import (
@@ -40,7 +40,7 @@ HIP_OFFSET = math.radians(3.0)  # Offset that moves the step forward, so that th
 # distance.
 KNEE_LOWEST, KNEE_HIGHEST = math.radians(8.0), math.radians(55.0)
 
-DAMPING_RATIOS = Range(0.0, 10.0, above=True, reason="without damping a joint rings")
+DAMPING_RATIOS = Range(0.0, 10.0, exclusive_minimum=True, reason="without damping a joint rings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,14 +64,14 @@ class PathParameters(Parameters):
     gravity_compensation: Annotated[Ratio, SHARE] = 0.0
 
 
-def follow(memory: Path, device: ControllerState, tick: int, period: float) -> None:
+def position_tick(memory: ReferencePath, device: ControllerState, tick: int, period: float) -> None:
     """Move the equilibrium angles along the path, and make the dampers act on the velocity relative to it."""
     angles, cycle = memory.angles, memory.cycle_ticks
     spacing = cycle * period / (len(angles) - 1)
     for number in range(len(device.legs)):
-        before, share = cycle_place(memory.starts[number] + tick / cycle, len(angles))
-        for position in range(JOINTS_PER_LEG):
-            asked = device.joints[number * JOINTS_PER_LEG + position].demand
+        before, share = find_cycle_interval(memory.starts[number] + tick / cycle, len(angles))
+        for position in range(N_JOINTS_PER_LEG):
+            asked = device.joints[number * N_JOINTS_PER_LEG + position].setpoint
             start = angles[before][position]
             change = angles[before + 1][position] - start
             asked.equilibrium = start + share * change
@@ -85,11 +85,11 @@ class Position(Controller):
     path: PathParameters = field(default_factory=PathParameters)  # Spring and damper.
 
     mode = "position"
-    tick = staticmethod(follow)
-    by_phases = False
-    unprinted = "control.mode: position follows a path, which is not printed; set impedance"
+    tick = staticmethod(position_tick)
+    phase_driven = False
+    unprinted_reason = "control.mode: position follows a path, which is not printed; set impedance"
 
-    def refusal(self, joints: tuple[JointName, ...]) -> str:
+    def check_joints(self, joints: tuple[JointName, ...]) -> str:
         """Check that the joints are hip and knee, for which the path was found, and that each has a spring.
 
         Returns an error message, empty if the controller can drive the joints.
@@ -112,25 +112,25 @@ class Position(Controller):
         rows[:, -1] = path.gravity_compensation
         return rows
 
-    def start(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
+    def initial_angles(self, plan: Plan) -> Mapping[Side, Mapping[JointName, float]]:
         """Return the initial angles of the path.
 
         From any other angle the command would start with a step in proportion to the stiffness, at which the
         monitor trips.
         """
-        path = self.walk(plan)
+        path = self.reference_path(plan)
         return {side: _posture(path, start) for side, start in zip(plan.sides, path.starts, strict=True)}
 
-    def walk(self, plan: Plan) -> Path:
+    def reference_path(self, plan: Plan) -> ReferencePath:
         """Return the path of position tracking."""
         return device_walk(plan.reference)
 
-    def memory(self, plan: Plan) -> Path:
+    def initial_memory(self, plan: Plan) -> ReferencePath:
         """Return the path as the memory of the controller."""
-        return self.walk(plan)
+        return self.reference_path(plan)
 
 
-def device_walk(healthy: Path) -> Path:
+def device_walk(healthy: ReferencePath) -> ReferencePath:
     """Modify the healthy walk to one that the motors can follow; see the constants of this module."""
     hip, knee = _few_harmonics(np.array(healthy.angles)).T
     middle = hip[:-1].mean()
@@ -138,7 +138,7 @@ def device_walk(healthy: Path) -> Path:
     share = (knee - knee.min()) / (knee.max() - knee.min())
     knee = KNEE_LOWEST + share * (KNEE_HIGHEST - KNEE_LOWEST)
     angles = np.column_stack((hip, knee)).tolist()
-    return Path(angles, round(PATH_SLOWNESS * healthy.cycle_ticks), healthy.starts)
+    return ReferencePath(angles, round(PATH_SLOWNESS * healthy.cycle_ticks), healthy.starts)
 
 
 def _few_harmonics(curves: np.ndarray) -> np.ndarray:
@@ -149,7 +149,7 @@ def _few_harmonics(curves: np.ndarray) -> np.ndarray:
     return np.vstack((smooth, smooth[:1]))
 
 
-def _posture(path: Path, start: float) -> dict[JointName, float]:
-    before, share = cycle_place(start, len(path.angles))
+def _posture(path: ReferencePath, start: float) -> dict[JointName, float]:
+    before, share = find_cycle_interval(start, len(path.angles))
     ends = zip(path.angles[before], path.angles[before + 1], strict=True)
     return {joint: low + share * (high - low) for joint, (low, high) in zip(PATH_JOINTS, ends, strict=True)}

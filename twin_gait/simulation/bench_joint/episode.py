@@ -5,14 +5,14 @@ What is said of motor and rotor is what the joint sees of them, behind the gear.
 
 from dataclasses import dataclass, field
 
-from twin_gait.control.joint_board import Command, Demand
+from twin_gait.control.joint_board import Command, JointSetpoint
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.simulation.episode import COMPLETED, Recording
-from twin_gait.simulation.log import Columns, LogLayout
+from twin_gait.simulation.log import ColumnGroup, LogLayout
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
 from twin_gait.worlds.bench_joint import BenchJoint, CatalogueEfficiency, InertialUnit, Torsion
 
@@ -23,7 +23,7 @@ ENCODER, GYROSCOPE, ACCELEROMETER = range(3)
 
 
 # The columns of the thesis's log files, then what no bench can see.
-BENCH = Columns(
+BENCH = ColumnGroup(
     "encoder, winding, torques, demand, asked = e.encoder, e.winding, e.torques, e.demand, e.asked",
     time_s=("e.time", "since the start"),
     position_rad=("encoder.angle", "encoder angle"),
@@ -138,7 +138,7 @@ class BenchEpisode:
     rotor: Body
     link: Body
     horizontal_angle: float  # At which the link is level, in [rad].
-    moment: float  # Of weight and link in [kg m].
+    mass_moment: float  # Of weight and link in [kg m].
     torsion: Torsion  # Of the gear.
     compliant: bool  # Whether there is torsion.
     efficiency: CatalogueEfficiency  # Of the gear, from its catalogue or constant.
@@ -151,14 +151,14 @@ class BenchEpisode:
     torque_control: TorqueControl  # What the torque control asks for.
     path: CosinePath  # Of its equilibrium angle.
     old_model: OldFrictionModel  # TWIN's old friction model.
-    old: bool  # Whether it takes the place of the compensator's friction model.
+    uses_old_model: bool  # Whether it takes the place of the compensator's friction model.
     duty_control: DutyControl  # What the control of duties asks for.
     ticks_at_stop: int = 0  # Since the upper stop was reached.
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].
     deflection: float = 0.0
-    demand: Demand = field(default_factory=Demand)  # What the control of torques feeds forward, and its θ0.
-    asked: Command = field(default_factory=Command)  # What it asks of the drive.
+    setpoint: JointSetpoint = field(default_factory=JointSetpoint)  # What the control of torques feeds forward, and its θ0.
+    command: Command = field(default_factory=Command)  # What it asks of the drive.
     torques: Torques = field(default_factory=Torques)
     time: float = 0.0  # Of the tick in [s].
     # Of the noise each number is a row, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.

@@ -16,14 +16,14 @@ from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.gait.table import TICK
 from twin_gait.parameters.friction import KNEE_FRICTION
-from twin_gait.parameters.quantities import taken_from
+from twin_gait.parameters.quantities import from_attributes
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
 from twin_gait.simulation.binding import kernel_functions
-from twin_gait.simulation.compiled_engine import compiled_rows, run_at, text_of
+from twin_gait.simulation.compiled_engine import compiled_rows, run_ticks_at, text_of
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, kept_loop, source_key
-from twin_gait.simulation.record import stored
+from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, cached_loop, source_key
+from twin_gait.simulation.record import to_array
 from twin_gait.simulation.run import RunStatus
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl
 from twin_gait.worlds.bench_joint import (
@@ -77,7 +77,7 @@ def simulate_bench(
     episode, noise = bench_episode(test, variation or record.BenchVariation()), bench_noise(test, ticks, seed)
     rows, recording = np.zeros((ticks, len(record.LAYOUT.names))), episode.recording
     recording.log, recording.noise, recording.n_noise = rows.ctypes.data, noise.ctypes.data, noise.size
-    store, other_laws = stored(episode), episode.friction.law > ROTATIONAL
+    store, other_laws = to_array(episode), episode.friction.law > ROTATIONAL
     done = _loop(store.dtype, other_laws, on_compile)(store.ctypes.data, 0, ticks)
     diverged = store[0]["status"] == DIVERGED
     log = pd.DataFrame(rows[:done], columns=list(record.LAYOUT.names))
@@ -88,19 +88,19 @@ def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Lo
     """The compiled loop of tests of one layout; the laws beside (3.1) slow the others down."""
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop, record_at
+        from twin_gait.simulation.compiling import compile_loop, record_accessor
 
         names = {
-            **bound_rooms(other_laws),
+            **bench_loop_names(other_laws),
             **compiled_rows(len(record.LAYOUT.names), 1),
             "run_ticks": run_ticks,
         }
-        return compile_loop(run_at, {**names, "episode_at": record_at(episode)})
+        return compile_loop(run_ticks_at, {**names, "episode_at": record_accessor(episode)})
 
-    return kept_loop(source_key(f"bench {text_of(episode)} {other_laws} {TICK}"), make, on_compile)
+    return cached_loop(source_key(f"bench {text_of(episode)} {other_laws} {TICK}"), make, on_compile)
 
 
-def bound_rooms(other_laws: bool) -> dict[str, Any]:
+def bench_loop_names(other_laws: bool) -> dict[str, Any]:
     """What the rooms of a test are bound to, beside the rows of its log and its noise."""
     return {"OTHER_LAWS": other_laws, **kernel_functions(record.LAYOUT.writer, {"TICK": TICK})}
 
@@ -135,7 +135,7 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
     sine, cosine = sine_cosine(variation.ripple_phase)
     motion = ImposedMotion()
     if test.imposed_motion is not None:
-        motion = taken_from(ImposedMotion, test.imposed_motion, place=0, start_angle=test.start_angle)
+        motion = from_attributes(ImposedMotion, test.imposed_motion, place=0, start_angle=test.start_angle)
     unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
     return record.BenchEpisode(
         test=replace(
@@ -143,18 +143,18 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         ),
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         encoder=new_encoder(0.0 if sensors.ideal else resolution, test.start_angle, sensors.window),
-        motor=taken_from(Motor, test.actuator),
+        motor=from_attributes(Motor, test.actuator),
         variation=variation,
         winding=_winding(test),
         bus_voltage=test.battery.voltage,
         rotor=record.Body(test.actuator.armature, test.start_angle, test.start_velocity),
         link=record.Body(link.total_inertia, test.start_angle, test.start_velocity),
         horizontal_angle=HORIZONTAL if link.load_angle is LoadAngle.CORRECTED else 0.0,
-        moment=link.total_moment,
+        mass_moment=link.total_moment,
         torsion=test.torsion or Torsion(),
         compliant=test.torsion is not None,
         efficiency=test.efficiency or CatalogueEfficiency(coefficients=constant),
-        friction=friction.law.scaled(variation.friction_ratio).in_plant(),
+        friction=friction.law.scaled(variation.friction_ratio).to_plant_friction(),
         ripple_cosine=friction.ripple * cosine,
         ripple_sine=friction.ripple * sine,
         imposed_motion=motion,
@@ -163,7 +163,7 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         torque_control=replace(torque, old_model=None, path=None),
         path=torque.path or path,
         old_model=torque.old_model or OldFrictionModel(),
-        old=torque.old_model is not None,
+        uses_old_model=torque.old_model is not None,
         duty_control=test.control if isinstance(test.control, DutyControl) else DutyControl(),
     )
 

@@ -2,8 +2,8 @@
 
 from twin_gait.core.actuator import current_to_torque, voltage_limited_current
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque, gear_loss_torque
-from twin_gait.core.friction_models import conditioned_torque, ripple_torque
+from twin_gait.core.friction import WITH_OTHER_FRICTION_LAWS, advance_deflection, friction_torque, gear_loss_torque
+from twin_gait.core.friction_models import load_and_temperature_torque, ripple_torque
 from twin_gait.core.motor_drive import (
     current_loop_step,
     drive_efficiency,
@@ -63,11 +63,11 @@ def accelerations(
     """
     torques, motion, link = e.torques, e.imposed_motion, e.test.link
     base = link.stops
-    load = link_load_torque(q2, e.moment, e.test.gravity, e.horizontal_angle)
+    load = link_load_torque(q2, e.mass_moment, e.test.gravity, e.horizontal_angle)
     friction = _friction(e, q1, v1, load)
     stop = mechanical_stop_torque(q2, v2, link.lower_stop, link.upper_stop, base.stiffness, base.dissipation)
     imposed = 0.0
-    if motion.place >= 0:
+    if motion.index >= 0:
         imposed = imposed_motion_torque(motion, time, q2, v2)
     torques.load = load
     torques.friction = friction
@@ -89,13 +89,13 @@ def accelerations(
 
 def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> float:
     law, more, deflection = e.friction, e.test.friction, e.deflection
-    if OTHER_LAWS:
-        deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection)
+    if WITH_OTHER_FRICTION_LAWS:
+        deflection = advance_deflection(law, angle - e.rotor.angle, velocity, deflection)
     friction = -friction_torque(law, velocity, deflection, load)
     per_load, coulomb, viscous = more.coulomb_per_load, more.coulomb_per_kelvin, more.viscous_per_kelvin
     if per_load != 0.0 or coulomb != 0.0 or viscous != 0.0:
         turnover = 0.1 * law.stribeck_velocity
-        friction -= conditioned_torque(
+        friction -= load_and_temperature_torque(
             velocity, load, more.temperature, 0.0, per_load, coulomb, 0.0, viscous, turnover
         )
     if e.ripple_cosine != 0.0 or e.ripple_sine != 0.0:
@@ -137,6 +137,6 @@ def mechanical_step(e: BenchEpisode, time: float, step: float) -> None:
     link.velocity = v2 + sixth * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
     rotor.angle = q1 + sixth * (v1 + 2.0 * v1b + 2.0 * v1c + v1d)
     link.angle = q2 + sixth * (v2 + 2.0 * v2b + 2.0 * v2c + v2d)
-    if OTHER_LAWS:
+    if WITH_OTHER_FRICTION_LAWS:
         moved = rotor.angle - q1
-        e.deflection = advanced_deflection(e.friction, moved, rotor.velocity, e.deflection)
+        e.deflection = advance_deflection(e.friction, moved, rotor.velocity, e.deflection)

@@ -25,9 +25,9 @@ from twin_gait.worlds.bench_control import cosine_path, transparency_duty
 ANGLE_NOISE, UNIT_NOISE, CURRENT_NOISE = range(3)
 
 
-def noise(e: BenchEpisode, tick: int, place: int) -> float:
+def noise(e: BenchEpisode, tick: int, index: int) -> float:
     """Noise of a tick: of the encoder in [rad], else standard normal."""
-    return noise_row(e, tick * (CURRENT_NOISE + e.winding.periods) + place)[0]
+    return noise_row(e, tick * (CURRENT_NOISE + e.winding.periods) + index)[0]
 
 
 def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
@@ -119,7 +119,7 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
 def _control_torque(e: BenchEpisode) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
     law, limits, encoder = e.torque_control, e.test.limits, e.encoder
-    demand, asked = e.demand, e.asked
+    demand, asked = e.setpoint, e.command
     inertia = e.rotor.inertia + e.link.inertia
     place, path_velocity, path_acceleration = cosine_path(e.path, e.time)
     velocity = encoder.velocity_fast - path_velocity
@@ -135,9 +135,9 @@ def _control_torque(e: BenchEpisode) -> None:
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     """Friction torque of the compensator's model; the old one knew no slow velocity."""
     law, old, own = e.torque_control, e.old_model, e.torque_control.friction_model
-    measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
+    measured = e.encoder.velocity_fast if e.uses_old_model else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if law.follows_path else measured, law.dead_zone)
-    if e.old:
+    if e.uses_old_model:
         return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
         velocity, own.breakaway_torque, own.coulomb_friction, own.breakaway_velocity, own.viscous_friction

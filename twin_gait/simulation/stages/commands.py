@@ -4,13 +4,13 @@ from twin_gait.control.joint_board import set_current
 from twin_gait.core.estimation import delayed_sample
 from twin_gait.core.faults import runaway_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.structure import DELAYED, NETWORKED
+from twin_gait.simulation.structure import WITH_DELAY, WITH_NETWORK
 
 
-def run_away(e: Episode, number: int, tick: int) -> None:
+def add_runaway_torque(e: Episode, number: int, tick: int) -> None:
     """Add the torque of a controller that runs away."""
     board = e.joints[number].board
-    if tick >= e.first_fault and not board.demand.held:
+    if tick >= e.first_fault and not board.setpoint.held:
         board.command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
 
 
@@ -18,8 +18,8 @@ def set_drive(e: Episode, number: int, tick: int) -> None:
     """Set the current of a drive, which may get its command late, or be off."""
     joint = e.joints[number]
     board = joint.board
-    set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
-    if DELAYED:
-        joint.due = delayed_sample(joint.line, tick, board.command.torque)
-    if NETWORKED and joint.off:
+    set_current(board, e.limits, joint.due_command if WITH_DELAY else board.command.torque)
+    if WITH_DELAY:
+        joint.due_command = delayed_sample(joint.line, tick, board.command.torque)
+    if WITH_NETWORK and joint.off:
         board.command.target_current = 0.0

@@ -1,11 +1,11 @@
 """Steps of the drives: torques of the motors from their set points, and the voltage of the battery."""
 
-from twin_gait.control.joint_board import note_drive
+from twin_gait.control.joint_board import store_drive_state
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
-from twin_gait.core.control_tick import driven_motor, target_current
+from twin_gait.core.control_tick import drive_motor, target_current
 from twin_gait.core.faults import MOTOR_STUCK, NO_FAULT, dipped_bus_voltage, drive_fault, supply_drop
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.structure import FAULTY
+from twin_gait.simulation.structure import WITH_FAULTS
 
 
 def begin_power(e: Episode) -> None:
@@ -16,7 +16,7 @@ def begin_power(e: Episode) -> None:
 def drive(e: Episode, number: int, tick: int) -> None:
     """Let a motor follow its set point."""
     _drive(e, number)
-    if FAULTY and tick >= e.first_fault and not e.joints[number].board.command.drive_off:
+    if WITH_FAULTS and tick >= e.first_fault and not e.joints[number].board.command.drive_off:
         _drive_faulty(e, number, tick)
     _note_drive(e, number)
 
@@ -29,8 +29,8 @@ def draw_power(e: Episode) -> None:
 
 def _drive(e: Episode, number: int) -> None:
     joint = e.joints[number]
-    asked, place = joint.board.command, joint.place
-    current, torque = driven_motor(joint.motor, asked.target_current, e.v[place], e.supply.bus_voltage)
+    asked, place = joint.board.command, joint.index
+    current, torque = drive_motor(joint.motor, asked.target_current, e.v[place], e.supply.bus_voltage)
     off = asked.drive_off or joint.off
     joint.current = 0.0 if off else current
     joint.current_deviation = 0.0
@@ -40,29 +40,29 @@ def _drive(e: Episode, number: int) -> None:
 def _drive_faulty(e: Episode, number: int, tick: int) -> None:
     joint, row = e.joints[number], drive_fault(number, tick, e.faults)
     if row != NO_FAULT:
-        motor, place, fault, expected = joint.motor, joint.place, e.faults[row], joint.current
+        motor, place, fault, expected = joint.motor, joint.index, e.faults[row], joint.current
         wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
         asked = target_current(motor, wrong, e.limits.torque, e.limits.current)
-        joint.current, e.motor[place] = driven_motor(motor, asked, e.v[place], e.supply.bus_voltage)
+        joint.current, e.motor[place] = drive_motor(motor, asked, e.v[place], e.supply.bus_voltage)
         joint.current_deviation = joint.current - expected
 
 
 def _note_drive(e: Episode, number: int) -> None:
     """What the board sees of its drive, and what the motor draws."""
     joint = e.joints[number]
-    motor, velocity, current = joint.motor, e.v[joint.place], joint.current
+    motor, velocity, current = joint.motor, e.v[joint.index], joint.current
     joint.voltage = winding_voltage(motor, current, velocity)
-    note_drive(joint.board, joint.voltage, current, joint.current_deviation)
+    store_drive_state(joint.board, joint.voltage, current, joint.current_deviation)
     e.supply.power += motor_electrical_power(motor, current, velocity)
 
 
-def sag(e: Episode, tick: int) -> None:
+def update_bus_voltage(e: Episode, tick: int) -> None:
     """Compute the bus voltage of the next tick."""
     battery = e.supply
     battery.bus_voltage = sagged_bus_voltage(
         battery.voltage, battery.resistance, battery.power, battery.bus_voltage
     )
-    if FAULTY and tick >= e.first_fault:
+    if WITH_FAULTS and tick >= e.first_fault:
         _dip(e, tick)
 
 
@@ -71,5 +71,5 @@ def _dip(e: Episode, tick: int) -> None:
     drop, highest = supply_drop(tick, e.faults), 0.0
     if drop > 0.0:
         for joint in e.joints:
-            highest = max(highest, joint.board.bounds.emf_constant * abs(e.v[joint.place]))
+            highest = max(highest, joint.board.bounds.emf_constant * abs(e.v[joint.index]))
         e.supply.bus_voltage = dipped_bus_voltage(e.supply.bus_voltage, drop, highest)

@@ -1,13 +1,13 @@
 """The motion within a tick: what acts on the bodies, the row of the log, work, and the integration."""
 
-from twin_gait.core.contact import LEAST_FORCE
-from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
-from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
+from twin_gait.core.contact import MIN_NORMAL_FORCE
+from twin_gait.core.friction import WITH_OTHER_FRICTION_LAWS, advance_deflection, geared_friction_torque
+from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, plant_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import dynamics, lanes, log_row, observe, side_by_side, write_row
+from twin_gait.simulation.interface import dynamics, vector_lanes, log_row, observe, vector_map, write_row
 from twin_gait.simulation.stages.sensors import normal_force, point_force
-from twin_gait.simulation.stages.surroundings import drag_tips, hold_trunk, move_tips, push_tips, tip_energy
-from twin_gait.simulation.structure import CRUTCHES, POINTS_PER_FOOT, RK4, SEATED, SHIFT, WITH_FRICTION
+from twin_gait.simulation.stages.surroundings import update_tip_anchors, add_trunk_forces, accelerate_tips, add_arm_forces, tip_energy
+from twin_gait.simulation.structure import N_CRUTCHES, N_POINTS_PER_FOOT, WITH_RK4, WITH_SEAT, WEARER_OFFSET, FRICTION_INDICES
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -15,16 +15,16 @@ def integrate(e: Episode, tick: int) -> None:
     for substep in range(e.substeps):
         time = tick * e.rates.period + substep * e.step
         known = e.recording.on and substep == 0
-        if RK4:
+        if WITH_RK4:
             _runge_kutta_step(e, time, known)
         else:
             _euler_step(e, time, known)
-        if CRUTCHES > 0:
-            for one in lanes(e):
-                drag_tips(one)
+        if N_CRUTCHES > 0:
+            for one in vector_lanes(e):
+                update_tip_anchors(one)
 
 
-def acceleration(e: Episode, time: float, staged: bool) -> None:
+def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
     """Acceleration of a state with everything that acts on it.
 
     Args:
@@ -32,77 +32,77 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         time: In [s].
         staged: Whether the state is that of a stage of the integration, not the present one.
     """
-    if WITH_FRICTION:
-        side_by_side(e, WITH_FRICTION, staged, _friction_arguments, geared_friction_torque, _keep_friction)
-    if CRUTCHES > 0:
-        for one in lanes(e):
+    if FRICTION_INDICES:
+        vector_map(e, FRICTION_INDICES, staged, _friction_arguments, geared_friction_torque, _store_friction)
+    if N_CRUTCHES > 0:
+        for one in vector_lanes(e):
             q, v = _state(one, staged)
-            push_tips(one, q, v)
+            add_arm_forces(one, q, v)
     for i in range(len(e.q)):
-        for one in lanes(e):
+        for one in vector_lanes(e):
             q, v = _state(one, staged)
             plant, load = one.plant[i], gear_load(one.plant[i], one.motor[i], one.a[i])
-            passive = passive_torque(plant, one.torque[i], q[i], v[i], load, q[i] - one.q[i])
+            passive = plant_torque(plant, one.torque[i], q[i], v[i], load, q[i] - one.q[i])
             one.torque[i] = one.motor[i] + one.external[i] + passive
-    if e.imposed_motion.place >= 0:
-        for one in lanes(e):
+    if e.imposed_motion.index >= 0:
+        for one in vector_lanes(e):
             q, v = _state(one, staged)
             motion = one.imposed_motion
-            motion.torque = imposed_motion_torque(motion, time, q[motion.place], v[motion.place])
-            one.torque[motion.place] += motion.torque
-    if SHIFT > 0:
-        for i in range(SHIFT):
-            for one in lanes(e):
+            motion.torque = imposed_motion_torque(motion, time, q[motion.index], v[motion.index])
+            one.torque[motion.index] += motion.torque
+    if WEARER_OFFSET > 0:
+        for i in range(WEARER_OFFSET):
+            for one in vector_lanes(e):
                 q, v = _state(one, staged)
                 brace = one.braces[i]
-                brace.torque = brace_torque(brace, q[i], v[i], q[i + SHIFT], v[i + SHIFT])
+                brace.torque = brace_torque(brace, q[i], v[i], q[i + WEARER_OFFSET], v[i + WEARER_OFFSET])
                 one.torque[i] -= brace.torque
-                one.torque[i + SHIFT] += brace.torque
-    for one in lanes(e):
+                one.torque[i + WEARER_OFFSET] += brace.torque
+    for one in vector_lanes(e):
         q, v = _state(one, staged)
-        hold_trunk(one, q, v)
+        add_trunk_forces(one, q, v)
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
-        if SEATED:
+        if WITH_SEAT:
             one.contact_power += one.seat.power
-        if CRUTCHES > 0:
-            move_tips(one, q, v)
+        if N_CRUTCHES > 0:
+            accelerate_tips(one, q, v)
 
 
 def evaluate(e: Episode, tick: int) -> None:
     """Evaluate the motion at the state before integration, which the log has."""
-    acceleration(e, tick * e.rates.period, False)
+    compute_accelerations(e, tick * e.rates.period, False)
 
 
-def sum_up_outside(e: Episode, number: int) -> None:
+def sum_external_torque(e: Episode, number: int) -> None:
     """Sum the torques from outside on a joint up."""
-    place = e.joints[number].place
-    imposed = e.imposed_motion.torque if e.imposed_motion.place == place else 0.0
-    e.joints[number].pushed = imposed + e.joints[number].push
-    e.joints[number].outside = imposed + e.external[place]
-    if SHIFT > 0:
-        e.joints[number].outside += e.external[place + SHIFT]
+    place = e.joints[number].index
+    imposed = e.imposed_motion.torque if e.imposed_motion.index == place else 0.0
+    e.joints[number].disturbance_torque = imposed + e.joints[number].push
+    e.joints[number].external_torque = imposed + e.external[place]
+    if WEARER_OFFSET > 0:
+        e.joints[number].external_torque += e.external[place + WEARER_OFFSET]
 
 
-def stand(e: Episode, number: int) -> None:
+def sum_ground_forces(e: Episode, number: int) -> None:
     """Sum the forces of the ground on a foot up, and note where they act."""
-    sole, first = e.soles[number], number * POINTS_PER_FOOT
+    foot, first = e.feet[number], number * N_POINTS_PER_FOOT
     friction, pressed, lowest = 0.0, 0.0, e.points[first].height
-    for place in range(first, first + POINTS_PER_FOOT):
+    for place in range(first, first + N_POINTS_PER_FOOT):
         along, normal = point_force(e, place)
         friction += along
         pressed += normal * (place - first)
         lowest = min(lowest, e.points[place].height)
-    sole.normal = normal_force(e, number)
-    sole.friction = friction
-    sole.clearance = lowest
-    loaded = sole.normal > LEAST_FORCE and POINTS_PER_FOOT > 1
-    sole.pressure_place = pressed / (sole.normal * (POINTS_PER_FOOT - 1)) if loaded else 0.0
+    foot.normal = normal_force(e, number)
+    foot.friction = friction
+    foot.clearance = lowest
+    loaded = foot.normal > MIN_NORMAL_FORCE and N_POINTS_PER_FOOT > 1
+    foot.cop_ratio = pressed / (foot.normal * (N_POINTS_PER_FOOT - 1)) if loaded else 0.0
 
 
 def observe_energies(e: Episode) -> None:
     """Compute the energies, and the load of the guides of the pelvis."""
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)
-    if CRUTCHES > 0:
+    if N_CRUTCHES > 0:
         of_tips = tip_energy(e)
         kinetic += of_tips[0]
         potential += of_tips[1]
@@ -114,31 +114,31 @@ def write_log(e: Episode, tick: int) -> None:
     write_row(e, log_row(e, tick))
 
 
-def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, ...]:
+def _friction_arguments(one: Episode, index: int, staged: bool) -> tuple[float, ...]:
     """What :func:`~twin_gait.core.friction.geared_friction_torque` is asked for."""
     _, v = _state(one, staged)
-    plant = one.plant[place]
+    plant = one.plant[index]
     law = plant.friction
     return (
-        v[place],
+        v[index],
         law.breakaway_torque,
         law.coulomb_friction,
         law.stribeck_velocity,
         law.viscous_friction_forward,
-        gear_load(plant, one.motor[place], one.a[place]),
+        gear_load(plant, one.motor[index], one.a[index]),
         law.gear_efficiency,
     )
 
 
-def _keep_friction(one: Episode, place: int, torque: float) -> None:
+def _store_friction(one: Episode, index: int, torque: float) -> None:
     """Keep it where the sum of all torques will be."""
-    one.torque[place] = torque
+    one.torque[index] = torque
 
 
 def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
     """Coordinates and velocities."""
     if staged:
-        return one.stages.q, one.stages.v
+        return one.integrator.q, one.integrator.v
     return one.q, one.v
 
 
@@ -149,18 +149,18 @@ def _euler_step(e: Episode, time: float, known: bool) -> None:
     new velocity.
     """
     if not known:
-        acceleration(e, time, False)
+        compute_accelerations(e, time, False)
     for i in range(len(e.q)):
-        for one in lanes(e):
+        for one in vector_lanes(e):
             velocity = one.v[i]
             one.v[i] = velocity + e.step * one.a[i]
-            one.stages.v[i] = 0.5 * (velocity + one.v[i])
+            one.integrator.v[i] = 0.5 * (velocity + one.v[i])
             _move(one, i, e.step * one.v[i])
     if e.recording.on:
-        for one in lanes(e):
+        for one in vector_lanes(e):
             contact = 0.5 * (one.contact_power + one.last_contact_power)
             one.last_contact_power = one.contact_power
-            one.works.contact += e.step * contact
+            one.work.contact += e.step * contact
         _add_work(e, e.step)
 
 
@@ -168,8 +168,8 @@ def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
     """One step of the classical Runge-Kutta method, of fourth order."""
     step = e.step
     for i in range(len(e.q)):
-        for one in lanes(e):
-            stages = one.stages
+        for one in vector_lanes(e):
+            stages = one.integrator
             stages.q[i] = one.q[i]
             stages.v[i] = one.v[i]
             stages.sum_v[i] = 0.0
@@ -179,50 +179,50 @@ def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
         weight = 1.0 / 6.0 if outer else 1.0 / 3.0
         offset = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
         if not (known and stage == 0):
-            acceleration(e, time + offset * step, True)
+            compute_accelerations(e, time + offset * step, True)
         if e.recording.on:
-            for one in lanes(e):
-                one.works.contact += (weight * step) * one.contact_power
+            for one in vector_lanes(e):
+                one.work.contact += (weight * step) * one.contact_power
             _add_work(e, weight * step)
         ahead = step if stage == 2 else 0.5 * step
         for i in range(len(e.q)):
-            for one in lanes(e):
-                stages, speed = one.stages, one.stages.v[i]
+            for one in vector_lanes(e):
+                stages, speed = one.integrator, one.integrator.v[i]
                 stages.sum_v[i] += weight * speed
                 stages.sum_a[i] += weight * one.a[i]
                 if stage < 3:
                     stages.q[i] = one.q[i] + ahead * speed
                     stages.v[i] = one.v[i] + ahead * one.a[i]
     for i in range(len(e.q)):
-        for one in lanes(e):
-            one.v[i] += step * one.stages.sum_a[i]
-            _move(one, i, step * one.stages.sum_v[i])
+        for one in vector_lanes(e):
+            one.v[i] += step * one.integrator.sum_a[i]
+            _move(one, i, step * one.integrator.sum_v[i])
 
 
-def _move(e: Episode, place: int, displacement: float) -> None:
+def _move(e: Episode, index: int, displacement: float) -> None:
     """End a step of a coordinate, its new velocity known; the bristles of its friction go along."""
-    e.q[place] += displacement
-    if OTHER_LAWS:
-        plant = e.plant[place]
-        plant.deflection = advanced_deflection(plant.friction, displacement, e.v[place], plant.deflection)
+    e.q[index] += displacement
+    if WITH_OTHER_FRICTION_LAWS:
+        plant = e.plant[index]
+        plant.deflection = advance_deflection(plant.friction, displacement, e.v[index], plant.deflection)
 
 
 def _add_work(e: Episode, duration: float) -> None:
     """Add the work that every source does on the leg in a short time, at the velocities of the stage."""
     for i in range(len(e.q)):
-        for one in lanes(e):
-            works, plant, v = one.works, one.plant[i], one.stages.v[i]
+        for one in vector_lanes(e):
+            works, plant, v = one.work, one.plant[i], one.integrator.v[i]
             works.motor += duration * one.motor[i] * v
             works.friction += duration * plant.friction_torque * v
             works.stop += duration * plant.stop_torque * v
             works.spring += duration * plant.spring_torque * v
-            works.patient += duration * one.external[i] * v
-    if SHIFT > 0:
-        for i in range(SHIFT):
-            for one in lanes(e):
-                stages = one.stages
-                one.works.brace += duration * one.braces[i].torque * (stages.v[i + SHIFT] - stages.v[i])
-    if e.imposed_motion.place >= 0:
-        for one in lanes(e):
+            works.external += duration * one.external[i] * v
+    if WEARER_OFFSET > 0:
+        for i in range(WEARER_OFFSET):
+            for one in vector_lanes(e):
+                stages = one.integrator
+                one.work.brace += duration * one.braces[i].torque * (stages.v[i + WEARER_OFFSET] - stages.v[i])
+    if e.imposed_motion.index >= 0:
+        for one in vector_lanes(e):
             motion = one.imposed_motion
-            one.works.patient += duration * motion.torque * one.stages.v[motion.place]
+            one.work.external += duration * motion.torque * one.integrator.v[motion.index]

@@ -6,16 +6,16 @@ the gait controller. At the start the gait controller knows how the legs stand; 
 nothing yet asks for no torque.
 """
 
-from twin_gait.control.gait_controller import JOINTS_PER_LEG, hear_board, hear_load, trip
-from twin_gait.control.joint_board import hear
-from twin_gait.core.can_bus import REBOOT, Frame, is_due
+from twin_gait.control.gait_controller import N_JOINTS_PER_LEG, check_board_timeout, receive_load, trip
+from twin_gait.control.joint_board import receive
+from twin_gait.core.can_bus import REBOOT, Frame, is_release_due
 from twin_gait.core.can_bus import advance as carry  # a name of its own in the schedule
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import BUS_TRIP, DRIVE_TRIP, NO_TRIP
 from twin_gait.network.messages import CODES, COUNTS, MEASUREMENT, SETPOINT
-from twin_gait.simulation.episode import Episode, Wire
-from twin_gait.simulation.structure import CENTRAL, POINTS_PER_FOOT
+from twin_gait.simulation.episode import Episode, CanChannel
+from twin_gait.simulation.structure import WITH_CENTRAL_IMPEDANCE, N_POINTS_PER_FOOT
 
 # Places of the numbers of a measurement and of a set point, and states of the latter.
 ANGLE, VELOCITY, CURRENT, FOOT_LOAD, CAUSE, COUNTER = map(
@@ -28,33 +28,33 @@ HOLD, RUN = (float(CODES["state"].index(state)) for state in ("hold", "run"))
 _CCU = 0  # number of the node
 
 
-def hear_sole(e: Episode, number: int) -> None:
+def receive_foot_load(e: Episode, number: int) -> None:
     """Take the load of a foot."""
-    hear_load(e.controller, number, e.soles[number].load)
+    receive_load(e.controller, number, e.feet[number].load)
 
 
-def hear_supply(e: Episode) -> None:
+def receive_bus_voltage(e: Episode) -> None:
     """Take the bus voltage."""
     e.controller.supply.voltage = e.supply.bus_voltage
 
 
-def _receive(e: Episode, wire: Wire, tick: int) -> bool:
+def _receive(e: Episode, channel: CanChannel, tick: int) -> bool:
     """Whether a receiver hears a frame in this tick, whose numbers are read then.
 
     How old that is by which the receiver goes is counted.
     """
     came = tick - e.network.delay
-    received = wire.received[came % len(wire.received)]
+    received = channel.received[came % len(channel.received)]
     heard = came > 0 and received.tick == came
     if heard:
-        unpack_frame(wire.layout, received.halves, e.network.numbers)
-        wire.written = received.written
-    wire.ages += tick - wire.written
-    wire.oldest = max(wire.oldest, tick - wire.written)
+        unpack_frame(channel.layout, received.halves, e.network.numbers)
+        channel.written_tick = received.written
+    channel.age_sum += tick - channel.written_tick
+    channel.max_age = max(channel.max_age, tick - channel.written_tick)
     return heard
 
 
-def hear_measurement(e: Episode, number: int, tick: int) -> None:
+def receive_measurement(e: Episode, number: int, tick: int) -> None:
     """Take the measurement of a board over the bus, if one comes."""
     controller, numbers = e.controller, e.network.numbers
     measured, heard = controller.joints[number].measurement, _receive(e, e.network.measurements[number], tick)
@@ -64,24 +64,24 @@ def hear_measurement(e: Episode, number: int, tick: int) -> None:
         measured.motor_speed = numbers[VELOCITY]  # the frame has no room for the speed that the drive infers
         if measured.cause == NO_TRIP:
             measured.cause = int(numbers[CAUSE])
-        if POINTS_PER_FOOT > 0 and (number + 1) % JOINTS_PER_LEG == 0:
-            hear_load(controller, number // JOINTS_PER_LEG, numbers[FOOT_LOAD])
-    hear_board(controller, e.limits, number, heard)
+        if N_POINTS_PER_FOOT > 0 and (number + 1) % N_JOINTS_PER_LEG == 0:
+            receive_load(controller, number // N_JOINTS_PER_LEG, numbers[FOOT_LOAD])
+    check_board_timeout(controller, e.limits, number, heard)
 
 
-def hear_setpoint(e: Episode, number: int, tick: int) -> None:
+def receive_setpoint(e: Episode, number: int, tick: int) -> None:
     """Let a board hear a set point, if one comes, and do what it demands."""
-    numbers, heard = e.network.numbers, e.joints[number].heard
+    numbers, heard = e.network.numbers, e.joints[number].received_setpoint
     came = _receive(e, e.network.setpoints[number], tick)
     if came:
         heard.stiffness, heard.damping = numbers[STIFFNESS], numbers[DAMPING]
         heard.equilibrium, heard.gain = numbers[EQUILIBRIUM], numbers[GAIN]
         heard.held = numbers[STATE] != RUN
         # With the springs on the board it is all that is fed forward.
-        given = CENTRAL and not heard.held
+        given = WITH_CENTRAL_IMPEDANCE and not heard.held
         heard.gravity = 0.0 if given else numbers[TORQUE]
         heard.target = numbers[TORQUE] if given else 0.0
-    hear(e.joints[number].board, e.limits, heard, came)
+    receive(e.joints[number].board, e.limits, heard, came)
 
 
 def send_frames(e: Episode, number: int, tick: int) -> None:
@@ -95,15 +95,15 @@ def carry_frames(e: Episode, tick: int) -> None:
     carry(e.network.bus, tick)
 
 
-def keep_frames(e: Episode, number: int, tick: int) -> None:
+def store_frames(e: Episode, number: int, tick: int) -> None:
     """Keep the frames to and from a board that arrive until the next tick."""
-    _arrive(e, e.network.setpoints[number], tick + 1)
-    _arrive(e, e.network.measurements[number], tick + 1)
+    _store_frame(e, e.network.setpoints[number], tick + 1)
+    _store_frame(e, e.network.measurements[number], tick + 1)
 
 
-def _arrive(e: Episode, wire: Wire, tick: int) -> None:
+def _store_frame(e: Episode, channel: CanChannel, tick: int) -> None:
     """Keep what came, for when it is used."""
-    frame, received = e.network.bus.frames[wire.frame], wire.received[tick % len(wire.received)]
+    frame, received = e.network.bus.frames[channel.frame], channel.received[tick % len(channel.received)]
     received.tick = 0
     if frame.arrived == tick:
         received.tick, received.written = tick, frame.received.tick
@@ -118,11 +118,11 @@ def _send_setpoint(e: Episode, number: int, tick: int) -> None:
     """Write the frame to a board, if it is due."""
     network, joint, wire = e.network, e.controller.joints[number], e.network.setpoints[number]
     frame = network.bus.frames[wire.frame]
-    if is_due(network.bus, frame, tick):
-        asked, numbers = joint.demand, network.numbers
+    if is_release_due(network.bus, frame, tick):
+        asked, numbers = joint.setpoint, network.numbers
         stiffness, damping = asked.stiffness, asked.damping
         torque = asked.gravity + asked.inertia + asked.target
-        if CENTRAL and not asked.held:
+        if WITH_CENTRAL_IMPEDANCE and not asked.held:
             angle, velocity = joint.measurement.angle, joint.measurement.velocity
             torque += impedance_torque(angle, velocity, stiffness, damping, asked.equilibrium)
             stiffness, damping = 0.0, 0.0
@@ -137,13 +137,13 @@ def _send_measurement(e: Episode, number: int, tick: int) -> None:
     """Write the frame of a board, if it is due."""
     network, joint, wire = e.network, e.joints[number], e.network.measurements[number]
     frame = network.bus.frames[wire.frame]
-    if is_due(network.bus, frame, tick):
+    if is_release_due(network.bus, frame, tick):
         encoder, numbers = joint.board.encoder, network.numbers
         numbers[ANGLE], numbers[VELOCITY] = encoder.angle, encoder.velocity_fast
         numbers[CURRENT], numbers[CAUSE] = joint.current, joint.board.cause
         numbers[FOOT_LOAD] = 0.0
-        if POINTS_PER_FOOT > 0 and (number + 1) % JOINTS_PER_LEG == 0:
-            numbers[FOOT_LOAD] = e.soles[number // JOINTS_PER_LEG].load
+        if N_POINTS_PER_FOOT > 0 and (number + 1) % N_JOINTS_PER_LEG == 0:
+            numbers[FOOT_LOAD] = e.feet[number // N_JOINTS_PER_LEG].load
         numbers[COUNTER] = _count(frame)
         pack_frame(wire.layout, numbers, frame.outgoing.halves)
 

@@ -1,10 +1,10 @@
 """The state machines of both legs: the record of their switches, and the guards of many episodes at once."""
 
-from twin_gait.control.gait_controller import LEGS, sent_to
+from twin_gait.control.gait_controller import N_LEGS, required_posture
 from twin_gait.control.supervisor import NO_POSTURE
-from twin_gait.core.guards import NO_TRANSITION, count_open_ticks, evaluate_node
+from twin_gait.core.guards import NO_TRANSITION, update_debounce, evaluate_node
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import lanes, switch_row
+from twin_gait.simulation.interface import vector_lanes, switch_row
 
 
 def note_switch(e: Episode, number: int, tick: int) -> None:
@@ -15,7 +15,7 @@ def note_switch(e: Episode, number: int, tick: int) -> None:
 
 def note_posture(e: Episode, number: int, tick: int) -> None:
     """Record that a mode sends a leg into a posture, if it does."""
-    posture = sent_to(e.controller, number)
+    posture = required_posture(e.controller, number)
     if posture != NO_POSTURE:
         _note(e, number, tick, posture, NO_TRANSITION)
 
@@ -32,33 +32,33 @@ def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> N
     e.recording.n_switches += 1
 
 
-def choose_in_lanes(e: Episode, number: int) -> None:
+def choose_transitions(e: Episode, number: int) -> None:
     """Choose the transition that a leg of every episode of a block takes in this tick.
 
     This is :func:`twin_gait.core.guards.next_transition` with the loop over the episodes innermost. A leg
     takes none where the monitor has tripped.
     """
     occupied, program = 0, e.controller.program
-    for one in lanes(e):
+    for one in vector_lanes(e):
         leg = one.controller.legs[number]
         leg.chosen = NO_TRANSITION
-        occupied |= 1 << leg.before
+        occupied |= 1 << leg.start_phase
     for index in range(program.n_transitions):
         rule = program.transitions[index]
         if (occupied >> rule.source) & 1 == 1:  # elsewhere nothing is counted
-            for one in lanes(e):
+            for one in vector_lanes(e):
                 one.controller.legs[number].results = 0
             for node in range(rule.first_node, rule.end_node):
-                for one in lanes(e):
+                for one in vector_lanes(e):
                     _evaluate(one, number, node)
-            for one in lanes(e):
+            for one in vector_lanes(e):
                 _count(one, number, index)
 
 
 def _evaluate(e: Episode, number: int, node: int) -> None:
     """Evaluate one node of a guard of a leg."""
     controller, leg = e.controller, e.controller.legs[number]
-    other = controller.legs[LEGS - 1 - number].before if LEGS == 2 else -1
+    other = controller.legs[N_LEGS - 1 - number].start_phase if N_LEGS == 2 else -1
     leg.results = evaluate_node(controller.program, node, controller.signals, other, leg.results)
 
 
@@ -66,5 +66,5 @@ def _count(e: Episode, number: int, index: int) -> None:
     """Count the ticks for which a transition's guard has been open, and choose it if it is due."""
     controller, leg = e.controller, e.controller.legs[number]
     source = controller.program.transitions[index].source
-    is_open = leg.before == source and (leg.results & 1) == 1 and controller.trip.tick < 0
-    leg.chosen = count_open_ticks(controller.program, index, is_open, leg.ticks, leg.debounce, leg.chosen)
+    is_open = leg.start_phase == source and (leg.results & 1) == 1 and controller.trip.tick < 0
+    leg.chosen = update_debounce(controller.program, index, is_open, leg.ticks, leg.debounce, leg.chosen)

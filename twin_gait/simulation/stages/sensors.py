@@ -1,62 +1,62 @@
 """Steps of the sensors: encoders, loads of the feet, and the inertial unit of the trunk."""
 
-from twin_gait.core.contact import along_slope
+from twin_gait.core.contact import resolve_along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
-from twin_gait.core.inertial import follow_pitch, trunk_specific_force
+from twin_gait.core.inertial import update_pitch_estimate, trunk_specific_force
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import contact_forces, noise_row
-from twin_gait.simulation.structure import FAULTY, FORWARD, INERTIAL, PELVIS, PITCH, POINTS_PER_FOOT, SLOPED
+from twin_gait.simulation.structure import WITH_FAULTS, FORWARD_INDEX, WITH_INERTIAL_UNIT, PELVIS_INDEX, PITCH_INDEX, N_POINTS_PER_FOOT, WITH_SLOPE
 
 
 def read_encoder(e: Episode, number: int, tick: int) -> None:
     """Read the encoder of a joint."""
     joint = e.joints[number]
-    reading = e.q[joint.place] + noise_row(e, tick)[number]
-    if FAULTY and tick >= e.first_fault:
+    reading = e.q[joint.index] + noise_row(e, tick)[number]
+    if WITH_FAULTS and tick >= e.first_fault:
         reading = faulty_angle(number, tick, e.rates.period, e.faults, reading, joint.reading)
     joint.reading = reading
 
 
-def press_soles(e: Episode) -> None:
+def compute_contact_forces(e: Episode) -> None:
     """Compute the forces of the ground on the soles."""
     contact_forces(e.q, e.v, e.bodies, e.ground, e.points)
 
 
 def read_load(e: Episode, number: int, tick: int) -> None:
     """Read the load of a foot over body weight."""
-    sole = e.soles[number]
+    foot = e.feet[number]
     load = normal_force(e, number) / e.body_weight
-    if FAULTY and tick >= e.first_fault:
-        load = faulty_load(number, tick, e.faults, load, sole.load)
-    sole.load = load
+    if WITH_FAULTS and tick >= e.first_fault:
+        load = faulty_load(number, tick, e.faults, load, foot.load)
+    foot.load = load
 
 
 def read_trunk(e: Episode) -> None:
     """Give the gait controller, whose sensor it is, the pitch of the trunk."""
-    e.controller.common.trunk_pitch = trunk_pitch(e)
+    e.controller.device_signals.trunk_pitch = trunk_pitch(e)
 
 
 def trunk_pitch(e: Episode) -> float:
     """Pitch of the trunk as it is known in [rad], forwards positive; none if the pelvis is guided."""
-    if INERTIAL:
+    if WITH_INERTIAL_UNIT:
         return e.trunk_unit.pitch
-    if PITCH >= 0:
-        return e.q[PITCH]
+    if PITCH_INDEX >= 0:
+        return e.q[PITCH_INDEX]
     return 0.0
 
 
 def measure_pitch(e: Episode, tick: int) -> None:
     """Estimate the pitch of the trunk from the last accelerations, those of rest at the start."""
     unit, noise, first = e.trunk_unit, noise_row(e, tick), len(e.joints) + len(e.limbs)
-    rate, a = e.v[PITCH], e.a
-    ahead, up = trunk_specific_force(unit, e.q[PITCH], rate, a[PITCH], a[FORWARD], a[PELVIS], e.gravity)
-    follow_pitch(unit, rate + noise[first], ahead + noise[first + 1], up + noise[first + 2], e.rates.period)
+    rate, a = e.v[PITCH_INDEX], e.a
+    ahead, up = trunk_specific_force(unit, e.q[PITCH_INDEX], rate, a[PITCH_INDEX], a[FORWARD_INDEX], a[PELVIS_INDEX], e.gravity)
+    update_pitch_estimate(unit, rate + noise[first], ahead + noise[first + 1], up + noise[first + 2], e.rates.period)
 
 
 def normal_force(e: Episode, leg: int) -> float:
     """Sum of the normal forces on the points of a foot in [N]."""
     total = 0.0
-    for number in range(leg * POINTS_PER_FOOT, (leg + 1) * POINTS_PER_FOOT):
+    for number in range(leg * N_POINTS_PER_FOOT, (leg + 1) * N_POINTS_PER_FOOT):
         _, normal = point_force(e, number)
         total += normal
     return total
@@ -65,6 +65,6 @@ def normal_force(e: Episode, leg: int) -> float:
 def point_force(e: Episode, number: int) -> tuple[float, float]:
     """Force of the ground on a point of a sole along the ground and at right angles to it, in [N]."""
     point, ground = e.points[number], e.ground
-    if SLOPED:
-        return along_slope(ground.slope_sine, ground.slope_cosine, point.forward, point.upward)
+    if WITH_SLOPE:
+        return resolve_along_slope(ground.slope_sine, ground.slope_cosine, point.forward, point.upward)
     return point.forward, point.upward

@@ -2,31 +2,31 @@
 
 import math
 
-from twin_gait.control.gait_controller import SUPERVISED, hear_command
+from twin_gait.control.gait_controller import WITH_SUPERVISOR, receive_walk_command
 from twin_gait.control.supervisor import NO_REQUEST
-from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, dragged_anchor
+from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, anchor_position
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import delayed_sample
-from twin_gait.core.plant import Stop, harness_pull, pitching_moment, seat_the_hips, seat_the_thigh
-from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
-from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Episode
+from twin_gait.core.plant import MechanicalStop, harness_pull, pitching_moment, seat_force_on_buttocks, seat_force_on_thigh
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, find_grid_interval, spastic_torque
+from twin_gait.simulation.episode import MIN_HIP_ANGLE, HIP_ANGLE_STEP, Episode
 from twin_gait.simulation.interface import noise_row
-from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SEATED, SHIFT
-from twin_gait.worlds.arm_policy import REACHES, move_arm
+from twin_gait.simulation.structure import WITH_ANKLES, N_CRUTCHES, FORWARD_INDEX, PELVIS_INDEX, PITCH_INDEX, WITH_SEAT, WEARER_OFFSET
+from twin_gait.worlds.arm_policy import REACHING_BACK, move_arm
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
 
 
-def command(e: Episode, tick: int) -> None:
+def update_commands(e: Episode, tick: int) -> None:
     """Let the belt follow its profile or come to rest after a trip; say what is asked for."""
     time = tick * e.rates.period
     trip_time = e.controller.trip.tick * e.rates.period if e.controller.trip.tick >= 0 else math.inf
     e.ground.belt_speed = treadmill_speed(e.belt, time, trip_time)
     if e.belt.ramp > 0.0:
-        hear_command(e.controller, walk_command(time, e.belt.start, e.belt.stop), tick)
-    if SUPERVISED:
+        receive_walk_command(e.controller, walk_command(time, e.belt.start, e.belt.stop), tick)
+    if WITH_SUPERVISOR:
         supervisor = e.controller.supervisor
         supervisor.request = NO_REQUEST
         for number in range(len(e.requests)):
@@ -34,54 +34,54 @@ def command(e: Episode, tick: int) -> None:
                 supervisor.request = e.requests[number].request
 
 
-def catch(e: Episode, tick: int) -> None:
+def lock_harness(e: Episode, tick: int) -> None:
     """In the tick of a trip the harness locks at the height of the wearer's pelvis, a stop from below."""
-    if PITCH >= 0:
+    if PITCH_INDEX >= 0:
         if e.controller.trip.tick == tick:
             harness = e.trunk.harness
-            _, cosine = sine_cosine(e.q[PITCH])
-            _lock(e, harness.stop, e.q[PELVIS] + harness.height * cosine)
-    elif PELVIS >= 0:
+            _, cosine = sine_cosine(e.q[PITCH_INDEX])
+            _lock(e, harness.stop, e.q[PELVIS_INDEX] + harness.height * cosine)
+    elif PELVIS_INDEX >= 0:
         if e.controller.trip.tick == tick:
-            _lock(e, e.plant[PELVIS + SHIFT].stop, e.q[PELVIS + SHIFT])
+            _lock(e, e.plant[PELVIS_INDEX + WEARER_OFFSET].stop, e.q[PELVIS_INDEX + WEARER_OFFSET])
 
 
-def _lock(e: Episode, stop: Stop, height: float) -> None:
+def _lock(e: Episode, stop: MechanicalStop, height: float) -> None:
     stop.lower = height
     stop.upper = math.inf
-    stop.stiffness = e.catch_stiffness
-    stop.dissipation = e.catch_dissipation
+    stop.stiffness = e.lock_stiffness
+    stop.dissipation = e.lock_dissipation
 
 
-def free_limb(e: Episode, number: int) -> None:
+def reset_external_torque(e: Episode, number: int) -> None:
     """Begin the sum of the torques from outside on a hip or knee of the wearer."""
-    e.external[e.limbs[number].place + SHIFT] = 0.0
+    e.external[e.limbs[number].index + WEARER_OFFSET] = 0.0
 
 
 def push(e: Episode, number: int) -> None:
     """Push a joint."""
-    e.external[e.joints[number].place] = e.joints[number].push
+    e.external[e.joints[number].index] = e.joints[number].push
 
 
-def push_leg(e: Episode, number: int, tick: int) -> None:
+def add_wearer_torques(e: Episode, number: int, tick: int) -> None:
     """Add the torques of the wearer on hip and knee of a leg."""
     first = number * LIMBS_PER_LEG
     thigh, shank = e.limbs[first], e.limbs[first + 1]
-    hip, knee, ankle = e.q[thigh.place + SHIFT], e.q[shank.place + SHIFT], 0.0
-    if ANKLES:
-        ankle = e.q[e.ankles[number] + SHIFT]
+    hip, knee, ankle = e.q[thigh.index + WEARER_OFFSET], e.q[shank.index + WEARER_OFFSET], 0.0
+    if WITH_ANKLES:
+        ankle = e.q[e.ankles[number] + WEARER_OFFSET]
     bent_hip = hip - thigh.condition.contracture
     bent_knee = knee - shank.condition.contracture
-    _wear(e, tick, first, passive_hip_torque(bent_hip, bent_knee), hip)
-    _wear(e, tick, first + 1, passive_knee_torque(bent_hip, bent_knee, ankle), hip)
+    _add_wearer_torque(e, tick, first, passive_hip_torque(bent_hip, bent_knee), hip)
+    _add_wearer_torque(e, tick, first + 1, passive_knee_torque(bent_hip, bent_knee, ankle), hip)
 
 
-def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
+def _add_wearer_torque(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
     """Add the wearer's torque on hip or knee; the effort comes with a delay."""
     limb, phase = e.limbs[number], e.controller.legs[number // LIMBS_PER_LEG].phase
-    condition, place = limb.condition, limb.place + SHIFT
+    condition, place = limb.condition, limb.index + WEARER_OFFSET
     moments = limb.moments[phase]
-    below, share = posture_place(hip, LOWEST_POSTURE, POSTURE_STEP, len(moments))
+    below, share = find_grid_interval(hip, MIN_HIP_ANGLE, HIP_ANGLE_STEP, len(moments))
     moment = moments[below] + share * (moments[below + 1] - moments[below])
     effort = delayed_sample(limb.effort_line, tick, condition.effort * condition.strength * moment)
     effort *= 1.0 + noise_row(e, tick)[len(e.joints) + number]
@@ -91,80 +91,80 @@ def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> Non
     e.external[place] += e.passive_moment[place] + effort
 
 
-def hold_trunk(e: Episode, q: list[float], v: list[float]) -> None:
+def add_trunk_forces(e: Episode, q: list[float], v: list[float]) -> None:
     """Add what harness and seat do to the torques."""
-    if PITCH >= 0:
-        pull_harness(e, q, v)
-    if SEATED:
-        press_seat(e, q, v)
+    if PITCH_INDEX >= 0:
+        add_harness_force(e, q, v)
+    if WITH_SEAT:
+        add_seat_forces(e, q, v)
 
 
-def pull_harness(e: Episode, q: list[float], v: list[float]) -> None:
+def add_harness_force(e: Episode, q: list[float], v: list[float]) -> None:
     """Add the pull of the harness to the torques of the pelvis."""
-    sine, cosine = sine_cosine(q[PITCH])
+    sine, cosine = sine_cosine(q[PITCH_INDEX])
     harness = e.trunk.harness
     ahead, up = harness.height * sine, harness.height * cosine
-    pull = harness_pull(harness, q[PELVIS] + up, v[PELVIS] - ahead * v[PITCH])
+    pull = harness_pull(harness, q[PELVIS_INDEX] + up, v[PELVIS_INDEX] - ahead * v[PITCH_INDEX])
     moment = pitching_moment(ahead, up, 0.0, pull)
-    e.plant[PELVIS].spring_torque += pull
-    e.plant[PITCH].spring_torque += moment
-    e.torque[PELVIS] += pull
-    e.torque[PITCH] += moment
+    e.plant[PELVIS_INDEX].spring_torque += pull
+    e.plant[PITCH_INDEX].spring_torque += moment
+    e.torque[PELVIS_INDEX] += pull
+    e.torque[PITCH_INDEX] += moment
 
 
-def press_seat(e: Episode, q: list[float], v: list[float]) -> None:
+def add_seat_forces(e: Episode, q: list[float], v: list[float]) -> None:
     """Add the forces of the seat on buttocks and thighs to the torques."""
     seat = e.seat
-    forward, upward, moment = seat_the_hips(seat, q[FORWARD], q[PELVIS], v[FORWARD], v[PELVIS], v[PITCH])
+    forward, upward, moment = seat_force_on_buttocks(seat, q[FORWARD_INDEX], q[PELVIS_INDEX], v[FORWARD_INDEX], v[PELVIS_INDEX], v[PITCH_INDEX])
     for hip in seat.hips:
-        sine, cosine = sine_cosine(q[hip] - q[PITCH])
-        fx, fz, lift = seat_the_thigh(
-            seat, sine, cosine, q[FORWARD], q[PELVIS], v[FORWARD], v[PELVIS], v[hip] - v[PITCH]
+        sine, cosine = sine_cosine(q[hip] - q[PITCH_INDEX])
+        fx, fz, lift = seat_force_on_thigh(
+            seat, sine, cosine, q[FORWARD_INDEX], q[PELVIS_INDEX], v[FORWARD_INDEX], v[PELVIS_INDEX], v[hip] - v[PITCH_INDEX]
         )
         e.torque[hip] += lift
         forward += fx
         upward += fz
         moment -= lift
-    e.torque[FORWARD] += forward
-    e.torque[PELVIS] += upward
-    e.torque[PITCH] += moment
+    e.torque[FORWARD_INDEX] += forward
+    e.torque[PELVIS_INDEX] += upward
+    e.torque[PITCH_INDEX] += moment
 
 
 def place_chair(e: Episode, tick: int) -> None:
     """Put the chair behind a standing wearer when the device announces that it will sit down."""
     leg, seat = e.controller.legs[0], e.seat
-    announced = e.chair_phases[leg.phase] == REACHES and leg.entry_tick == tick
-    if announced and e.q[PELVIS] > seat.height + 2.0 * seat.buttocks.thickness:
-        seat.forward = e.q[FORWARD] - seat.behind
+    announced = e.chair_phases[leg.phase] == REACHING_BACK and leg.entry_tick == tick
+    if announced and e.q[PELVIS_INDEX] > seat.height + 2.0 * seat.buttocks.thickness:
+        seat.front_edge = e.q[FORWARD_INDEX] - seat.standing_distance
 
 
-def push_tips(e: Episode, q: list[float], v: list[float]) -> None:
+def add_arm_forces(e: Episode, q: list[float], v: list[float]) -> None:
     """Forces of the arms, as torques from outside on trunk and tips."""
-    sine, cosine = sine_cosine(q[PITCH])
+    sine, cosine = sine_cosine(q[PITCH_INDEX])
     shoulder_ahead, shoulder_up = e.trunk.shoulder * sine, e.trunk.shoulder * cosine
     on_forward, on_pelvis, on_pitch = 0.0, 0.0, 0.0
-    for number in range(CRUTCHES):
+    for number in range(N_CRUTCHES):
         arm = e.arms[number]
-        ahead, up = q[arm.place] - q[FORWARD], q[arm.place + 1] - q[PELVIS]
+        ahead, up = q[arm.index] - q[FORWARD_INDEX], q[arm.index + 1] - q[PELVIS_INDEX]
         # As the trunk sees it, which turns about the hips.
-        forward = v[arm.place] - v[FORWARD] - up * v[PITCH]
-        upward = v[arm.place + 1] - v[PELVIS] + ahead * v[PITCH]
+        forward = v[arm.index] - v[FORWARD_INDEX] - up * v[PITCH_INDEX]
+        upward = v[arm.index + 1] - v[PELVIS_INDEX] + ahead * v[PITCH_INDEX]
         fx, fz = arm_force(arm, sine, cosine, ahead - shoulder_ahead, up - shoulder_up, forward, upward)
         on_forward -= fx
         on_pelvis -= fz
         on_pitch -= pitching_moment(ahead, up, fx, fz)
-        e.external[arm.place] = fx
-        e.external[arm.place + 1] = fz
-    e.external[FORWARD] = on_forward
-    e.external[PELVIS] = on_pelvis
-    e.external[PITCH] = on_pitch
+        e.external[arm.index] = fx
+        e.external[arm.index + 1] = fz
+    e.external[FORWARD_INDEX] = on_forward
+    e.external[PELVIS_INDEX] = on_pelvis
+    e.external[PITCH_INDEX] = on_pitch
 
 
-def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
+def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
     """Accelerations of the tips of the crutches, on the ground or in the air."""
-    for number in range(CRUTCHES):
+    for number in range(N_CRUTCHES):
         arm, ground = e.arms[number], e.ground
-        place, tip = arm.place, arm.tip
+        place, tip = arm.index, arm.tip
         tip.height = q[place + 1]
         tip.upward = contact_normal_force(-tip.height, -v[place + 1], ground.stiffness, ground.dissipation)
         tip.forward = anchored_friction_force(
@@ -175,40 +175,40 @@ def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
         e.contact_power += tip.forward * v[place] + tip.upward * v[place + 1]
 
 
-def drag_tips(e: Episode) -> None:
+def update_tip_anchors(e: Episode) -> None:
     """End a step of the tips: what slides takes the place with it where it sticks."""
-    for number in range(CRUTCHES):
+    for number in range(N_CRUTCHES):
         arm = e.arms[number]
-        arm.anchor = dragged_anchor(arm, e.q[arm.place], arm.tip.upward, e.ground.friction_coefficient)
+        arm.anchor = anchor_position(arm, e.q[arm.index], arm.tip.upward, e.ground.friction_coefficient)
 
 
-def use_crutches(e: Episode, tick: int) -> None:
+def update_arms(e: Episode, tick: int) -> None:
     """What the person feels, late, and does with the arms in this tick."""
     sense = e.sense
     stepping, chair = 0.0, 0.0
     for leg in e.controller.legs:
         stepping = max(stepping, e.swing_phases[leg.phase])
         chair = max(chair, e.chair_phases[leg.phase])
-    sense.lean = delayed_sample(sense.felt_lean, tick, e.q[PITCH])
-    sense.lean_rate = delayed_sample(sense.felt_rate, tick, e.v[PITCH])
-    sense.stepping = delayed_sample(sense.felt_stepping, tick, stepping)
-    sense.still = 0 if sense.stepping > 0.0 else sense.still + 1
-    sense.chair = delayed_sample(sense.felt_chair, tick, chair)
-    sine, _ = sine_cosine(e.q[PITCH])
-    shoulder = e.q[FORWARD] + e.trunk.shoulder * sine
-    for number in range(CRUTCHES):
+    sense.lean = delayed_sample(sense.lean_delay, tick, e.q[PITCH_INDEX])
+    sense.lean_rate = delayed_sample(sense.lean_rate_delay, tick, e.v[PITCH_INDEX])
+    sense.stepping = delayed_sample(sense.stepping_delay, tick, stepping)
+    sense.ticks_since_swing = 0 if sense.stepping > 0.0 else sense.ticks_since_swing + 1
+    sense.chair_state = delayed_sample(sense.chair_delay, tick, chair)
+    sine, _ = sine_cosine(e.q[PITCH_INDEX])
+    shoulder = e.q[FORWARD_INDEX] + e.trunk.shoulder * sine
+    for number in range(N_CRUTCHES):
         arm = e.arms[number]
-        ahead = delayed_sample(arm.felt_ahead, tick, e.q[arm.place] - shoulder)
-        load = delayed_sample(arm.felt_load, tick, arm.tip.upward)
-        move_arm(e.policy, sense, arm, e.arms[CRUTCHES - 1 - number], ahead, load)
+        ahead = delayed_sample(arm.distance_delay, tick, e.q[arm.index] - shoulder)
+        load = delayed_sample(arm.load_delay, tick, arm.tip.upward)
+        move_arm(e.policy, sense, arm, e.arms[N_CRUTCHES - 1 - number], ahead, load)
 
 
 def tip_energy(e: Episode) -> tuple[float, float]:
     """Kinetic and potential energy of the tips in [J]."""
     kinetic, potential = 0.0, 0.0
-    for number in range(CRUTCHES):
+    for number in range(N_CRUTCHES):
         arm: Arm = e.arms[number]
-        forward, upward = e.v[arm.place], e.v[arm.place + 1]
+        forward, upward = e.v[arm.index], e.v[arm.index + 1]
         kinetic += 0.5 * arm.mass * (forward * forward + upward * upward)
-        potential += arm.mass * e.gravity * e.q[arm.place + 1]
+        potential += arm.mass * e.gravity * e.q[arm.index + 1]
     return kinetic, potential

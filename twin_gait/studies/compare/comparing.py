@@ -18,7 +18,7 @@ from twin_gait.parameters.wearer import HEAVIEST_WEARER
 from twin_gait.simulation.run import Run
 from twin_gait.studies.batch import run_episodes, walking_wearer
 from twin_gait.studies.compare.measures import Measures, run_measures
-from twin_gait.studies.jobs import Watch
+from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.worlds.world import BELT_SPEED
 from twin_gait.yaml12 import load_yaml
 
@@ -33,7 +33,7 @@ TWINCARE_SHARE = 0.8
 
 
 @dataclass(frozen=True)
-class Controller:
+class ComparedController:
     """A controller of the legs in the comparison."""
 
     name: str  # name on the command line and in tables
@@ -42,19 +42,19 @@ class Controller:
     law: str  # control mode, the law from angle to torque
     colour: str  # colour of its curves
     adaptive: bool = False  # whether the assistance adapts from stride to stride
-    partial: bool = False  # whether a fixed share of the table acts
+    uses_partial_share: bool = False  # whether a fixed share of the table acts
 
-    def suits(self, experiment: Experiment) -> bool:
+    def can_drive(self, experiment: Experiment) -> bool:
         """Return whether the controller can drive the joints of an experiment."""
         control = replace(experiment.control, mode=ControlMode(self.law))
-        return not control.controller().refusal(experiment.joints)
+        return not control.controller().check_joints(experiment.joints)
 
-    def change(self, experiment: Experiment) -> Experiment:
+    def apply_to(self, experiment: Experiment) -> Experiment:
         """Return the same experiment with this controller."""
         assistance = AssistanceParameters()
-        if self.adaptive or self.partial:
+        if self.adaptive or self.uses_partial_share:
             assistance = replace(experiment.control.assistance, adaptive=self.adaptive)
-        if self.partial and assistance.is_full:
+        if self.uses_partial_share and assistance.is_full:
             shares = dict.fromkeys(experiment.joints, TWINCARE_SHARE)
             assistance = replace(assistance, share=shares)
         control = replace(experiment.control, mode=ControlMode(self.law), assistance=assistance)
@@ -62,10 +62,10 @@ class Controller:
 
 
 _ROWS = load_yaml(Path(__file__).with_name("controllers.yaml").read_text(encoding="utf-8"))
-CONTROLLERS = {name: Controller(name=name, **row) for name, row in _ROWS.items()}
+CONTROLLERS = {name: ComparedController(name=name, **row) for name, row in _ROWS.items()}
 
 
-def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
+def find_controllers(names: Sequence[str]) -> tuple[ComparedController, ...]:
     """Return controllers by name, such as ``table`` and ``position``.
 
     Raises ParameterError if there are no names, a name is unknown, or a name occurs twice.
@@ -88,7 +88,7 @@ class Comparison:
     """Results of a comparison of controllers."""
 
     experiment: Experiment  # common experiment of all controllers
-    controllers: tuple[Controller, ...]  # controllers in the order of the report
+    controllers: tuple[ComparedController, ...]  # controllers in the order of the report
     seeds: int  # number of days on which each was run; the first is the nominal one
     table: pd.DataFrame  # one row per run: ``controller``, ``seed`` and the numbers of run_measures
     runs: dict[str, Run]  # runs of the nominal day, by the name of the controller
@@ -118,7 +118,7 @@ def interval_of(values: pd.Series) -> Interval:
 
 
 def compare(
-    experiment: Experiment, controllers: Sequence[Controller], *, seeds: int = 1, **watch: Unpack[Watch]
+    experiment: Experiment, controllers: Sequence[ComparedController], *, seeds: int = 1, **watch: Unpack[WorkCallbacks]
 ) -> Comparison | None:
     """Run every controller on every day; the days are the same for all controllers.
 
@@ -127,20 +127,20 @@ def compare(
     """
     walking_wearer(experiment)
     require(seeds >= 1, "seeds", "1 or more", seeds)
-    asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
-    day_of, measure = partial(_on_day, experiment), partial(_measured, experiment.seed)
-    found = run_episodes(day_of, measure, asked, named=lambda place: asked[place][0].name, **watch)
-    if len(found) < len(asked):
+    jobs = [(controller, seed) for controller in controllers for seed in range(seeds)]
+    day_of, measure = partial(_make_sample, experiment), partial(_measured, experiment.seed)
+    found = run_episodes(day_of, measure, jobs, episode_name=lambda place: jobs[place][0].name, **watch)
+    if len(found) < len(jobs):
         return None
-    named = [{"controller": controller.name, "seed": seed} for controller, seed in asked]
+    named = [{"controller": controller.name, "seed": seed} for controller, seed in jobs]
     table = pd.DataFrame([name | row for name, (row, _) in zip(named, found, strict=True)])
-    nominal = {item.name: run for (item, _), (_, run) in zip(asked, found, strict=True) if run is not None}
+    nominal = {item.name: run for (item, _), (_, run) in zip(jobs, found, strict=True) if run is not None}
     return Comparison(experiment, tuple(controllers), seeds, table, nominal)
 
 
-def _on_day(experiment: Experiment, asked: tuple[Controller, int]) -> Experiment:
-    controller, seed = asked
-    return controller.change(varied(experiment, seed))
+def _make_sample(experiment: Experiment, job: tuple[ComparedController, int]) -> Experiment:
+    controller, seed = job
+    return controller.apply_to(draw_sample(experiment, seed))
 
 
 def _measured(nominal_seed: int, run: Run) -> tuple[dict[str, object], Run | None]:
@@ -150,7 +150,7 @@ def _measured(nominal_seed: int, run: Run) -> tuple[dict[str, object], Run | Non
     return row, run if run.experiment.seed == nominal_seed else None
 
 
-def varied(experiment: Experiment, seed: int) -> Experiment:
+def draw_sample(experiment: Experiment, seed: int) -> Experiment:
     """Return the experiment on another day; day 0 is the nominal one."""
     if seed == 0:
         return experiment
@@ -164,7 +164,7 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     patient = replace(patient, mass=min(HEAVIEST_WEARER, weight * patient.mass), conditions=conditions)
     friction = {joint: rough * plant.friction_ratio.get(joint, 1.0) for joint in plant.friction}
     plant = replace(plant, friction_ratio=friction)
-    if scenario.adjusts(BELT_SPEED):
-        scenario = scenario.adjusted(BELT_SPEED, fast * walking.speed)
+    if scenario.has_adjustments(BELT_SPEED):
+        scenario = scenario.replace_adjustment(BELT_SPEED, fast * walking.speed)
     seed += experiment.seed
     return replace(experiment, seed=seed, patient=patient, plant=plant, scenario=scenario)

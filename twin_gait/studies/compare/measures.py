@@ -10,7 +10,7 @@ from twin_gait.measures import effort, strides
 from twin_gait.measures.leg_record import LogColumns
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
-from twin_gait.measures.walk import counted_steps, ground_speed, wearer_powers
+from twin_gait.measures.walk import counted_step_times, ground_speed, wearer_powers
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import MeasuredLeg, continuous_current
 from twin_gait.simulation.run import Run
@@ -34,16 +34,16 @@ def run_measures(run: Run) -> Measures:
     if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs):
         return found
     pairs = zip(legs, reversed(legs), strict=True)
-    of_places = {str(leg.record.side): _gait(leg, other) for leg, other in pairs}
-    by_leg = pd.DataFrame(of_places).T
+    by_place = {str(leg.record.side): _gait(leg, other) for leg, other in pairs}
+    by_leg = pd.DataFrame(by_place).T
     places = [(leg, joint) for leg in legs for joint in leg.record.angles]
-    of_joints = {
+    joint_values = {
         (leg.record.side, joint): {**_shape(leg, joint), **_effort(leg, joint)} for leg, joint in places
     }
-    by_joint = pd.DataFrame(of_joints).T
-    of_places |= {f"{side}_{joint}": values for (side, joint), values in of_joints.items()}
-    of_places |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
-    found |= {f"{place}_{name}": value for place, row in of_places.items() for name, value in row.items()}
+    by_joint = pd.DataFrame(joint_values).T
+    by_place |= {f"{side}_{joint}": values for (side, joint), values in joint_values.items()}
+    by_place |= {str(joint): _means(rows) for joint, rows in by_joint.groupby(level=1)}
+    found |= {f"{place}_{name}": value for place, row in by_place.items() for name, value in row.items()}
     powers = pd.DataFrame([wearer_powers(run.columns, leg.record, leg.strides) for leg in legs]).sum(
         skipna=False
     )
@@ -58,12 +58,12 @@ def _means(rows: pd.DataFrame) -> Measures:
 def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
     own, others = leg.record, other.record
     assert own.loaded is not None and others.loaded is not None  # a run on the ground has loads
-    known, times = leg.by_contact(), strides.stride_times(leg.strides, TICK)
+    known, times = leg.contact_measures(), strides.stride_times(leg.strides, TICK)
     speed = ground_speed(leg.log, leg.strides, TICK)
     return {
         "stride_time_s": known["stride_time_mean_s"],
         "stride_length_m": strides.finite_mean(speed * times),
-        "step_time_s": strides.finite_mean(counted_steps(own, others, leg.strides)),
+        "step_time_s": strides.finite_mean(counted_step_times(own, others, leg.strides)),
         "double_support_share": known["double_support_share"],
         "toe_clearance_m": known["toe_clearance_least_m"],
     }
@@ -88,10 +88,10 @@ def _effort(leg: MeasuredLeg, joint: JointName) -> Measures:
     actuator = run.experiment.plant.actuators[joint]
     # A torque on the wearer works on the wearer's motion, which with braces differs from the device's motion.
     device, velocity, own, flowing = (
-        strides.over_strides(values, leg.strides)
+        strides.values_in_strides(values, leg.strides)
         for values in (
             _device_torque(leg.log, f"{side}_{joint}", actuator.armature),
-            leg.wearer_velocity(joint),
+            leg.wearer_joint_velocity(joint),
             leg.column(joint, "voluntary_torque_Nm"),
             leg.column(joint, "measured_current_A"),
         )

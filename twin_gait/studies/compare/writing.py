@@ -11,9 +11,9 @@ from twin_gait.files import write_atomically, write_json
 from twin_gait.report.canvas import draw_mean_cycles, write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import render
-from twin_gait.report.walk_words import lines_of, wearer_in_words
+from twin_gait.report.walk_words import format_table, describe_wearer
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.summary import versions
+from twin_gait.runs.summary import software_versions
 from twin_gait.studies.compare.comparing import Comparison, Interval
 from twin_gait.vocabulary import JointName, Outcome
 from twin_gait.yaml12 import load_yaml
@@ -24,7 +24,7 @@ RUNS_FILE, SUMMARY_FILE = "runs.csv", "compare.json"
 PICTURE = "compare"  # name of the PNG file without its suffix
 
 
-class Shown(NamedTuple):
+class MeasureFormat(NamedTuple):
     """Presentation of a measure in a report."""
 
     label: str  # name with its unit
@@ -34,18 +34,18 @@ class Shown(NamedTuple):
 
 
 @cache
-def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Shown]]:
+def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, MeasureFormat]]:
     """Return the measures that a report on these joints shows, by group and name."""
     others = set(JointName) - set(joints)
     text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
     groups = load_yaml(text)
     return {
-        group: {name: Shown(**row) for name, row in rows.items() if name.partition("_")[0] not in others}
+        group: {name: MeasureFormat(**row) for name, row in rows.items() if name.partition("_")[0] not in others}
         for group, rows in groups.items()
     }
 
 
-def text_of(found: Interval, shown: Shown) -> str:
+def format_interval(found: Interval, shown: MeasureFormat) -> str:
     """Format a number as the table shows it: ``12.3 ± 0.4``; a dash if there is none."""
     if math.isnan(found.mean):
         return "–"
@@ -57,58 +57,58 @@ def text_of(found: Interval, shown: Shown) -> str:
     return " ± ".join(texts).replace("-", "−")
 
 
-def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
+def write_comparison(comparison: Comparison, wearer: str, target: Path, *, force: bool = False) -> None:
     """Write the folder of a comparison; it appears when it is complete."""
     with staged_directory(target, COMPARISON, force=force) as staging:
-        pictures = write_pictures({PICTURE: partial(figure_of, comparison)}, staging)
-        write_atomically(staging / PAGE_FILE, page_of(comparison, who, pictures.written.get(PICTURE)))
+        pictures = write_pictures({PICTURE: partial(draw_comparison, comparison)}, staging)
+        write_atomically(staging / PAGE_FILE, render_comparison_page(comparison, wearer, pictures.written.get(PICTURE)))
         write_atomically(staging / RUNS_FILE, comparison.table.to_csv(index=False, lineterminator="\n"))
-        summary = {**summary_of(comparison, who), **failed_pictures(pictures.failed)}
+        summary = {**comparison_summary(comparison, wearer), **failed_pictures(pictures.failed)}
         write_json(staging / SUMMARY_FILE, summary)
 
 
 def subtitle_of(comparison: Comparison) -> str:
     """Return the wearer, the walk, its duration and the number of days, in one line."""
     experiment = comparison.experiment
-    described = ", ".join(wearer_in_words(experiment))
+    described = ", ".join(describe_wearer(experiment))
     return f"{described}, {experiment.duration:g} s, days: {comparison.seeds}"
 
 
-Rows = list[tuple[Shown, list[str]]]
+Rows = list[tuple[MeasureFormat, list[str]]]
 
 
-def rows_of(comparison: Comparison) -> dict[str, Rows]:
+def report_rows(comparison: Comparison) -> dict[str, Rows]:
     """Return the measures by group, each with its number for every controller."""
     names = [item.name for item in comparison.controllers]
-    walked = Shown(f"walked [of {comparison.seeds}]", 0, "runs to the end without a fall or a stop")
+    walked = MeasureFormat(f"walked [of {comparison.seeds}]", 0, "runs to the end without a fall or a stop")
     groups: dict[str, Rows] = {"runs": [(walked, [str(comparison.walked(name)) for name in names])]}
     for group, measures in shown_measures(comparison.experiment.joints).items():
         groups[group] = [
-            (shown, [text_of(comparison.interval(name, measure), shown) for name in names])
+            (shown, [format_interval(comparison.interval(name, measure), shown) for name in names])
             for measure, shown in measures.items()
         ]
     return groups
 
 
-def lines_of_comparison(comparison: Comparison) -> list[str]:
+def format_comparison(comparison: Comparison) -> list[str]:
     """Return the table of measures for a terminal, with the controllers' names on the command line."""
-    rows = [(shown.label, *cells) for group in rows_of(comparison).values() for shown, cells in group]
-    return list(lines_of([("", *(item.name for item in comparison.controllers)), *rows]))
+    rows = [(shown.label, *cells) for group in report_rows(comparison).values() for shown, cells in group]
+    return list(format_table([("", *(item.name for item in comparison.controllers)), *rows]))
 
 
-def page_of(comparison: Comparison, who: str, picture: bytes | None) -> str:
+def render_comparison_page(comparison: Comparison, wearer: str, picture: bytes | None) -> str:
     """Return the report as HTML."""
     content = {
         "title": "Controllers compared",
         "subtitle": subtitle_of(comparison),
         "controllers": comparison.controllers,
-        "groups": rows_of(comparison),
+        "groups": report_rows(comparison),
         "figure": picture,
     }
     return render("compare.html", content)
 
 
-def figure_of(comparison: Comparison) -> Figure:
+def draw_comparison(comparison: Comparison) -> Figure:
     """Draw the mean strides of all controllers that walked on the nominal day."""
     runs = {item.title: comparison.runs[item.name] for item in comparison.controllers}
     walked = {name: run for name, run in runs.items() if run.verdict.outcome is Outcome.WALKED}
@@ -116,15 +116,15 @@ def figure_of(comparison: Comparison) -> Figure:
     return draw_mean_cycles(comparison.experiment, walked, colours)
 
 
-def summary_of(comparison: Comparison, who: str) -> dict[str, Any]:
+def comparison_summary(comparison: Comparison, wearer: str) -> dict[str, Any]:
     """Return means and intervals as numbers, and the table of the report as texts."""
     names = [item.name for item in comparison.controllers]
-    rows = [row for group in rows_of(comparison).values() for row in group]
+    rows = [row for group in report_rows(comparison).values() for row in group]
     return {
-        "patient": who,
+        "patient": wearer,
         "subtitle": subtitle_of(comparison),
         "seeds": comparison.seeds,
-        "versions": versions(),
+        "versions": software_versions(),
         "controllers": {
             item.name: {"walked": comparison.walked(item.name), "numbers": comparison.numbers(item.name)}
             for item in comparison.controllers

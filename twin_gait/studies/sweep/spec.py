@@ -17,29 +17,29 @@ from pydantic import ConfigDict, Field, model_validator
 from twin_gait.configuration import validation
 from twin_gait.configuration.experiments import (
     LoadedExperiment,
-    beside,
+    resolve_path,
     experiment_from_mapping,
     load_experiment,
-    named_document,
+    load_named_document,
     resolved_document,
 )
-from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
+from twin_gait.configuration.validation import Count, Number, Strict, convert_with_context, validate
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import shipped_file
-from twin_gait.runs.own_files import FILES_FOLDER, StoredFile, files_of, stored_file
-from twin_gait.runs.summary import versions
-from twin_gait.simulation.problem import build_problem
+from twin_gait.runs.own_files import FILES_FOLDER, StoredFile, referenced_files, stored_file
+from twin_gait.runs.summary import software_versions
+from twin_gait.simulation.problem import build_setup
 from twin_gait.studies.batch import (
     FILES,
     SUMMARY_COLUMNS,
-    WHOLE,
+    REPLACEABLE_KEYS,
     Named,
     Override,
-    changed,
-    name_of,
+    apply_override,
+    value_to_text,
     named_file,
-    with_document,
+    attach_document,
 )
 from twin_gait.studies.jobs import sources_hash
 
@@ -64,7 +64,7 @@ class Range(Strict):
             raise ValueError(f"expected from above 0 on a log scale, got {self.start:g}")
         return self
 
-    def at(self, shares: np.ndarray) -> np.ndarray:
+    def values_at(self, shares: np.ndarray) -> np.ndarray:
         """Return the values at given fractions of the range."""
         if self.scale == "log":
             return np.asarray(self.start * (self.stop / self.start) ** shares)
@@ -116,7 +116,7 @@ class Sweep:
         originals = {file.name: str(file.path) for file in self.files}
         files = {given: originals.get(name, name) for given, name in self.document["files"].items()}
         known = {**self.document["named"], FILES: files}
-        return partial(_experiment_of, with_document(self.experiment), self.document["seed"], known)
+        return partial(_make_episode, attach_document(self.experiment), self.document["seed"], known)
 
 
 def load_sweep(path: Path, settings: Sequence[str] = ()) -> Sweep:
@@ -145,8 +145,8 @@ def sweep_from_mapping(
             raise ParameterFileError(source, "measures", problem)
     assignments = [f"{key}={json.dumps(value)}" for key, value in entry.settings.items()] + list(settings)
     loaded = _experiment(entry.experiment, assignments, source, folder)
-    overrides = overrides_of(entry, source)
-    own = files_of(loaded.experiment)
+    overrides = make_overrides(entry, source)
+    own = referenced_files(loaded.experiment)
     more = _override_files(entry.files, overrides, folder, len(own))
     document = {
         "schema_version": entry.schema_version,
@@ -157,7 +157,7 @@ def sweep_from_mapping(
         "measures": entry.measures,
         "named": _named(entry.named, overrides, folder / Path(source).name),
         "files": {given: file.name for given, file in more.items()},
-        "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
+        "provenance": {"sources_sha256": sources_hash(), "versions": software_versions()},
     }
     return Sweep(source, loaded.experiment, overrides, document, [*own, *more.values()])
 
@@ -176,12 +176,12 @@ def _override_files(
         if file is None or file.given in found:
             continue
         name = known.get(file.given, file.given)
-        path = Path(beside(folder, name))
+        path = Path(resolve_path(folder, name))
         path = path if path.is_file() else shipped_file(name) or path
         if not path.is_file():  # the check of its episode reports it
             continue
         stored = copies.get(path) or stored_file(file.section, path, f"{FILES_FOLDER}/{count + len(copies)}")
-        if stored.copied:
+        if stored.is_copied:
             copies[path] = stored
         found[file.given] = stored
     return found
@@ -189,12 +189,12 @@ def _override_files(
 
 def _named(known: Named, overrides: Sequence[Override], path: Path) -> Named:
     """Return the documents of the wearers and gait tables that the values name; once read they are kept."""
-    named = {key: dict(known.get(key, {})) for key in WHOLE}
+    named = {key: dict(known.get(key, {})) for key in REPLACEABLE_KEYS}
     for key, value in (item for override in overrides for item in override.items()):
-        if key in WHOLE and name_of(value) not in named[key]:
-            document = named_document(key, value, path)
+        if key in REPLACEABLE_KEYS and value_to_text(value) not in named[key]:
+            document = load_named_document(key, value, path)
             if document is not None:
-                named[key][name_of(value)] = document
+                named[key][value_to_text(value)] = document
     return named
 
 
@@ -202,8 +202,8 @@ def _experiment(
     given: str | Mapping[str, Any], assignments: Sequence[str], source: str, folder: Path
 ) -> LoadedExperiment:
     if isinstance(given, str):
-        beside = folder / given
-        return load_experiment(beside if beside.is_file() else given, assignments)
+        path = folder / given
+        return load_experiment(path if path.is_file() else given, assignments)
     document = dict(given)
     for keys, value in validation.parse_assignments(assignments):
         document = validation.assign(document, keys, value)
@@ -222,7 +222,7 @@ def _experiment_document(loaded: LoadedExperiment, files: Sequence[StoredFile]) 
     return document
 
 
-def overrides_of(entry: SweepFile, source: str) -> list[Override]:
+def make_overrides(entry: SweepFile, source: str) -> list[Override]:
     """Return the changes of each episode.
 
     In a grid the first key changes slowest. A Latin hypercube divides each range into as many slices as there
@@ -267,7 +267,7 @@ def _drawn(levels: Collection[Any], samples: int, seed: int) -> Iterator[tuple[A
 
     drawn = qmc.LatinHypercube(len(levels), rng=np.random.default_rng(seed)).random(samples)
     columns = (
-        item.at(shares).tolist()
+        item.values_at(shares).tolist()
         if isinstance(item, Range)
         else [item[int(share * len(item))] for share in shares.tolist()]
         for item, shares in zip(levels, drawn.T, strict=True)
@@ -275,18 +275,18 @@ def _drawn(levels: Collection[Any], samples: int, seed: int) -> Iterator[tuple[A
     return zip(*columns, strict=True)
 
 
-def _experiment_of(base: LoadedExperiment, seed: int, named: Named, episode: Episode) -> Experiment:
+def _make_episode(base: LoadedExperiment, seed: int, named: Named, episode: Episode) -> Experiment:
     """Return the experiment of an episode, with a seed of its own."""
     number, override = episode
     draws = np.random.SeedSequence(seed, spawn_key=(number,))
     own = {"seed": int(draws.generate_state(1, np.uint64)[0])}
-    return changed(replace(base, document=base.document | own), override, f"episode {number}", named)
+    return apply_override(replace(base, document=base.document | own), override, f"episode {number}", named)
 
 
-def check_episode(made: Callable[[Episode], Experiment], episode: Episode) -> None:
+def check_episode(make_experiment: Callable[[Episode], Experiment], episode: Episode) -> None:
     """Check the overrides of an episode; ``made`` is the function from :meth:`Sweep.maker`."""
-    experiment, (number, override) = made(episode), episode
+    experiment, (number, override) = make_experiment(episode), episode
     # A text may name a joint or phase that does not exist; numbers are checked by their ranges.
     plain = all(isinstance(value, int | float) for value in override.values())
     if number == 0 or not plain:
-        converting(f"episode {number}", "", partial(build_problem, experiment))
+        convert_with_context(f"episode {number}", "", partial(build_setup, experiment))

@@ -21,16 +21,16 @@ import pandas as pd
 import pyarrow as pa
 
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.exceptions import JobFailed, ParameterFileError, RunDirectoryError
+from twin_gait.exceptions import JobError, ParameterFileError, RunDirectoryError
 from twin_gait.files import read_text, require_parquet, write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
-from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, sweep_figures, values_of
-from twin_gait.runs.folders import FolderKind, check_target, hold, staged_directory
+from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, sweep_figures, measure_values
+from twin_gait.runs.folders import FolderKind, check_target, try_lock, staged_directory
 from twin_gait.runs.own_files import store_files
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies import batch
-from twin_gait.studies.jobs import Stop, Watch, run_jobs
+from twin_gait.studies.jobs import Stop, WorkCallbacks, run_jobs
 from twin_gait.studies.sweep.spec import Sweep, check_episode
 from twin_gait.studies.workers import Workers
 
@@ -43,14 +43,14 @@ SWEEP = FolderKind("a sweep", SPEC_FILE)
 CHECKED_HERE = 2000
 
 
-def _kept(directory: Path) -> pd.DataFrame:
+def _read_finished_rows(directory: Path) -> pd.DataFrame:
     """Return the rows of all finished episodes by their numbers, from the table and from the parts."""
     files = [*directory.glob(TABLE_FILE), *sorted((directory / PARTS_FOLDER).glob("[!.]*"))]
     rows = pd.concat([pd.DataFrame({"episode": []}, dtype=int), *map(read_table, files)])
     return rows.drop_duplicates("episode").set_index("episode").sort_index()
 
 
-def _keep(directory: Path, rows: Mapping[int, batch.Flat]) -> None:
+def _store_rows(directory: Path, rows: Mapping[int, batch.FlatSummary]) -> None:
     """Write the summaries of some episodes to a part of their own."""
     if rows:
         episodes, parts = sorted(rows), directory / PARTS_FOLDER
@@ -64,7 +64,7 @@ def _merge(directory: Path, sweep: Sweep) -> None:
     """Merge all stored rows into the table; the names and values of its settings come from the sweep."""
     write_parquet(
         directory / TABLE_FILE,
-        batch.table_of(sweep.overrides, _kept(directory)),
+        batch.results_table(sweep.overrides, _read_finished_rows(directory)),
         schema_version=str(TABLE_SCHEMA_VERSION),
         sweep=json.dumps(sweep.document),
     )
@@ -72,7 +72,7 @@ def _merge(directory: Path, sweep: Sweep) -> None:
 
 
 @contextlib.contextmanager
-def _opened(directory: Path, sweep: Sweep) -> Iterator[None]:
+def _lock_sweep_folder(directory: Path, sweep: Sweep) -> Iterator[None]:
     """Open or create the folder of a sweep; no other process can open it meanwhile.
 
     Raises RunDirectoryError if the folder is in use or cannot be written.
@@ -81,13 +81,13 @@ def _opened(directory: Path, sweep: Sweep) -> Iterator[None]:
         with staged_directory(directory, SWEEP, force=True) as staging:
             store_files(sweep.files, staging)
             write_atomically(staging / SPEC_FILE, dump_yaml(dict(sweep.document)))
-    held = hold(directory)
-    if held is None:
+    lock = try_lock(directory)
+    if lock is None:
         raise RunDirectoryError(f"{directory}: another process is at work on this sweep")
     try:
         yield
     finally:
-        os.close(held)
+        os.close(lock)
 
 
 def check_directory(directory: Path, sweep: Sweep) -> None:
@@ -100,7 +100,7 @@ def check_directory(directory: Path, sweep: Sweep) -> None:
             " libraries, whose rows would not be comparable; choose another --out"
         )
     for file in sweep.files if spec.is_file() else ():
-        if not file.is_in(directory):
+        if not file.is_stored_in(directory):
             raise RunDirectoryError(
                 f"{directory}: was begun with another {file.path.name} than {file.path}; choose another --out"
             )
@@ -133,7 +133,7 @@ def run_sweep(
     *,
     workers: Workers | None = None,
     pictures: bool = True,
-    **watch: Unpack[Watch],
+    **watch: Unpack[WorkCallbacks],
 ) -> SweepResult:
     """Run a sweep, or resume it after it was stopped or killed.
 
@@ -150,15 +150,15 @@ def run_sweep(
     check_directory(directory, sweep)
     if not (directory / SPEC_FILE).is_file():
         check_sweep(sweep, workers, watch.get("should_stop"))
-    with _opened(directory, sweep):
-        done = set(_kept(directory).index)
+    with _lock_sweep_folder(directory, sweep):
+        done = set(_read_finished_rows(directory).index)
         try:
             _run(sweep, directory, done, workers, **watch)
         finally:
             _merge(directory, sweep)
         table = read_table(directory / TABLE_FILE)
         status = RunStatus.COMPLETED if len(table) == len(sweep.overrides) else RunStatus.INTERRUPTED
-        measured = {name: np.isfinite(values_of(table, name)).any() for name in sweep.document["measures"]}
+        measured = {name: np.isfinite(measure_values(table, name)).any() for name in sweep.document["measures"]}
         summary = {
             "name": sweep.document["name"],
             "status": status,
@@ -185,31 +185,31 @@ def run_sweep(
 def check_sweep(sweep: Sweep, workers: Workers, should_stop: Stop | None = None) -> None:
     """Check the overrides of every episode without running any; an error names the episode and its key."""
     check, episodes = partial(check_episode, sweep.maker()), list(enumerate(sweep.overrides))
-    hands = workers if len(episodes) > CHECKED_HERE else 1
+    check_workers = workers if len(episodes) > CHECKED_HERE else 1
     try:
-        checked = run_jobs(check, episodes, workers=hands, should_stop=should_stop)
-    except JobFailed as error:
+        checked = run_jobs(check, episodes, workers=check_workers, should_stop=should_stop)
+    except JobError as error:
         raise ParameterFileError(sweep.source, "", error.problem) from error
     if len(checked) < len(episodes):
         raise KeyboardInterrupt
 
 
 def _run(
-    sweep: Sweep, directory: Path, done: Collection[int], workers: Workers, **watch: Unpack[Watch]
+    sweep: Sweep, directory: Path, done: Collection[int], workers: Workers, **watch: Unpack[WorkCallbacks]
 ) -> None:
     """Run the episodes that are not finished yet."""
     pending = [episode for episode in enumerate(sweep.overrides) if episode[0] not in done]
-    tell = watch.get("progress") or (lambda number, total: None)
-    tell(len(done), len(sweep.overrides))
+    report = watch.get("progress") or (lambda number, total: None)
+    report(len(done), len(sweep.overrides))
     batch.run_episodes(
         sweep.maker(),
         batch.flat_summary,
         pending,
-        columns=batch.READ_IN_BRIEF,
+        columns=batch.SUMMARY_LOG_COLUMNS,
         workers=workers,
-        keep=lambda rows: _keep(directory, {pending[place][0]: flat for place, flat in rows.items()}),
-        named=lambda place: f"{sweep.source}: episode {pending[place][0]}",
-        **watch | {"progress": lambda number, _: tell(len(done) + number, len(sweep.overrides))},
+        on_results=lambda rows: _store_rows(directory, {pending[place][0]: flat for place, flat in rows.items()}),
+        episode_name=lambda place: f"{sweep.source}: episode {pending[place][0]}",
+        **watch | {"progress": lambda number, _: report(len(done) + number, len(sweep.overrides))},
     )
 
 
@@ -225,7 +225,7 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> dict[str
 
     Returns the reason of each figure that could not be drawn, by name.
     """
-    parameters = [str(name) for name in batch.settings_of(sweep.overrides)]
+    parameters = [str(name) for name in batch.settings_table(sweep.overrides)]
     title = sweep.document["name"].replace("_", " ")
     measures = (WALKED, *(sweep.document["measures"] or DEFAULT_MEASURES))
     counts = _outcomes(table).items()

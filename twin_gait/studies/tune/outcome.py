@@ -16,14 +16,14 @@ from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.report.canvas import write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
-from twin_gait.report.tune import drawings_of, page
+from twin_gait.report.tune import tuning_drawings, page
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.summary import versions
+from twin_gait.runs.summary import software_versions
 from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.batch import walking_wearer
-from twin_gait.studies.tune.parts import AIM, EXCESS, HELD_TO, WORST, Rating, nominal_cost, part_costs
-from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, tune
-from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, standing, table_of, walker
+from twin_gait.studies.tune.parts import EXCESS_THRESHOLD, EXCESS, ERROR_EXCESS_WEIGHT, WORST, Rating, nominal_cost, term_costs
+from twin_gait.studies.tune.tune import Finalist, TuningSettings, Tuning, tune
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, table_performance, table_from_document, walker
 from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE = "table.yaml", "tune.json", "report.html"
@@ -40,7 +40,7 @@ def choose(tuning: Tuning) -> tuple[Finalist, dict[str, int]]:
     Raises ParameterError if no table passes the check.
     """
     for finalist in tuning.ranked:
-        findings = check(build_case(table_of(finalist.table), tuning.experiment))
+        findings = check(build_case(table_from_document(finalist.table), tuning.experiment))
         if not any(item.severity is Severity.ERROR for item in findings):
             return finalist, counts(findings)
     raise ParameterError(
@@ -62,9 +62,9 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     Raises:
         ParameterError: If there is nothing to tune, or no table passes the check.
     """
-    tuning = tune(experiment, Settings(**settings), workers=workers)
+    tuning = tune(experiment, TuningSettings(**settings), workers=workers)
     assert tuning is not None  # there is no should_stop
-    return table_of(choose(tuning)[0].table)
+    return table_from_document(choose(tuning)[0].table)
 
 
 def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = False) -> dict[str, Any]:
@@ -83,14 +83,14 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
     if finalist.points is None:
         origin = f"The table {start} as it was: the search found nothing better for {wearer}."
     table = {**finalist.table, "name": f"{start}_tuned", "description": origin}
-    result = outcome(tuning, finalist, wearer) | {"check": found}
+    result = result_document(tuning, finalist, wearer) | {"check": found}
     walked = walker(tuning.experiment, duration=tuning.settings.robust_duration)
     runs = {
-        name: simulate(replace(walked, table=table_of(document)))
-        for name, document in (("before", tuning.before.table), ("after", table))
+        name: simulate(replace(walked, table=table_from_document(document)))
+        for name, document in (("before", tuning.initial.table), ("after", table))
     }
     with staged_directory(directory, TUNING, force=force) as staging:
-        drawings = drawings_of(result, tuning.experiment, runs)
+        drawings = tuning_drawings(result, tuning.experiment, runs)
         pictures = write_pictures(drawings, staging / FIGURES_FOLDER)
         write_atomically(staging / REPORT_FILE, page(result, pictures.written))
         result |= failed_pictures(pictures.failed)
@@ -99,9 +99,9 @@ def write_tuning(tuning: Tuning, directory: Path, *, wearer: str, force: bool = 
     return result
 
 
-def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
+def result_document(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
     """Return the content of ``tune.json`` without the findings of the check."""
-    experiment, settings, before = tuning.experiment, tuning.settings, tuning.before
+    experiment, settings, before = tuning.experiment, tuning.settings, tuning.initial
     speed, generations = walking_wearer(experiment)[0].speed, tuning.generations
     names = list(tuning.search_cases)
     return {
@@ -117,7 +117,7 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
         "walk_s": settings.robust_duration,
         "worst_cost": WORST,
         "nominal_weight": NOMINAL_WEIGHT,
-        "excess": {"aim": AIM, "weight": EXCESS, "weight_of_errors": HELD_TO},
+        "excess": {"aim": EXCESS_THRESHOLD, "weight": EXCESS, "weight_of_errors": ERROR_EXCESS_WEIGHT},
         "cost": {"before": before.cost, "after": after.cost},
         "robust_set": [
             {"case": name, "before": _walk(before.walks[name], number), "after": _walk(walk, number)}
@@ -126,8 +126,8 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
         "trade_offs": {
             "cases": names[1:],
             "candidates": [item for generation in generations for item in generation.tried],
-            "before": standing([before.walks[name] for name in names]),
-            "after": standing([after.walks[name] for name in names]),
+            "before": table_performance([before.walks[name] for name in names]),
+            "after": table_performance([after.walks[name] for name in names]),
         },
         "parameters": _parameters(tuning, after),
         "convergence": [item.cost for item in generations],
@@ -136,16 +136,16 @@ def outcome(tuning: Tuning, after: Finalist, wearer: str) -> dict[str, Any]:
             "generations": len(generations) - 1,  # the first is the start
             "candidates": sum(len(item.tried) for item in generations),
             "elapsed_s": tuning.elapsed,
-            "versions": versions(),
+            "versions": software_versions(),
         },
     }
 
 
 def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
     """Return the named parts before and after, each with its verdict."""
-    first, second = (part_costs(walk.values, walk.joints) for walk in (before, after))
+    first, second = (term_costs(walk.values, walk.joints) for walk in (before, after))
     found = []
-    for part in before.parts:
+    for part in before.terms:
         was, now = before.values[part.name], after.values[part.name]
         costs = {"cost_before": first[part.name], "cost_after": second[part.name]}
         told = {"before": was, "after": now, **costs, "verdict": verdict(was, now, part.goal)}
@@ -168,7 +168,7 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
 def _walk(walk: Rating, number: int) -> dict[str, Any]:
     """Return a walk of the robust set as a mapping; number 0 is the nominal one."""
     cost = walk.cost if number else nominal_cost(walk)
-    return {"cost": cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
+    return {"cost": cost, "fell": walk.fell, "lasted_share": walk.lasted_share, **walk.values}
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:

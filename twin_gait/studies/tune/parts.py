@@ -32,13 +32,13 @@ WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
 # Weights of the excess over a goal, without which the search trades one goal for another; the goals of the
 # errors have the larger weight.
-HELD_TO, EXCESS = 20.0, 6.0
-AIM = 0.9  # fraction of a goal beyond which the excess counts, slightly better than the goal
+ERROR_EXCESS_WEIGHT, EXCESS = 20.0, 6.0
+EXCESS_THRESHOLD = 0.9  # fraction of a goal beyond which the excess counts, slightly better than the goal
 NEEDED_CLEARANCE = 15.0  # [mm]; a lower clearance of the toe is a part of the objective
 
 
 @dataclass(frozen=True)
-class Part:
+class ObjectiveTerm:
     """One part of the objective."""
 
     name: str  # key in files
@@ -49,17 +49,17 @@ class Part:
     excess: float = EXCESS  # weight e of the excess over the goal, see nominal_cost
 
 
-SAMPLES_APART = 5  # [%] of a stride; distance between the sampled deviations
+SAMPLE_SPACING = 5  # [%] of a stride; distance between the sampled deviations
 _ROWS = load_yaml(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
 ERRORS = {
-    JointName(joint): Part(f"{joint}_error_deg", excess=HELD_TO, **row)
+    JointName(joint): ObjectiveTerm(f"{joint}_error_deg", excess=ERROR_EXCESS_WEIGHT, **row)
     for joint, row in _ROWS["errors"].items()
 }
 _CARRIED_ANKLE = replace(ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
-_OTHERS, _FREE = ([Part(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk"))
+_OTHERS, _FREE = ([ObjectiveTerm(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk"))
 
 
-def parts_of(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[Part, ...]:
+def objective_terms(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[ObjectiveTerm, ...]:
     """Return the parts of the objective: first the errors of the joints that the table drives, in its order.
 
     An ankle that the table does not drive has a small weight.
@@ -69,10 +69,10 @@ def parts_of(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[Part, 
     return (*errors, *_OTHERS, *carried, *(_FREE if free_trunk else ()))
 
 
-def part_values(run: Run) -> dict[str, float | None]:
+def term_values(run: Run) -> dict[str, float | None]:
     """Compute the value of each part of a walk, none below zero; None if there are too few strides."""
     legs, walks = [MeasuredLeg(run, record) for record in run.leg_records()], run.walk_measures()
-    contacts = [leg.by_contact() for leg in legs]
+    contacts = [leg.contact_measures() for leg in legs]
     found = [
         _leg_values(leg, contact, walks[leg.record.side]) for leg, contact in zip(legs, contacts, strict=True)
     ]
@@ -93,7 +93,7 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
     limits = [leg.saturation(joint)["saturated_share"] for joint in joints]
     switches = [leg.torque_at_switches(joint) for joint in joints]
-    apart = leg.errors().get("errors", {})
+    apart = leg.error_parts().get("errors", {})
     errors = {f"{joint}_error_deg": parts["total_deg"] for joint, parts in apart.items()}
     offsets = [abs(parts["offset_deg"]) for joint, parts in apart.items() if joint in joints]
     return {
@@ -147,7 +147,7 @@ class Rating(NamedTuple):
     cost: float  # J of the module
     values: dict[str, float | None]  # values of the parts
     fell: bool  # whether it ended by a fall or a trip of the safety monitor, or diverged
-    lasted: float  # fraction of the time
+    lasted_share: float  # fraction of the time
     # deviations of the mean strides from the reference, over goals; their squares add up to approximately
     # the squared errors, averaged over both legs. Empty if a leg made no stride
     deviations: tuple[float, ...] = ()
@@ -155,14 +155,14 @@ class Rating(NamedTuple):
     joints: tuple[str, ...] = (JointName.HIP, JointName.KNEE)  # joints that the table drives
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def terms(self) -> tuple[ObjectiveTerm, ...]:
         """Parts of the objective for this walk."""
-        return parts_of(self.joints, free_trunk=_FREE[0].name in self.values)
+        return objective_terms(self.joints, free_trunk=_FREE[0].name in self.values)
 
 
 def rate_walk(run: Run) -> Rating:
     """Rate a walk for the tuning: cost, values of the parts, and further properties."""
-    values, joints = part_values(run), tuple(run.table.joints)
+    values, joints = term_values(run), tuple(run.table.joints)
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
@@ -173,7 +173,7 @@ def rate_walk(run: Run) -> Rating:
 
 
 def walk_cost(
-    values: Mapping[str, float | None], lasted: float, fell: bool, joints: tuple[str, ...]
+    values: Mapping[str, float | None], lasted_share: float, fell: bool, joints: tuple[str, ...]
 ) -> float:
     """Compute the cost of a walk with these values that lasted for a fraction of the time.
 
@@ -181,16 +181,16 @@ def walk_cost(
     costs its weight.
     """
     if fell:
-        return WORST + (FALL - WORST) * (1.0 - lasted)
+        return WORST + (FALL - WORST) * (1.0 - lasted_share)
     if any(values[f"{joint}_error_deg"] is None for joint in joints):
         return WORST
-    return min(WORST, sum(part_costs(values, joints).values()))
+    return min(WORST, sum(term_costs(values, joints).values()))
 
 
-def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
+def term_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
     """Compute the cost of each part; its weight if it is not defined."""
     costs = {}
-    for part in parts_of(joints, free_trunk=_FREE[0].name in values):
+    for part in objective_terms(joints, free_trunk=_FREE[0].name in values):
         value = values[part.name]
         ratio = 1.0 if value is None else value / part.goal
         costs[part.name] = part.weight * ratio * ratio
@@ -209,7 +209,7 @@ def nominal_cost(walk: Rating) -> float:
     """
     if walk.fell or not walk.deviations:
         return walk.cost
-    total = walk.cost + sum(lack * lack for lack in _lacks(walk))
+    total = walk.cost + sum(lack * lack for lack in _excess_residuals(walk))
     half = 0.5 * WORST
     return total if total <= half else WORST - half * half / total
 
@@ -221,16 +221,16 @@ def residuals(walk: Rating) -> np.ndarray:
     """
     if walk.fell or not walk.deviations:
         return np.zeros(0)
-    costs = part_costs(walk.values, walk.joints)
-    others = [math.sqrt(costs[part.name]) for part in walk.parts[len(walk.joints) :]]
-    return np.array([*walk.deviations, *others, *_lacks(walk)])
+    costs = term_costs(walk.values, walk.joints)
+    others = [math.sqrt(costs[part.name]) for part in walk.terms[len(walk.joints) :]]
+    return np.array([*walk.deviations, *others, *_excess_residuals(walk)])
 
 
-def _lacks(walk: Rating) -> list[float]:
+def _excess_residuals(walk: Rating) -> list[float]:
     """Compute the roots of the cost of each part beyond ``AIM`` of its goal; 0 for undefined parts."""
-    ratios = ((walk.values[part.name] or 0.0) / part.goal for part in walk.parts)
+    ratios = ((walk.values[part.name] or 0.0) / part.goal for part in walk.terms)
     return [
-        math.sqrt(part.excess) * max(0.0, ratio - AIM) for part, ratio in zip(walk.parts, ratios, strict=True)
+        math.sqrt(part.excess) * max(0.0, ratio - EXCESS_THRESHOLD) for part, ratio in zip(walk.terms, ratios, strict=True)
     ]
 
 
@@ -247,6 +247,6 @@ def _deviations(run: Run) -> tuple[float, ...]:
             reference = reference_cycle(run.experiment, joint)
             if not len(cycles) or reference is None:
                 return ()
-            apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLES_APART]
+            apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLE_SPACING]
             found += (apart / (ERRORS[joint].goal * math.sqrt(len(legs) * len(apart)))).tolist()
     return tuple(found)

@@ -31,8 +31,8 @@ PARTS_OF_STEPS = (1.0, 0.5)
 MEMORY = 0.5  # weight of the earlier slopes
 # If a move multiplies the cost by more than this, it leads to another kind of gait, whose slope is ignored.
 OTHER_GAIT = 4.0
-_ROOM = 1e-9
-PATIENCE = 8  # generations without a gain after which the search ends
+_BOUND_MARGIN = 1e-9
+MAX_GENERATIONS_WITHOUT_GAIN = 8  # generations without a gain after which the search ends
 
 
 class Generation(NamedTuple):
@@ -59,7 +59,7 @@ class Descent:
     @property
     def has_ended(self) -> bool:
         """Whether the search has ended without further gain."""
-        return self.generation - self.gained >= PATIENCE
+        return self.generation - self.gained >= MAX_GENERATIONS_WITHOUT_GAIN
 
     def neighbours(self) -> list[list[float]]:
         """Return the points with one number moved, up or down in alternation.
@@ -73,7 +73,7 @@ class Descent:
             found.append([*self.point[:place], moved, *self.point[place + 1 :]])
         return found
 
-    def learn(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray]) -> None:
+    def update_slopes(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray]) -> None:
         """Update the slopes from the neighbours; slopes to another kind of gait count as 0."""
         own = self.residuals
         slopes = np.zeros((len(neighbours), len(own)))
@@ -82,7 +82,7 @@ class Descent:
                 slopes[place] = (there - own) / (neighbour[place] - self.point[place])
         self.slopes = slopes if self.slopes is None else MEMORY * self.slopes + (1.0 - MEMORY) * slopes
 
-    def steps(self) -> list[tuple[float, list[float]]]:
+    def candidate_steps(self) -> list[tuple[float, list[float]]]:
         """Return dampings, and the points to which their steps lead, in full and in part.
 
         Returns none before the table walks.
@@ -94,12 +94,12 @@ class Descent:
         for damping in (factor * self.damping for factor in FACTORS):
             damped = np.vstack((self.slopes.T, damping * np.eye(len(point))))
             # The solver needs a distance between the bounds, also for a number whose range is a single value.
-            step = lsq_linear(damped, wanted, (-point - _ROOM, 1.0 - point + _ROOM)).x
+            step = lsq_linear(damped, wanted, (-point - _BOUND_MARGIN, 1.0 - point + _BOUND_MARGIN)).x
             for part in PARTS_OF_STEPS:
                 found.append((damping, np.clip(point + part * step, 0.0, 1.0).tolist()))
         return found
 
-    def go_to(self, point: list[float], cost: float, residuals: np.ndarray, damping: float | None) -> None:
+    def accept_step(self, point: list[float], cost: float, residuals: np.ndarray, damping: float | None) -> None:
         """Continue from another point, for the gain of a step with some damping, or of a neighbour."""
         self.point, self.cost = point, cost
         if len(residuals) != len(self.residuals):
@@ -110,7 +110,7 @@ class Descent:
         self.generation += 1
         self.gained = self.generation
 
-    def stay(self) -> None:
+    def reject_steps(self) -> None:
         """Continue without a gain: decrease the reach and increase the damping."""
         self.reach = max(LEAST_REACH, 0.6 * self.reach)
         self.damping = min(DAMPINGS[1], 2.0 * self.damping)

@@ -18,15 +18,15 @@ from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.sections import rounded
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
-from twin_gait.gait.signals import ANGLE, signal_of
+from twin_gait.gait.signals import ANGLE, find_signal
 from twin_gait.gait.table import BlendingLaw, GaitTable
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.yaml12 import load_yaml
 
-_PER_DEGREE = 180.0 / math.pi
+_DEGREES_PER_RADIAN = 180.0 / math.pi
 _BOUNDS = load_yaml(Path(__file__).with_name("bounds.yaml").read_text(encoding="utf-8"))
-_BOUNDS["friction_compensation_gain"] |= {"lower": GAIN_RANGE.least, "upper": GAIN_RANGE.most}
-_BOUNDS["ankle_stiffness_Nm_per_deg"]["upper"] = STIFFNESS_RANGES[JointName.ANKLE].most
+_BOUNDS["friction_compensation_gain"] |= {"lower": GAIN_RANGE.low, "upper": GAIN_RANGE.high}
+_BOUNDS["ankle_stiffness_Nm_per_deg"]["upper"] = STIFFNESS_RANGES[JointName.ANKLE].high
 
 
 @dataclass(frozen=True)
@@ -69,16 +69,16 @@ def editable_document(table: GaitTable) -> dict[str, Any]:
     for phases in (document["phases"], *document.get("sides", {}).values()):
         for phase in phases.values():
             for joint in table.joints:
-                phase[joint] = _in_degrees(phase[joint])
+                phase[joint] = _convert_to_degrees(phase[joint])
     return document
 
 
-def with_own_sides(table: GaitTable) -> GaitTable:
+def split_sides(table: GaitTable) -> GaitTable:
     """Return the same table with every phase written for each side, so that a search can change one leg."""
     return replace(table, side_phases={side: table.phases_of(side) for side in Side})
 
 
-def parameters_of(
+def tunable_parameters(
     table: GaitTable, *, thresholds: bool = True, blending: bool = True
 ) -> tuple[Parameter, ...]:
     """Return the numbers of a table that can be tuned, in the order of the table.
@@ -106,7 +106,7 @@ def parameters_of(
     return tuple(found)
 
 
-def table_with(
+def apply_coordinates(
     document: Mapping[str, Any], parameters: Sequence[Parameter], coordinates: Sequence[float] | np.ndarray
 ) -> dict[str, Any]:
     """Put other numbers (coordinates from 0 to 1) into a copy of a document of :func:`editable_document`."""
@@ -121,12 +121,12 @@ def table_with(
     return dict(changed)
 
 
-def _in_degrees(entry: Mapping[str, float]) -> dict[str, float]:
+def _convert_to_degrees(entry: Mapping[str, float]) -> dict[str, float]:
     """Convert an impedance to stiffness and equilibrium in degrees."""
     damping = [key for key in entry if key.startswith("damping")]
     return {
-        "stiffness_Nm_per_deg": rounded(entry["stiffness_Nm_per_rad"] / _PER_DEGREE),
-        "equilibrium_deg": rounded(entry["equilibrium_rad"] * _PER_DEGREE),
+        "stiffness_Nm_per_deg": rounded(entry["stiffness_Nm_per_rad"] / _DEGREES_PER_RADIAN),
+        "equilibrium_deg": rounded(entry["equilibrium_rad"] * _DEGREES_PER_RADIAN),
         **{key: entry[key] for key in (*damping, "friction_compensation_gain")},
     }
 
@@ -159,6 +159,6 @@ def _thresholds(guard: Guard, path: tuple[str | int, ...], cause: str) -> Iterat
         path = (*path, "all" if isinstance(guard, AllOf) else "any")
         for index, inner in enumerate(guard.guards):
             yield from _thresholds(inner, (*path, index), cause)
-    elif isinstance(guard, Comparison) and signal_of(guard.signal) is ANGLE:
+    elif isinstance(guard, Comparison) and find_signal(guard.signal) is ANGLE:
         left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
         yield _parameter(path, guard.threshold, "threshold", f"{cause}: {left} {guard.operator}", guard)

@@ -11,13 +11,13 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import quantities
-from twin_gait.simulation.simulator import compile_ahead
+from twin_gait.simulation.simulator import precompile
 from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
-from twin_gait.studies.tune.walks import cases_of, in_case, standing, table_of, walker, weighted_cost
+from twin_gait.studies.tune.walks import build_cases, with_table, table_performance, table_from_document, walker, weighted_cost
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED
 
@@ -26,11 +26,11 @@ SEARCH_SHARE = 0.75
 SEARCH_WALKS = 1000  # least number of walks for which loops are compiled
 RACED = 6  # number of candidates of a generation, the best of the nominal walk, that walk all cases
 FINALISTS = 5  # number of tables from the search, in addition to the initial table
-Tell = Callable[[str], None]
+ReportFunction = Callable[[str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(quantities.Parameters):
+class TuningSettings(quantities.Parameters):
     """Settings of a tuning.
 
     Attributes:
@@ -48,12 +48,12 @@ class Settings(quantities.Parameters):
     """
 
     minutes: Annotated[quantities.Ratio, quantities.POSITIVE] = 3.0
-    generations: Annotated[int | None, quantities.whole(1, 100_000, "more than a week of search")] = None
+    generations: Annotated[int | None, quantities.integer_range(1, 100_000, "more than a week of search")] = None
     seed: Annotated[int, quantities.SEEDS] = 0
     thresholds: bool = True
     blending: bool = True
     per_side: bool = False
-    everyone: bool = False
+    robust: bool = False
     search_duration: quantities.Time = 14.0
     robust_duration: quantities.Time = 20.0
 
@@ -92,54 +92,54 @@ class Tuning:
         elapsed: Duration of the tuning in [s].
     """
 
-    before: Finalist
+    initial: Finalist
     ranked: list[Finalist]
     elapsed: float
 
     def __init__(
-        self, experiment: Experiment, settings: Settings, workers: Workers, tell: Tell, stop: Stop | None
+        self, experiment: Experiment, settings: TuningSettings, workers: Workers, report: ReportFunction, stop: Stop | None
     ) -> None:
         """Initialise the tuning; nothing is simulated.
 
         The arguments are those of :func:`twin_gait.studies.tune.tune.tune`.
         """
         self.settings, self._workers, self._stop = settings, workers, stop
-        self._told, self._began = tell, time.perf_counter()
+        self._report, self._start_time = report, time.perf_counter()
         self.experiment = replace(experiment, seed=settings.seed)
         self._table = space.editable_document(experiment.table)
-        self.parameters = space.parameters_of(
+        self.parameters = space.tunable_parameters(
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
         self.generations: list[Generation] = []
-        corners = cases_of(self.experiment, "everyone") if settings.everyone else {}
-        self.search_cases = cases_of(self.experiment, "search") | corners
-        self._robust_cases = cases_of(self.experiment, "robust") | self.search_cases
+        corners = build_cases(self.experiment, "everyone") if settings.robust else {}
+        self.search_cases = build_cases(self.experiment, "search") | corners
+        self._robust_cases = build_cases(self.experiment, "robust") | self.search_cases
 
     def run(self, on_compile: Callable[[], None] | None) -> None:
         """Run all stages, unless ``should_stop`` returns True."""
         settings = self.settings
-        self._tell("compiling")
+        self._report_stage("compiling")
         for walked in self._robust_cases.values():  # here, because otherwise every worker would compile
             for quick, count in ((True, SEARCH_WALKS), (False, (FINALISTS + 1) * len(self._robust_cases))):
-                compile_ahead(
+                precompile(
                     walker(walked, duration=settings.search_duration, quick=quick), count, on_compile
                 )
         for done, generation in enumerate(self._search()):
             self.generations.append(generation)
-            minutes = self._tell(f"search: generation {done + 1}")
+            minutes = self._report_stage(f"search: generation {done + 1}")
             late = done > 0 and minutes > SEARCH_SHARE * settings.minutes  # at least one generation is run
             if done == settings.generations or (settings.generations is None and late):
                 break
-        self._tell("the robust set")
+        self._report_stage("the robust set")
         finalists = self._finalists()
-        self.before, self.ranked = finalists[0], sorted(finalists, key=lambda item: (item.falls, item.cost))
-        self.elapsed = time.perf_counter() - self._began
+        self.initial, self.ranked = finalists[0], sorted(finalists, key=lambda item: (item.falls, item.cost))
+        self.elapsed = time.perf_counter() - self._start_time
 
-    def _tell(self, stage: str) -> float:
+    def _report_stage(self, stage: str) -> float:
         """Report the next stage; return the elapsed minutes."""
-        minutes, found = (time.perf_counter() - self._began) / 60.0, self.generations
+        minutes, found = (time.perf_counter() - self._start_time) / 60.0, self.generations
         best = f", best: cost {found[-1].cost:.2f} (from {found[0].cost:.2f})" if found else ""
-        self._told(f"{minutes:4.1f} min  {stage}{best}")
+        self._report(f"{minutes:4.1f} min  {stage}{best}")
         return minutes
 
     def _walk(
@@ -149,8 +149,8 @@ class Tuning:
         settings = self.settings
         duration = settings.robust_duration if last else settings.search_duration
         walked = [walker(case, duration=duration, quick=not last) for case in cases]
-        asked = [in_case(case, table) for table in tables for case in walked]
-        results = walks.walk_all(asked, self._workers, should_stop=self._stop)
+        walks_to_run = [with_table(case, table) for table in tables for case in walked]
+        results = walks.walk_all(walks_to_run, self._workers, should_stop=self._stop)
         return [results[at : at + len(walked)] for at in range(0, len(results), len(walked))]
 
     def _search(self) -> Iterator[Generation]:
@@ -158,7 +158,7 @@ class Tuning:
         (ratings,) = self._walk([self.experiment.table], self.search_cases.values())
         point = [item.start_coordinate for item in self.parameters]
         descent = Descent(point, weighted_cost(ratings), residuals(ratings[0]))
-        yield Generation(point, descent.cost, [standing(ratings)])
+        yield Generation(point, descent.cost, [table_performance(ratings)])
         while not descent.has_ended:
             yield self._generation(descent)
 
@@ -167,8 +167,8 @@ class Tuning:
         first, *corners = self.search_cases.values()
         neighbours = descent.neighbours()
         ratings = self._walk([self._table_at(point) for point in neighbours], [first])
-        descent.learn(neighbours, [residuals(walk) for (walk,) in ratings])
-        candidates = [*((None, point) for point in neighbours), *descent.steps()]
+        descent.update_slopes(neighbours, [residuals(walk) for (walk,) in ratings])
+        candidates = [*((None, point) for point in neighbours), *descent.candidate_steps()]
         tables = [self._table_at(point) for _, point in candidates]
         ratings += self._walk(tables[len(ratings) :], [first])
         nominal = [nominal_cost(walk) for (walk,) in ratings]
@@ -181,23 +181,23 @@ class Tuning:
             better = costs[place] < descent.cost
             if better and not walks.quick_errors(replace(self.experiment, table=tables[place])):
                 damping, point = candidates[place]
-                descent.go_to(point, costs[place], residuals(ratings[place][0]), damping)
+                descent.accept_step(point, costs[place], residuals(ratings[place][0]), damping)
                 break
         else:
-            descent.stay()
-        return Generation(descent.point, descent.cost, [standing(item) for item in ratings])
+            descent.reject_steps()
+        return Generation(descent.point, descent.cost, [table_performance(item) for item in ratings])
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
-        return table_of(space.table_with(self._table, self.parameters, point))
+        return table_from_document(space.apply_coordinates(self._table, self.parameters, point))
 
     def _finalists(self) -> list[Finalist]:
         """Walk the initial table, and points of the search, over the robust set."""
         chosen: list[tuple[dict[str, Any], list[float] | None]] = [(self._table, None)]
         for item in leaders(self.generations, FINALISTS):
-            table = space.table_with(self._table, self.parameters, item.point)
+            table = space.apply_coordinates(self._table, self.parameters, item.point)
             if all(table != other for other, _ in chosen):
                 chosen.append((table, item.point))
-        tables = [table_of(table) for table, _ in chosen]
+        tables = [table_from_document(table) for table, _ in chosen]
         results = self._walk(tables, self._robust_cases.values(), last=True)
         return [
             Finalist(table, point, dict(zip(self._robust_cases, ratings, strict=True)))
@@ -218,10 +218,10 @@ def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
 
 def tune(
     experiment: Experiment,
-    settings: Settings,
+    settings: TuningSettings,
     *,
     workers: Workers | None = None,
-    tell: Tell = lambda line: None,
+    report: ReportFunction = lambda line: None,
     should_stop: Stop | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Tuning | None:
@@ -241,13 +241,13 @@ def tune(
         ParameterError: If there is nothing to tune, the settings are invalid or a walk cannot be simulated.
     """
     walking_wearer(experiment)
-    if settings.everyone and not experiment.scenario.adjusts(BELT_SPEED):
+    if settings.robust and not experiment.scenario.has_adjustments(BELT_SPEED):
         raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
     if settings.per_side:
-        experiment = replace(experiment, table=space.with_own_sides(experiment.table))
-    tuning = Tuning(experiment, settings, workers or Workers(), tell, should_stop)
+        experiment = replace(experiment, table=space.split_sides(experiment.table))
+    tuning = Tuning(experiment, settings, workers or Workers(), report, should_stop)
     try:
         tuning.run(on_compile)
-    except walks.Stopped:
+    except walks.TuningStopped:
         return None
     return tuning

@@ -17,8 +17,8 @@ from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.parameters.wearer import HEAVIEST_WEARER
 from twin_gait.simulation.block import WIDTH
-from twin_gait.studies.batch import overridden, run_episodes, walking_wearer
-from twin_gait.studies.jobs import Watch
+from twin_gait.studies.batch import override_experiment, run_episodes, walking_wearer
+from twin_gait.studies.jobs import WorkCallbacks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
@@ -27,7 +27,7 @@ from twin_gait.yaml12 import load_yaml
 # Rules of the check that can find an error and take less time than a walk; all others check the final table.
 QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
 # Endings of the log columns from which the parts are computed, in addition to time and phases.
-READ = (
+LOG_COLUMNS = (
     *(*WALK_COLUMNS, "_crutch_normal_force_N"),
     *("_motor_command_torque_Nm", "_target_current_A", "_measured_current_A"),
 )
@@ -39,7 +39,7 @@ QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, st
 _CASES = load_yaml(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 
 
-def table_of(document: Mapping[str, Any]) -> GaitTable:
+def table_from_document(document: Mapping[str, Any]) -> GaitTable:
     """Return the gait table of a document of :func:`twin_gait.studies.tune.space.editable_document`."""
     return gait_table_from_mapping(dict(document), "the tuning", str(document["name"]))
 
@@ -60,24 +60,24 @@ def quick_errors(experiment: Experiment) -> set[str]:
     return {item.rule for rule in QUICK_RULES for item in rule(case) if item.severity is Severity.ERROR}
 
 
-class Stopped(Exception):  # not an error, because the user requested it
+class TuningStopped(Exception):  # not an error, because the user requested it
     """A tuning was stopped."""
 
 
-def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[Watch]) -> list[Rating]:
+def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[WorkCallbacks]) -> list[Rating]:
     """Rate walks of :func:`walker`, each with its table and case, in their order; raise :class:`Stopped`."""
-    results = run_episodes(itself, rate_walk, walks, columns=READ, block=WIDTH, workers=workers, **watch)
+    results = run_episodes(identity, rate_walk, walks, columns=LOG_COLUMNS, block=WIDTH, workers=workers, **watch)
     if len(results) < len(walks):
-        raise Stopped
+        raise TuningStopped
     return results
 
 
-def itself(walk: Experiment) -> Experiment:
+def identity(walk: Experiment) -> Experiment:
     """Return the walk, which is its own experiment."""
     return walk
 
 
-def standing(walks: Sequence[Rating]) -> list[float | None]:
+def table_performance(walks: Sequence[Rating]) -> list[float | None]:
     """Compute the performance of a table over its cases, the nominal one first; smaller is better.
 
     Returns the root mean square of the nominal walk's errors of all joints in [deg] and of its motors'
@@ -108,13 +108,13 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
     return NOMINAL_WEIGHT * nominal_cost(nominal) + (1.0 - NOMINAL_WEIGHT) * mean
 
 
-def cases_of(nominal: Experiment, kind: str) -> dict[str, Experiment]:
+def build_cases(nominal: Experiment, kind: str) -> dict[str, Experiment]:
     """Return the cases of a kind by names, from ``cases.yaml``: ``search``, ``robust`` or ``everyone``.
 
     Cases with another belt speed are left out if there is no belt.
     """
     cases = _CASES[kind].items()
-    if not nominal.scenario.adjusts(BELT_SPEED):
+    if not nominal.scenario.has_adjustments(BELT_SPEED):
         cases = [(name, changes) for name, changes in cases if "belt_ratio" not in changes]
     return {name: reduce(_changed, changes.items(), nominal) for name, changes in cases}
 
@@ -125,7 +125,7 @@ def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
     plant, scenario = walked.plant, walked.scenario
     match what:
         case "mass_ratio":
-            return _weighing(walked, value)
+            return _with_true_mass(walked, value)
         case "friction_ratio":
             plant = replace(plant, friction_ratio=dict.fromkeys(plant.friction, value))
         case "gear_efficiency":
@@ -133,15 +133,15 @@ def _changed(walked: Experiment, change: tuple[str, Any]) -> Experiment:
             plant = replace(plant, actuators=gears)
         case "support_more":
             share = min(0.95, max(0.0, walking.support_share + value))
-            scenario = scenario.adjusted(SUPPORT_SHARE, share)
+            scenario = scenario.replace_adjustment(SUPPORT_SHARE, share)
         case "belt_ratio":
-            scenario = scenario.adjusted(BELT_SPEED, value * walking.speed)
+            scenario = scenario.replace_adjustment(BELT_SPEED, value * walking.speed)
         case key:
-            return overridden(walked, {key: value})
+            return override_experiment(walked, {key: value})
     return replace(walked, plant=plant, scenario=scenario)
 
 
-def _weighing(walked: Experiment, ratio: float) -> Experiment:
+def _with_true_mass(walked: Experiment, ratio: float) -> Experiment:
     """Change the true mass but not the mass that the device assumes.
 
     Neither the model of the controller nor the scaling law of the table takes the new mass into account.
@@ -158,6 +158,6 @@ def _weighing(walked: Experiment, ratio: float) -> Experiment:
     return replace(walked, patient=replace(patient, mass=mass), control=control, table=table)
 
 
-def in_case(walked: Experiment, table: GaitTable) -> Experiment:
+def with_table(walked: Experiment, table: GaitTable) -> Experiment:
     """Return a walk of a case with another table, scaled as in the case."""
     return replace(walked, table=replace(table, scaling=walked.table.scaling))
