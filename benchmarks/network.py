@@ -15,7 +15,7 @@ from gallery import form_of
 
 from twin_gait import Experiment, load_experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 MAX_TIME_RATIO = 1.25
 BUSES = {

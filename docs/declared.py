@@ -61,7 +61,7 @@ def assumptions(_: str) -> list[dict[str, Any]]:
     """Keys of experiment files and gait tables whose meaning says that its default is an assumption."""
     from twin_gait.experiment.experiment import Experiment
     from twin_gait.parameters.quantities import Parameters, declarations
-    from twin_gait.worlds.registry import world_kinds, find_world
+    from twin_gait.worlds.registry import find_world, world_kinds
 
     rows: list[dict[str, Any]] = []
     seen: set[type] = set()

@@ -68,4 +68,6 @@ axes.plot(time, np.degrees(angle))
 axes.axvspan(DRAWN, FREE, alpha=0.15)
 axes.set(xlabel="time [s]", ylabel="knee [°]", title="Knee on the bus; shaded: impedance control")
 figure.savefig(form.out / "can_monitor.png", dpi=120)
-form.write_results({"measurements": len(angles), "duration_s": float(time[-1]), "knee_rad": float(rest.mean())})
+form.write_results(
+    {"measurements": len(angles), "duration_s": float(time[-1]), "knee_rad": float(rest.mean())}
+)

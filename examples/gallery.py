@@ -65,4 +65,6 @@ def read_options(name: str, folder: Path | None = None, **more: Mapping[str, Any
         out = Path(tempfile.mkdtemp(prefix=f"{name}_"))
     out = out or (folder or Path(__file__).parent) / "results" / name
     out.mkdir(parents=True, exist_ok=True)
-    return ScriptOptions(out, chosen.quick, chosen.workers, {option: getattr(chosen, option) for option in more})
+    return ScriptOptions(
+        out, chosen.quick, chosen.workers, {option: getattr(chosen, option) for option in more}
+    )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from example_robots import twin_joints
 from hypothesis import HealthCheck, settings
-from tested_copy import describe_mismatch, copies_in_use
+from tested_copy import copies_in_use, describe_mismatch
 
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from kit_mutants import Mutant
 
-from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Case, comparison_bound, enumerate_cases
+from twin_gait.gait.feasibility import ZERO, Bound, Case, Requirement, comparison_bound, enumerate_cases
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, GaitTable, Transition
@@ -140,7 +140,9 @@ def possible(table: GaitTable, requirements: Sequence[Requirement], window: Tick
         if window.free or not reads_own_time(atom):
             return [comparison_bound(atom, true)]
         if reads_only_own_time(atom):
-            return [] if all(holds(atom, Measurements({}, None), int(tick)) is true for tick in ends) else None
+            return (
+                [] if all(holds(atom, Measurements({}, None), int(tick)) is true for tick in ends) else None
+            )
         return [comparison_bound(atom, true).substitute(TIME, tick * TICK) for tick in ends]
 
     return any(

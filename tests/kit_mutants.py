@@ -52,7 +52,9 @@ def mutants(table: GaitTable) -> Iterator[Mutant]:
     for index, item in enumerate(table.transitions):
         title = f"{item.source}→{item.target} ({item.cause})"
         for kind, text, changed in _transition_mutants(table, item):
-            yield Mutant(kind, f"{title}: {text}", _replace_transition(table, index, changed), item.source, (index,))
+            yield Mutant(
+                kind, f"{title}: {text}", _replace_transition(table, index, changed), item.source, (index,)
+            )
         yield from _add_to_all_phases(table, index, title)
     yield from _orders(table)
     yield from _minimum_durations(table)

@@ -15,9 +15,9 @@ import numpy as np
 from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_spec
 
 from twin_gait import Experiment, LegModel, Patient
-from twin_gait.core.contact import Ground, ContactState, ground_contact_force
+from twin_gait.core.contact import ContactState, Ground, ground_contact_force
 from twin_gait.leg_model.joints import PELVIS_JOINT
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 
 class MujocoLegs:
@@ -52,7 +52,7 @@ class MujocoLegs:
 
 
 class MujocoKernel:
-    """The functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+    """The functions of a kernel; see :mod:`twin_gait.simulation.backend`."""
 
     def __init__(self, problem: SimulationSetup) -> None:
         """Build plant and controller's model."""

@@ -21,7 +21,7 @@ from twin_gait.gait.guards import AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.parameters.friction import FrictionParameters
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.vocabulary import Side
 
 # Parameters a, b, c, d of equation (3.1) of the thesis.

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.worlds.overground import Overground
 
 SHOULDER = 0.288  # of the height above the hips: Winter (2009), figure 4.1
@@ -112,8 +112,15 @@ class UpperBody:
 
     def _planted(self, arm, other, lean, rate, swinging, ahead, load):  # type: ignore[no-untyped-def]
         habit, rest = self.habit, round(self.habit.planted / TICK)
-        wanted = habit.axial_force + habit.axial_force_per_lean * (lean - habit.lean) + habit.axial_force_per_lean_rate * rate
-        arm.push, arm.turn = np.clip(wanted * self.weight, 0.0, self.limits.push_limit), -habit.shoulder_moment
+        wanted = (
+            habit.axial_force
+            + habit.axial_force_per_lean * (lean - habit.lean)
+            + habit.axial_force_per_lean_rate * rate
+        )
+        arm.push, arm.turn = (
+            np.clip(wanted * self.weight, 0.0, self.limits.push_limit),
+            -habit.shoulder_moment,
+        )
         share = 1.0 - np.exp(-TICK / habit.yielding)
         arm.held += share * (arm.length - arm.held)
         arm.held_angle -= share * arm.off / arm.length

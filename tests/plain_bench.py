@@ -5,7 +5,7 @@ import numpy as np
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.episode import LAYOUT, BenchVariation
-from twin_gait.simulation.bench_joint.loop import bench_episode, bench_noise, bench_loop_names
+from twin_gait.simulation.bench_joint.loop import bench_episode, bench_loop_names, bench_noise
 from twin_gait.simulation.bench_joint.tick import run_ticks
 from twin_gait.simulation.binding import specialize
 from twin_gait.worlds.bench_joint import BenchJoint

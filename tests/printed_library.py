@@ -10,7 +10,7 @@ from twin_gait.firmware.cross import compile_library
 from twin_gait.firmware.kinds import BOOL, INT, INT_LIMIT, REAL, Kind, ListKind, Scalar
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.printer import Program
-from twin_gait.simulation.problem import NEVER
+from twin_gait.simulation.simulation_setup import NEVER
 
 
 class CLibrary:

@@ -12,7 +12,7 @@ from crosscheck import mujoco_legs
 from mujoco_kernel import MujocoKernel
 
 from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 TRUNK_LENGTH, GYRATION = 0.288, 0.496  # of head, arms and trunk (Winter 2009, table 4.1)
 

@@ -12,8 +12,8 @@ import numpy as np
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.log import log_layout, state_columns
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import Side
 from twin_gait.worlds.standing import level_feet
 

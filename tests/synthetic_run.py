@@ -20,8 +20,8 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import reference_curve
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 from twin_gait.worlds.treadmill import Treadmill
 

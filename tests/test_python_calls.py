@@ -15,7 +15,7 @@ from twin_gait.configuration.experiments import load_experiment
 from twin_gait.live.protocol import SetControl
 from twin_gait.live.session import LiveSession
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import simulate_batch
 

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tested_copy import CHECKOUT, describe_mismatch, copies_in_use
+from tested_copy import CHECKOUT, copies_in_use, describe_mismatch
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,12 @@ from peers.timing import Implementation
 
 from twin_gait import simulate
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.compiled_engine import CompiledEngine, kernel_names, assemble
+from twin_gait.simulation.compiled_engine import CompiledEngine, assemble, kernel_names
 from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 THREADS = os.cpu_count() or 1
 SPREAD = 0.05  # of the phase parameters within a block

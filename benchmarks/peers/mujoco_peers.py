@@ -17,7 +17,7 @@ from peers.timing import Implementation
 
 from twin_gait.leg_model.bodies import contact_points
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 # Springs that hold the legs up while nothing controls them, as stiff as a phase of stance.
 HOLDING_STIFFNESS, HOLDING_DAMPING = 300.0, 30.0  # [N m] / [rad], [N m s] / [rad]

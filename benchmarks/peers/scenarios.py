@@ -10,7 +10,7 @@ from twin_gait import Experiment, LegModel, load_experiment
 from twin_gait.core.belt import Belt
 from twin_gait.experiment.experiment import Engine, Integration, IntegrationMethod
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.surroundings import SupportParameters
+from twin_gait.parameters.environment import SupportParameters
 from twin_gait.worlds.treadmill import Treadmill
 from twin_gait.worlds.world import World
 

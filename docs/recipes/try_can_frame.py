@@ -9,7 +9,9 @@ from twin_gait.network.dbc import PACKAGED_DBC, find_dbc
 experiment = load_experiment("treadmill", ["duration_s=1"]).experiment
 run = simulate(experiment)
 message = cantools.database.load_file(find_dbc(PACKAGED_DBC)).get_message_by_name("support")
-found = [frame for frame in run_frames(run, network_messages(experiment)) if frame.identifier == message.frame_id]
+found = [
+    frame for frame in run_frames(run, network_messages(experiment)) if frame.identifier == message.frame_id
+]
 assert found
 for frame in found:
     tick = round(frame.time * 1000)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from twin_gait import Experiment, JointName, Run, Side, load_experiment, simulate, summarise_run
-from twin_gait.parameters.surroundings import BraceParameters
+from twin_gait.parameters.environment import BraceParameters
 
 MASS_ALONE, PASSIVE_ALONE = "mass alone", "passive moments alone"
 PLAIN = {MASS_ALONE: (), PASSIVE_ALONE: ("patient.both={hip: {passive: 1}, knee: {passive: 1}}",)}

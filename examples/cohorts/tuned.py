@@ -10,7 +10,7 @@ from cohorts.walkers import DURATION, SUPPORT
 
 from twin_gait import Experiment, load_experiment, simulate, summarise_run
 from twin_gait.studies.batch import override_experiment
-from twin_gait.studies.tune.outcome import tuned_table
+from twin_gait.studies.tune.result import tuned_table
 
 
 class Job(NamedTuple):

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 
 from twin_gait import Experiment, JointName, LegModel, Patient
+from twin_gait.leg_model.anthropometry import device_sizes
 from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT, LegJoints
-from twin_gait.leg_model.wearer import device_sizes
 
 
 class Segment(NamedTuple):

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from twin_gait.core.contact import ContactState
 from twin_gait.simulation.binding import specialize
-from twin_gait.simulation.compiled_engine import kernel_names, assemble
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.compiled_engine import assemble, kernel_names
+from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.simulation.stages.motion import compute_accelerations
 
 

@@ -31,7 +31,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.simulation.simulator import create_engine
 
 try:

@@ -123,7 +123,9 @@ class Answers:
         held = len(judged) - len(failed)
         verdicts = [row["verdict"] for row in rows]
         counts = {name: verdicts.count(verdict) for name, verdict in COUNTED.items()}
-        self.form.write_results({"judged": len(judged), "in_band": held, **counts, "claims": rows, **self.found})
+        self.form.write_results(
+            {"judged": len(judged), "in_band": held, **counts, "claims": rows, **self.found}
+        )
         print(f"{held} of {len(judged)} numbers in their bands; see {self.form.out}")
         for row in failed:
             print("out of band:", ", ".join(f"{name} {text}" for name, text in row.items()))

@@ -11,7 +11,7 @@ from twin_gait import load_experiment
 from twin_gait.checking.check import build_case, check, load_case
 from twin_gait.checking.finding import Severity
 from twin_gait.checking.hanging_leg import hanging_legs
-from twin_gait.checking.sense import STIFFNESS_RANGES, unusual_gain, unusual_stiffness
+from twin_gait.checking.published_ranges import STIFFNESS_RANGES, unusual_gain, unusual_stiffness
 from twin_gait.checking.stability import unstable
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing.cases import transition_tests

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from table_builder import FIVE_PHASES
 
 from twin_gait import load_experiment, simulate
-from twin_gait.checking import leaving, sense, stability, torques
+from twin_gait.checking import published_ranges, stability, stuck_phases, torques
 from twin_gait.checking.check import build_case, check_before_run
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import friction_torque, hanging_legs
@@ -31,7 +31,7 @@ from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_leg import BenchLeg
 
-RULES = (*leaving.RULES, *torques.RULES, *stability.RULES, *sense.RULES)
+RULES = (*stuck_phases.RULES, *torques.RULES, *stability.RULES, *published_ranges.RULES)
 
 
 def case_of(preset: str, *settings: str) -> CheckCase:
@@ -88,7 +88,7 @@ def test_a_table_without_a_leg_model_is_only_checked_for_sense():
     ankle = replace(phase.joints["ankle"], equilibrium_angle=2.0, stiffness=math.degrees(6.0))
     changed = {**table.phases, "late_swing": replace(phase, joints={**phase.joints, "ankle": ankle})}
     case = build_case(replace(table, phases=changed))
-    for rule in (sense.equilibrium_beyond_limits, sense.unusual_stiffness):
+    for rule in (published_ranges.equilibrium_beyond_limits, published_ranges.unusual_stiffness):
         assert [item.phase for item in rule(case)] == ["late_swing"]
 
 
@@ -97,7 +97,7 @@ def test_a_table_without_a_leg_model_is_only_checked_for_sense():
 
 def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_for_the_time_out():
     planted = "table.phases.swing_flexion.knee.equilibrium_deg=38"  # clearance needs 45
-    (finding,) = leaving.cannot_leave(case_of("bench_leg", planted))
+    (finding,) = stuck_phases.cannot_leave(case_of("bench_leg", planted))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
     assert finding.counterexample["knee.angle_deg"] == pytest.approx(38.0, abs=0.1)
     run = simulate(load_experiment("bench_leg", [planted, "duration_s=4"]).experiment)
@@ -107,8 +107,8 @@ def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_
 def test_a_spring_too_soft_for_the_friction_is_an_error():
     rough = "plant.friction_ratio={hip: 1.0, knee: 1.0}"
     soft = "table.phases.swing_flexion.knee.stiffness_Nm_per_deg=0.05"
-    assert leaving.cannot_leave(case_of("bench_leg", rough)) == []
-    (finding,) = leaving.cannot_leave(case_of("bench_leg", rough, soft))
+    assert stuck_phases.cannot_leave(case_of("bench_leg", rough)) == []
+    (finding,) = stuck_phases.cannot_leave(case_of("bench_leg", rough, soft))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
 
 
@@ -116,8 +116,8 @@ def test_gravity_without_compensation_keeps_a_leg_from_its_exit():
     worn = "patient={mass_kg: 90, height_m: 1.85, sex: male}"
     soft = "table.phases.swing_flexion.hip.stiffness_Nm_per_deg=1.5"
     heavy = case_of("bench_leg", worn, soft, "table.phases.swing_flexion.gravity_compensation=0")
-    assert leaving.cannot_leave(case_of("bench_leg", worn, soft)) == []
-    (finding,) = of_phase(leaving.cannot_leave(heavy), "swing_flexion")
+    assert stuck_phases.cannot_leave(case_of("bench_leg", worn, soft)) == []
+    (finding,) = of_phase(stuck_phases.cannot_leave(heavy), "swing_flexion")
     assert finding.severity is Severity.ERROR
     assert finding.counterexample["hip.angle_deg"] < 22.0  # what clearance asks for
 
@@ -125,7 +125,7 @@ def test_gravity_without_compensation_keeps_a_leg_from_its_exit():
 def test_a_low_torque_limit_keeps_a_leg_from_its_exit():
     worn = "patient={mass_kg: 90, height_m: 1.85, sex: male}"
     weak = case_of("bench_leg", worn, "control.limits.torque_Nm=12")
-    (finding,) = of_phase(leaving.cannot_leave(weak), "swing_flexion")
+    (finding,) = of_phase(stuck_phases.cannot_leave(weak), "swing_flexion")
     assert finding.severity is Severity.ERROR
 
 
@@ -135,7 +135,7 @@ def without_declarations(table: GaitTable) -> GaitTable:
 
 
 def test_in_stance_on_the_belt_it_is_a_warning_until_contact_is_declared():
-    found = leaving.cannot_leave(on_the_belt(without_declarations))
+    found = stuck_phases.cannot_leave(on_the_belt(without_declarations))
     # The last one is a swing that opens its exit on the way to the ground only.
     assert [item.phase for item in found] == ["early_stance", "middle_stance", "swing_extension"]
     assert {item.severity for item in found} == {Severity.WARNING}
@@ -150,7 +150,7 @@ def test_in_stance_on_the_belt_it_is_a_warning_until_contact_is_declared():
             ),
         )
 
-    found = leaving.cannot_leave(on_the_belt(declare))
+    found = stuck_phases.cannot_leave(on_the_belt(declare))
     assert [item.phase for item in found] == ["swing_extension"]
 
 
@@ -164,7 +164,7 @@ def test_on_the_bench_there_is_no_contact_to_declare():
         driven = tuple(replace(item, driven_by=DrivenBy.CONTACT) for item in table.transitions)
         return replace(table, phases=phases, transitions=driven)
 
-    (finding,) = leaving.cannot_leave(with_table("bench_leg", declare))
+    (finding,) = stuck_phases.cannot_leave(with_table("bench_leg", declare))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "late_stance")
 
 
@@ -186,15 +186,15 @@ def test_a_swing_that_ends_by_landing_has_to_say_so():
 
         return change
 
-    (finding,) = leaving.cannot_leave(on_the_belt(landing(DrivenBy.JOINT)))
+    (finding,) = stuck_phases.cannot_leave(on_the_belt(landing(DrivenBy.JOINT)))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_extension")
-    assert leaving.cannot_leave(on_the_belt(landing(DrivenBy.CONTACT))) == []
+    assert stuck_phases.cannot_leave(on_the_belt(landing(DrivenBy.CONTACT))) == []
 
 
 def test_an_exit_that_opens_only_on_the_way_is_a_warning():
-    assert leaving.cannot_leave(case_of("bench_leg")) == []
+    assert stuck_phases.cannot_leave(case_of("bench_leg")) == []
     passing = "table.phases.swing_extension.hip.equilibrium_deg=12"  # limb_extended needs 15
-    (finding,) = leaving.cannot_leave(case_of("bench_leg", passing))
+    (finding,) = stuck_phases.cannot_leave(case_of("bench_leg", passing))
     assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_extension")
     assert "though it can be on the way; only the time-out remains" in finding.reason
 
@@ -521,7 +521,7 @@ def test_each_side_with_its_own_numbers_is_checked_by_itself():
 
     found = of_phase(stability.effective_damping(on_the_belt(soften)), "early_stance")
     assert [item.side for item in found] == [Side.RIGHT]
-    found = of_phase(sense.unusual_damping_ratio(on_the_belt(soften)), "early_stance")
+    found = of_phase(published_ranges.unusual_damping_ratio(on_the_belt(soften)), "early_stance")
     assert [item.side for item in found] == [None, Side.RIGHT]
 
 
@@ -530,8 +530,8 @@ def test_each_side_with_its_own_numbers_is_checked_by_itself():
 
 @pytest.mark.parametrize("gain", [0.1, 0.65])
 def test_a_gain_outside_what_was_usable_is_a_warning(gain):
-    assert sense.unusual_gain(case_of("bench_leg")) == []
-    (finding,) = sense.unusual_gain(
+    assert published_ranges.unusual_gain(case_of("bench_leg")) == []
+    (finding,) = published_ranges.unusual_gain(
         case_of("bench_leg", f"table.phases.late_stance.hip.friction_compensation_gain={gain}")
     )
     assert (finding.severity, finding.phase) == (Severity.WARNING, "late_stance")
@@ -540,8 +540,8 @@ def test_a_gain_outside_what_was_usable_is_a_warning(gain):
 
 @pytest.mark.parametrize("angle", [-5.0, 130.0])
 def test_an_equilibrium_beyond_the_stops_is_a_warning(angle):
-    assert sense.equilibrium_beyond_limits(case_of("bench_leg")) == []
-    (finding,) = sense.equilibrium_beyond_limits(
+    assert published_ranges.equilibrium_beyond_limits(case_of("bench_leg")) == []
+    (finding,) = published_ranges.equilibrium_beyond_limits(
         case_of("bench_leg", f"table.phases.swing_flexion.knee.equilibrium_deg={angle}")
     )
     assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_flexion")
@@ -549,8 +549,8 @@ def test_an_equilibrium_beyond_the_stops_is_a_warning(angle):
 
 
 def test_a_stiffness_outside_the_published_range_is_a_warning():
-    assert sense.unusual_stiffness(case_of("bench_leg")) == []
-    (finding,) = sense.unusual_stiffness(
+    assert published_ranges.unusual_stiffness(case_of("bench_leg")) == []
+    (finding,) = published_ranges.unusual_stiffness(
         case_of("bench_leg", "table.phases.late_stance.knee.stiffness_Nm_per_deg=7")
     )
     assert "knee k 7.00 Nm/deg is outside 0.00 … 6.27 Nm/deg" in finding.reason
@@ -558,12 +558,18 @@ def test_a_stiffness_outside_the_published_range_is_a_warning():
 
 @pytest.mark.parametrize("entry", ["damping_ratio=1.5", "damping_Nms_per_rad=12"])
 def test_a_damping_ratio_outside_the_published_range_is_a_warning_however_it_is_given(entry):
-    assert sense.unusual_damping_ratio(case_of("bench_leg")) == []
-    (finding,) = sense.unusual_damping_ratio(case_of("bench_leg", f"table.phases.early_stance.knee.{entry}"))
+    assert published_ranges.unusual_damping_ratio(case_of("bench_leg")) == []
+    (finding,) = published_ranges.unusual_damping_ratio(
+        case_of("bench_leg", f"table.phases.early_stance.knee.{entry}")
+    )
     # b = 12 at k = 3 Nm/deg and the knee's 3.5 kg m²: ζ = 12 / (2 √(171.9 · 3.5)) = 0.24.
     assert "knee ζ 1.50" in finding.reason or "knee ζ 0.24" in finding.reason
 
 
 def test_published_ranges_name_their_source():
-    ranges = (sense.GAIN_RANGE, sense.DAMPING_RATIO_RANGE, *sense.STIFFNESS_RANGES.values())
+    ranges = (
+        published_ranges.GAIN_RANGE,
+        published_ranges.DAMPING_RATIO_RANGE,
+        *published_ranges.STIFFNESS_RANGES.values(),
+    )
     assert all(item.low < item.high and item.source for item in ranges)

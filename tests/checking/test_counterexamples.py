@@ -23,7 +23,14 @@ from twin_gait.configuration.experiments import load_experiment
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.gait.feasibility import MAX_BRANCHES, ZERO, Requirement, Case, comparison_bound, enumerate_cases
+from twin_gait.gait.feasibility import (
+    MAX_BRANCHES,
+    ZERO,
+    Case,
+    Requirement,
+    comparison_bound,
+    enumerate_cases,
+)
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.signals import ANGLE, all_signal_names
@@ -398,7 +405,12 @@ def test_point_keeps_a_comfortable_distance_where_there_is_room_for_it() -> None
 def ways_of(tree: Guard, phases: tuple[str | None, ...], true: bool) -> list[Case]:
     """All ways to open or close a guard, contradictory ones among them."""
     return list(
-        enumerate_cases(Case(phases), [Requirement(tree, true)], lambda *atom: [comparison_bound(*atom)], lambda bounds: True)
+        enumerate_cases(
+            Case(phases),
+            [Requirement(tree, true)],
+            lambda *atom: [comparison_bound(*atom)],
+            lambda bounds: True,
+        )
     )
 
 

@@ -12,9 +12,9 @@ from twin_gait.checking.finding import Finding, Severity
 from twin_gait.checking.network import (
     CyclicFrame,
     bus_load,
+    bus_traffic,
     response_times,
     traffic_of,
-    bus_traffic,
 )
 from twin_gait.core import can_bus
 from twin_gait.core.can_bus import FULL_SCALE, NEVER, NO_INDEX, Bus, Frame, Node, OutageRecord, advance

@@ -80,7 +80,7 @@ def test_simulate_without_strides_draws_joint_angles_instead(tmp_path, capsys):
 # Modules that take long to import and are not needed for a warm run.
 UNUSED = {"numba", "scipy", "dask", "sklearn", "asyncio", "pyarrow.dataset", "matplotlib.pyplot",
           "twin_gait.live.session", "twin_gait.studies.batch",
-          "twin_gait.simulation.compiling", "twin_gait.firmware.linked"}  # fmt: skip
+          "twin_gait.simulation.compiling", "twin_gait.firmware.exoskeleton_unit"}  # fmt: skip
 
 
 def test_a_warm_simulate_imports_nothing_that_it_does_not_need(tmp_path):

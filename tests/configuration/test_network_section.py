@@ -11,7 +11,13 @@ from errors import raises
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
-from twin_gait.parameters.network import ImpedanceLocation, NetworkParameters, Outage, OutageKind, parse_outage
+from twin_gait.parameters.network import (
+    ImpedanceLocation,
+    NetworkParameters,
+    Outage,
+    OutageKind,
+    parse_outage,
+)
 
 OUTAGES = ["reboot:left_knee@4.2s=0.3s", "silence@5s=200ms", "silence:ccu@5s", "bus_off:right_hip@3s"]
 

@@ -16,19 +16,19 @@ from twin_gait.core.estimation import delayed_sample, new_delay_line
 from twin_gait.core.plant import Harness, MechanicalStop, harness_pull, pitching_moment
 from twin_gait.parameters.crutches import ArmParameters
 from twin_gait.worlds.arm_policy import (
-    PLANTED_BEHIND,
     LEANING,
     LOWERING,
-    SITTING_DOWN,
     PLANTED,
+    PLANTED_BEHIND,
     REACHING_BACK,
     RISING,
     SITTING,
+    SITTING_DOWN,
     SWINGING,
     Perception,
     move_arm,
-    new_policy,
     new_perception,
+    new_policy,
     plant_crutch,
 )
 
@@ -58,7 +58,9 @@ def arm_of(delay: int = 0, **limits: float) -> Arm:
     grip = Grip(80.0, -5.0, 1.4, 0.0, 4000.0, 400.0, 60.0, 12.0)
     set_grip_angle(grip, 0.3)
     wide = {"push_limit": 1e6, "pull_limit": 1e6, "moment_limit": 1e6, **limits}
-    return Arm(9, 0.5, grip=grip, distance_delay=new_delay_line(delay), load_delay=new_delay_line(delay), **wide)
+    return Arm(
+        9, 0.5, grip=grip, distance_delay=new_delay_line(delay), load_delay=new_delay_line(delay), **wide
+    )
 
 
 def strut(state: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin_gait.core.can_codec import SignalLayout, pack_frame, encode_signal, decode_signal, unpack_frame
+from twin_gait.core.can_codec import SignalLayout, decode_signal, encode_signal, pack_frame, unpack_frame
 from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiling import BIT_FUNCTIONS, jit
 from twin_gait.simulation.record import to_array

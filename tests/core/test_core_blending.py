@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
 from twin_gait.control import gait_controller
-from twin_gait.control.device_schedule import is_blending, apply_transition
+from twin_gait.control.device_schedule import apply_transition, is_blending
 from twin_gait.core.blending import (
     BLEND_LINEAR,
     BLEND_MINIMUM_JERK,
@@ -24,8 +24,8 @@ from twin_gait.core.blending import (
 from twin_gait.core.control_tick import ImpedanceSetpoint, copy_setpoint
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.record import deep_copy
+from twin_gait.simulation.simulation_setup import build_setup
 
 LAWS = [BLEND_NONE, BLEND_LINEAR, BLEND_MINIMUM_JERK]
 FADING = [BLEND_LINEAR, BLEND_MINIMUM_JERK]

@@ -13,14 +13,14 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from twin_gait.core.arms import Arm, Grip, anchored_friction_force, anchor_position
+from twin_gait.core.arms import Arm, Grip, anchor_position, anchored_friction_force
 from twin_gait.core.contact import (
     Ground,
-    resolve_along_slope,
     contact_friction_force,
     contact_normal_force,
     ground_contact_force,
     mechanical_stop_torque,
+    resolve_along_slope,
     sloped_contact_force,
 )
 from twin_gait.core.estimation import new_delay_line

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from twin_gait.core.impedance import damping_from_ratio, ratio_from_damping, impedance_torque
+from twin_gait.core.impedance import damping_from_ratio, impedance_torque, ratio_from_damping
 
 angles = st.floats(-3.0, 3.0)
 speeds = st.floats(-10.0, 10.0)

@@ -25,10 +25,10 @@ from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model.bodies import export_bodies
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import packaged_urdf
-from twin_gait.simulation import executors, keeping, schedule, stages
+from twin_gait.simulation import code_cache, executors, schedule, stages
 from twin_gait.simulation.binding import specialize
-from twin_gait.simulation.compiled_engine import kernel_names, assemble, run_ticks_at
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.compiled_engine import assemble, kernel_names, run_ticks_at
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName, Side
 
 GRAVITY = 9.81
@@ -136,7 +136,7 @@ print(len(told), log["right_knee_angle_rad"].iloc[-1].hex())
 @pytest.mark.slow
 def test_two_processes_may_build_the_same_kernel_at_once(tmp_path, monkeypatch):
     """Both start from one empty cache at the same instant; a third finds it built."""
-    monkeypatch.setenv(keeping.CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(code_cache.CACHE_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     both = [build(tmp_path, number) for number in range(2)]
     wait_for(tmp_path / "ready0", tmp_path / "ready1")
@@ -168,7 +168,7 @@ def finished(process: subprocess.Popen[str]) -> list[str]:
 
 
 def hashed_sources() -> list[Path]:
-    return [path.resolve() for path in keeping.source_files()]
+    return [path.resolve() for path in code_cache.source_files()]
 
 
 def test_every_module_of_core_and_of_the_stages_is_hashed():
@@ -184,21 +184,21 @@ def copied_sources(tmp_path, monkeypatch) -> Path:
     home = Path(simulation.__file__).parent
     for part in ("simulation", "core"):
         shutil.copytree(home.parent / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(keeping, "__file__", str(tmp_path / "simulation" / "keeping.py"))
+    monkeypatch.setattr(code_cache, "__file__", str(tmp_path / "simulation" / "code_cache.py"))
     return tmp_path
 
 
 def key_of(text: str) -> str:
-    for cache in (keeping.source_key, keeping._content):
+    for cache in (code_cache.source_key, code_cache._content):
         cache.cache_clear()
-    key = keeping.source_key(text)
-    for cache in (keeping.source_key, keeping._content):
+    key = code_cache.source_key(text)
+    for cache in (code_cache.source_key, code_cache._content):
         cache.cache_clear()
     return key
 
 
 def test_an_edit_of_any_source_changes_the_key(copied_sources):
-    keys, sources = [key_of("text"), key_of("other text")], keeping.source_files()
+    keys, sources = [key_of("text"), key_of("other text")], code_cache.source_files()
     for path in sources:
         assert path.is_relative_to(copied_sources)
         path.write_text(path.read_text() + "\n")

@@ -18,7 +18,7 @@ from example_robots import robot_urdf
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from twin_gait.core.contact import Ground, ContactState, ground_contact_force
+from twin_gait.core.contact import ContactState, Ground, ground_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model.bodies import ContactPoint, export_bodies

@@ -92,7 +92,9 @@ def test_a_joint_that_sticks_is_a_spring(law: LuGreFriction) -> None:
 @given(speeds, st.booleans())
 def test_steady_sliding_is_the_stribeck_curve(speed: float, forward: bool) -> None:
     velocity = speed if forward else -speed
-    torque = friction_torque(SKEWED.to_plant_friction(), velocity, steady_deflection(SKEWED.to_plant_friction(), velocity), 0.0)
+    torque = friction_torque(
+        SKEWED.to_plant_friction(), velocity, steady_deflection(SKEWED.to_plant_friction(), velocity), 0.0
+    )
     viscous = 2.0 * speed**0.7 if forward else -1.2 * speed**0.7
     assert torque == pytest.approx(0.5 + math.copysign(level(SKEWED, speed), velocity) + viscous, rel=1e-12)
 
@@ -118,7 +120,9 @@ def test_a_slow_pull_breaks_away_at_the_breakaway_torque() -> None:
 def test_the_torque_of_a_harder_pull_is_less_until_it_is_viscous() -> None:
     """The Stribeck effect, which lets a joint stick and slip: less friction at 0.1 than at 0.001 rad/s."""
     slow, medium, fast = (
-        friction_torque(LUGRE.to_plant_friction(), speed, steady_deflection(LUGRE.to_plant_friction(), speed), 0.0)
+        friction_torque(
+            LUGRE.to_plant_friction(), speed, steady_deflection(LUGRE.to_plant_friction(), speed), 0.0
+        )
         for speed in (0.001, 0.15, 2.0)
     )
     assert medium < slow < fast
@@ -234,7 +238,9 @@ def test_the_static_law_with_directions_is_its_formula(velocity: float) -> None:
     stribeck = 3.0 + 1.5 * math.exp(-((speed / 0.1) ** 1.5))
     viscous = 2.0 * speed**0.7 if velocity > 0.0 else -1.2 * speed**0.7
     expected = 0.5 + stribeck * math.tanh(velocity / 0.01) + viscous
-    assert friction_torque(STATIC.to_plant_friction(), velocity, 0.0, 0.0) == pytest.approx(expected, rel=1e-12)
+    assert friction_torque(STATIC.to_plant_friction(), velocity, 0.0, 0.0) == pytest.approx(
+        expected, rel=1e-12
+    )
 
 
 @given(st.floats(-5.0, 5.0), st.floats(-60.0, 60.0))

@@ -7,8 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from twin_gait.core.plant import Pad, Seat, edge_stiffness_share, seat_force, seat_force_on_buttocks, seat_force_on_thigh
-from twin_gait.parameters.surroundings import ChairParameters
+from twin_gait.core.plant import (
+    Pad,
+    Seat,
+    edge_stiffness_share,
+    seat_force,
+    seat_force_on_buttocks,
+    seat_force_on_thigh,
+)
+from twin_gait.parameters.environment import ChairParameters
 
 
 def seat(**changes) -> Seat:

@@ -9,7 +9,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.inertial import TrunkUnit, update_pitch_estimate, tangential_specific_force, trunk_specific_force
+from twin_gait.core.inertial import (
+    TrunkUnit,
+    tangential_specific_force,
+    trunk_specific_force,
+    update_pitch_estimate,
+)
 from twin_gait.parameters.drives import TrunkSensorParameters
 
 GRAVITY, T = 9.81, 1e-3

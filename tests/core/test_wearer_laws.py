@@ -12,8 +12,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, find_grid_interval, spastic_torque
-from twin_gait.leg_model.wearer import SEGMENTS, SHANK_LENGTH, THIGH_LENGTH
+from twin_gait.core.wearer_torques import (
+    find_grid_interval,
+    passive_hip_torque,
+    passive_knee_torque,
+    spastic_torque,
+)
+from twin_gait.leg_model.anthropometry import SEGMENTS, SHANK_LENGTH, THIGH_LENGTH
 from twin_gait.measures.reference import normative_moment, reference_curve, reference_cycle_time
 from twin_gait.parameters.wearer import JointCondition, Patient
 from twin_gait.vocabulary import JointName, Sex

@@ -12,7 +12,7 @@ import pytest
 from errors import raises
 
 from twin_gait.simulation import log
-from twin_gait.worlds.registry import world_kinds, find_world
+from twin_gait.worlds.registry import find_world, world_kinds
 
 ROOT = Path(__file__).parents[2]
 INSERT = ROOT / "docs" / "insert.py"
@@ -33,7 +33,9 @@ def test_numbers_and_tables_of_all_pages_are_those_of_the_results():
 
 
 def test_every_column_of_the_log_and_every_key_of_a_world_has_its_line():
-    columns = {name for kind in vars(log).values() if isinstance(kind, log.ColumnGroup) for name in kind.columns}
+    columns = {
+        name for kind in vars(log).values() if isinstance(kind, log.ColumnGroup) for name in kind.columns
+    }
     page = (ROOT / "docs" / "reference" / "log.md").read_text()
     assert [name for name in columns - {"phase"} if f"`{name}`" not in page] == []
     page = (ROOT / "docs" / "reference" / "parameters.md").read_text()

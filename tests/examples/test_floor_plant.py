@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from twin_gait import load_experiment
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import gear_loss_torque, rotational_friction_torque
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 
 
 @pytest.mark.parametrize("guide", ["vertical", "harness"])

@@ -10,7 +10,7 @@ import pytest
 from errors import raises
 
 from twin_gait.cli import main
-from twin_gait.conventions import CORC_X2, OWN_CONVENTION, OPENSIM_GAIT2392, OSL, RAJAGOPAL
+from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, OWN_CONVENTION, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import export_motion
 from twin_gait.replay.recording import LogFormat, read_recording
@@ -71,7 +71,9 @@ def test_a_name_with_a_unit_states_the_one_that_is_written(tmp_path, rng, unit):
     log = small_log(rng).abs()  # knees that bend backwards are refused
     export_motion(log, tmp_path / "walk.sto", OWN_CONVENTION, unit=unit)
     assert f"left_hip_angle_{unit}" in read_motion(tmp_path / "walk.sto")[1]
-    angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=OWN_CONVENTION)).angles[Side.LEFT, "hip"]
+    angle = read_recording(tmp_path / "walk.sto", LogFormat(convention=OWN_CONVENTION)).angles[
+        Side.LEFT, "hip"
+    ]
     np.testing.assert_allclose(angle, log["left_hip_angle_rad"], rtol=1e-14)
 
 

@@ -11,7 +11,7 @@ from firmware_tools import require_tools
 
 from twin_gait import load_experiment
 from twin_gait.configuration.experiments import resolved_document
-from twin_gait.firmware.linked import record_vectors
+from twin_gait.firmware.exoskeleton_unit import record_vectors
 from twin_gait.firmware.project import print_project
 from twin_gait.firmware.project_folder import write_project
 

@@ -37,9 +37,9 @@ from twin_gait.firmware import units
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.gait.program import compile_guards
 from twin_gait.kernels.generated import write_control_gravity, write_merged_functions
-from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.binding import kernel_functions, specialize
 from twin_gait.simulation.compiled_engine import assemble
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 
 ODD = [0.0, -0.0, 1.0, -1.0, 5e-324, 1e308, math.inf, -math.inf, math.nan]
 BOUNDS = Bounds(
@@ -329,7 +329,9 @@ def whole_unit(device: Device) -> tuple[units.Exoskeleton, Any, Any, Program]:
         [units.JointBoardInputs() for _ in boards], units.DirectInputs([0.0, 0.0])
     )
     outputs = units.ExoskeletonOutputs(
-        [units.JointSetpoint() for _ in boards], [units.Command() for _ in boards], units.Decision([0, 0], [0, 0])
+        [units.JointSetpoint() for _ in boards],
+        [units.Command() for _ in boards],
+        units.Decision([0, 0], [0, 0]),
     )
     unit = TranslationUnit("exoskeleton", [units.exoskeleton_step], {"exoskeleton": ours})
     constants = {**device.structure, **CALLED}
@@ -380,7 +382,9 @@ def test_what_a_constant_rules_out_is_not_printed(device):
     text = device.program.files["gait_controller.c"]
     assert "assist(" in text and "assisted[number].share" in text and "adapted_assistance" not in text
     structure = device.structure
-    unit = TranslationUnit("demand", [gait_controller.compute_setpoint], {"controller": device.episode.controller})
+    unit = TranslationUnit(
+        "demand", [gait_controller.compute_setpoint], {"controller": device.episode.controller}
+    )
     plain = print_units([unit], {**structure, "CONTROLLED": False}, shapes=[device.episode.limits])
     assert "demand_setpoint" in plain.files["demand.c"]
     acted = print_units([unit], structure, shapes=[device.episode.limits])

@@ -24,7 +24,7 @@ from twin_gait.core.safety import BUS_TRIP, COMMAND_TRIP, JUMP_TRIP, MISSING_TRI
 from twin_gait.exceptions import GaitTableError
 from twin_gait.firmware import project, units
 from twin_gait.firmware.cross import UnitSources, build_object, sizes
-from twin_gait.firmware.linked import record_vectors
+from twin_gait.firmware.exoskeleton_unit import record_vectors
 from twin_gait.firmware.project import (
     EXOSKELETON,
     GAIT_CONTROLLER,
@@ -226,7 +226,9 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
     library, linked = CLibrary(treadmill.program), treadmill.linked
     settings, joints = linked.record.settings, range(len(linked.record.boards))
     whole = library.structure(deep_copy(linked.record))
-    boards = [library.structure(units.JointBoard(settings, deep_copy(board))) for board in linked.record.boards]
+    boards = [
+        library.structure(units.JointBoard(settings, deep_copy(board))) for board in linked.record.boards
+    ]
     central = library.structure(units.GaitController(settings, deep_copy(linked.record.controller)))
     inputs, outputs = deep_copy(linked.inputs), deep_copy(linked.outputs)
     found = [units.JointBoardOutputs() for _ in joints]
@@ -346,7 +348,9 @@ def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmil
         deep_copy(linked.inputs.surroundings), [units.Measurement()] * 4, [True] * 4
     )
     heard.direct.bus_voltage = 28.8
-    told = units.GaitControllerOutputs(deep_copy(linked.outputs.decision), [units.JointSetpoint() for _ in range(4)])
+    told = units.GaitControllerOutputs(
+        deep_copy(linked.outputs.decision), [units.JointSetpoint() for _ in range(4)]
+    )
     for _ in range(1 + silences):
         library.call("gait_controller_step", central, heard, told)
         assert told.decision.trip_cause == NO_TRIP
@@ -366,7 +370,9 @@ def test_a_measurement_that_is_not_heard_does_not_accelerate_again():
     surroundings = deep_copy(linked.inputs.direct)
     surroundings.bus_voltage = 28.8
     heard = units.GaitControllerInputs(surroundings, measurements, [True] * 4)
-    told = units.GaitControllerOutputs(deep_copy(linked.outputs.decision), [units.JointSetpoint() for _ in range(4)])
+    told = units.GaitControllerOutputs(
+        deep_copy(linked.outputs.decision), [units.JointSetpoint() for _ in range(4)]
+    )
     rates = []
     for tick in range(200):
         heard.received = [tick % 2 == 0] * 4

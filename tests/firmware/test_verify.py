@@ -15,9 +15,9 @@ from twin_gait.cli.program import main
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.cross import INSTALL
-from twin_gait.firmware.linked import record_vectors
+from twin_gait.firmware.exoskeleton_unit import record_vectors
 from twin_gait.firmware.project import Project, print_project
-from twin_gait.firmware.verification import VerificationBuild, cases_of, verify, run_with_unit
+from twin_gait.firmware.verification import VerificationBuild, cases_of, run_with_unit, verify
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
 from twin_gait.worlds.faults import FaultKind
@@ -161,7 +161,9 @@ def test_a_wrong_c_is_found(bench, tmp_path, name):
     assert text.count(good) == 1
     files = {**project.program.files, "exoskeleton.c": text.replace(good, bad)}
     wrong = replace(project, program=project.program._replace(files=files))
-    passed, figures = verifying.host_in_double(VerificationBuild(wrong, bench.vectors, wrong.write_linked(tmp_path)))
+    passed, figures = verifying.host_in_double(
+        VerificationBuild(wrong, bench.vectors, wrong.write_linked(tmp_path))
+    )
     assert passed is False and figures["differing"] > 100
 
 

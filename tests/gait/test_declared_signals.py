@@ -28,8 +28,8 @@ from twin_gait.gait.signals import (
     VELOCITY,
     WALK,
     all_signal_names,
-    signal_part,
     find_signal,
+    signal_part,
 )
 from twin_gait.vocabulary import Side
 

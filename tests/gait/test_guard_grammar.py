@@ -12,9 +12,17 @@ from table_builder import JOINTS, transition, two_phase_table
 
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait.guards import LEG_VOCABULARY, AllOf, AnyOf, Comparison, Guard, PhaseMembership, parse_guard
+from twin_gait.gait.guards import (
+    LEG_VOCABULARY,
+    AllOf,
+    AnyOf,
+    Comparison,
+    Guard,
+    PhaseMembership,
+    parse_guard,
+)
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import DEVICE_NAMES, all_signal_names, signal_names, find_signal, signal_scale
+from twin_gait.gait.signals import DEVICE_NAMES, all_signal_names, find_signal, signal_names, signal_scale
 from twin_gait.vocabulary import GaitPhase
 
 PHASES = tuple(str(phase) for phase in GaitPhase)
@@ -140,7 +148,10 @@ def test_signals_of_a_leg_come_joint_by_joint() -> None:
 
 
 def test_table_with_an_ankle_has_signals_for_it() -> None:
-    assert LEG_VOCABULARY.find_problem(parse_guard("ankle.angle_deg > 5"), ("hip", "knee", "ankle"), PHASES) == ""
+    assert (
+        LEG_VOCABULARY.find_problem(parse_guard("ankle.angle_deg > 5"), ("hip", "knee", "ankle"), PHASES)
+        == ""
+    )
 
 
 def test_degrees_are_scaled_and_other_units_are_not() -> None:

@@ -24,7 +24,7 @@ from twin_gait.gait.guards import MODE_VOCABULARY, AllOf, parse_guard
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.modes import Mode, TimedRequest, check_requests, parse_request, rejection_reason
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.signals import TIME, mode_signal_names, signal_names, find_signal
+from twin_gait.gait.signals import TIME, find_signal, mode_signal_names, signal_names
 from twin_gait.gait.table import Transition
 from twin_gait.testing.cases import TransitionTest, transition_tests
 

@@ -105,7 +105,8 @@ def test_one_column_cannot_be_two_quantities(tmp_path):
     (tmp_path / "a.csv").write_text(text_of())
     with raises(ParameterFileError, "dq2", "friction_torque"):
         read_log(
-            tmp_path / "a.csv", ColumnOptions(names={Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "dq2"})
+            tmp_path / "a.csv",
+            ColumnOptions(names={Quantity.VELOCITY: "dq2", Quantity.FRICTION_TORQUE: "dq2"}),
         )
 
 

@@ -14,7 +14,7 @@ from twin_gait.core.friction import advance_deflection, friction_torque, rotatio
 from twin_gait.core.friction_models import bristle_rate, bristle_step
 from twin_gait.identification.fitting import bounds
 from twin_gait.identification.identify import inherited_starts
-from twin_gait.identification.laws import MODELS, bristle_deflection, array_laws, initial_deflection_share
+from twin_gait.identification.laws import MODELS, array_laws, bristle_deflection, initial_deflection_share
 from twin_gait.identification.models import FrictionTest, Samples, join_tests
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE, law_of
 

@@ -16,10 +16,10 @@ from example_robots import twin_joints
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ModelError, ParameterError
+from twin_gait.leg_model.anthropometry import device_sizes
 from twin_gait.leg_model.joints import BodySelection, LegJoints
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf, packaged_urdf, urdf_hash
-from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, Sex, Side
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.checking.sense import STIFFNESS_RANGES
+from twin_gait.checking.published_ranges import STIFFNESS_RANGES
 from twin_gait.live.controls import ControlPanel, action_specs, action_values
 from twin_gait.live.forecast import find_errors
 from twin_gait.live.protocol import DoAction

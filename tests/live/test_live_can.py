@@ -25,9 +25,9 @@ from twin_gait.live import can_link
 from twin_gait.live.can_link import CanLink, decode_commands, leaves_machine, open_bus
 from twin_gait.live.controls import ControlPanel
 from twin_gait.live.loop import PERIOD
-from twin_gait.live.news import Block, EventLog
 from twin_gait.live.protocol import MessageRejected
 from twin_gait.live.session import LiveSession
+from twin_gait.live.telemetry import Block, EventLog
 from twin_gait.network.dbc import load_messages
 from twin_gait.runs.record import read_stored_run
 from twin_gait.simulation.simulator import simulate
@@ -363,7 +363,9 @@ def walked(tmp_path_factory):
     done.set()
     listener.join()
     bus.shutdown()
-    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=read_stored_run(folder).run)
+    return SimpleNamespace(
+        folder=folder, heard=heard, said=said, state=state, run=read_stored_run(folder).run
+    )
 
 
 def test_what_was_on_the_bus_is_the_log_of_the_walk(walked):

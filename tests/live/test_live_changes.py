@@ -12,14 +12,14 @@ import pytest
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration.experiments import load_experiment
-from twin_gait.live import news
+from twin_gait.live import telemetry
 from twin_gait.live.controls import ControlPanel
 from twin_gait.live.forecast import find_warnings
-from twin_gait.live.news import HANG_TIMEOUT, EventLog, WalkProcess
 from twin_gait.live.page import BURST, LivePageServer
 from twin_gait.live.protocol import DoAction, RateLimiter
 from twin_gait.live.session import LiveSession
-from twin_gait.simulation.problem import build_setup
+from twin_gait.live.telemetry import HANG_TIMEOUT, EventLog, WalkProcess
+from twin_gait.simulation.simulation_setup import build_setup
 
 K, ZERO = "late_stance.hip.stiffness", "swing_flexion.knee.equilibrium"
 
@@ -99,9 +99,11 @@ def test_the_heartbeat_goes_on_in_a_pause_and_comes_from_the_loop(bench):
 
 def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(news, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(telemetry, "time", SimpleNamespace(monotonic=lambda: now[0]))
     book = EventLog()
-    walk = WalkProcess(book, build_setup(bench.experiment), on_compile=lambda: None, on_store_failure=pytest.fail)
+    walk = WalkProcess(
+        book, build_setup(bench.experiment), on_compile=lambda: None, on_store_failure=pytest.fail
+    )
     monkeypatch.setattr(WalkProcess, "alive", True)
 
     def look(until):

@@ -23,9 +23,9 @@ from twin_gait.live.controls import ControlPanel
 from twin_gait.live.journal import LogChunk, walked_document
 from twin_gait.live.session import LiveSession
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import log_table
 from twin_gait.simulation.settings import loop_numbers
+from twin_gait.simulation.simulation_setup import build_setup
 
 
 class Desk:

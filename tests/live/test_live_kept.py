@@ -37,7 +37,7 @@ from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.runs.folders import journal_path
 from twin_gait.runs.record import read_stored_run
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 

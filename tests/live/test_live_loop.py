@@ -21,9 +21,9 @@ from errors import raises
 from twin_gait.configuration.experiments import experiment_from_mapping, load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.experiment.events import FADE_TICKS
-from twin_gait.live.controls import ControlPanel, action_specs, fault_text, action_values
+from twin_gait.live.controls import ControlPanel, action_specs, action_values, fault_text
 from twin_gait.live.forecast import find_errors
-from twin_gait.live.journal import complete, walked_document, walked_run, split_walks
+from twin_gait.live.journal import complete, split_walks, walked_document, walked_run
 from twin_gait.live.loop import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock, LiveLoop
 from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
@@ -41,8 +41,8 @@ from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.runs.folders import journal_path
 from twin_gait.runs.record import read_stored_run
 from twin_gait.simulation import stepping
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.settings import loop_numbers
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.simulator import simulate
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
@@ -796,7 +796,10 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
 
 def test_blocks_of_the_process_are_those_of_its_log(finished):
     _, said, folder = finished
-    block, rows = said["block"], read_stored_run(folder / "run").run.log.iloc[said["block"].first :][:BLOCK_TICKS]
+    block, rows = (
+        said["block"],
+        read_stored_run(folder / "run").run.log.iloc[said["block"].first :][:BLOCK_TICKS],
+    )
     assert block.end == block.first + BLOCK_TICKS
     for name in ("right_phase", "right_knee_angle_rad"):
         assert block.columns[name].tolist() == rows[name].tolist()

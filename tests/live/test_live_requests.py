@@ -13,8 +13,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.live.controls import ControlPanel, action_specs, action_values
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import DoAction, MessageRejected, read_message
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import log_table
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 
 TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
@@ -22,9 +22,7 @@ NAMES = ("walk", "walk")
 
 
 def problem_of(*settings: str):
-    return build_setup(
-        load_experiment("overground", ["modes=walking", "duration_s=3", *settings]).experiment
-    )
+    return build_setup(load_experiment("overground", ["modes=walking", "duration_s=3", *settings]).experiment)
 
 
 @pytest.fixture(scope="module")

@@ -30,8 +30,8 @@ from twin_gait.viewer.commands import CommandBuffer, set_object, set_property
 from twin_gait.viewer.server import (
     LONGEST_MESSAGE,
     MOST_WAITING,
-    SendBuffer,
     SceneServer,
+    SendBuffer,
     is_loopback,
     is_own_page,
 )

@@ -21,8 +21,8 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.live import session_records as sessions
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import (
-    RUNNING,
     KILLED,
+    RUNNING,
     SessionError,
     SessionRecorder,
     default_records,

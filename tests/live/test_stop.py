@@ -18,11 +18,11 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
-from twin_gait.viewer.surroundings import BELT_MARK_SPACING
+from twin_gait.viewer.environment import BELT_MARK_SPACING
 from twin_gait.worlds.faults import FaultKind, parse_fault
 
 BELT = Belt(cruise=0.42, start=2.0, stop=10.0, ramp=1.0, delay=0.2, stop_ramp=0.5)

@@ -12,8 +12,8 @@ from twin_gait.control.safety import Trip, TripCause
 from twin_gait.live.journal import LogChunk, walked_document, walked_run
 from twin_gait.measures.outcome import EventKind, trip_time
 from twin_gait.runs.record import read_stored_run, write_run
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import RunStatus, run_events
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault
 

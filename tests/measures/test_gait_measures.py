@@ -29,11 +29,11 @@ from twin_gait.measures.strides import (
     cadence,
     double_support_share,
     is_in_stride,
+    join_strides,
     normalise_strides,
-    values_in_strides,
     step_times,
     stride_extremes,
-    join_strides,
+    values_in_strides,
 )
 from twin_gait.runs.log_files import read_log_table
 from twin_gait.vocabulary import JointName, Side

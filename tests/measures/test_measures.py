@@ -23,10 +23,10 @@ from twin_gait.measures.effort import (
 from twin_gait.measures.foot_contact import (
     FootContacts,
     find_foot_contacts,
-    is_loaded,
     find_scuffs,
-    swing_clearances,
     find_swings,
+    is_loaded,
+    swing_clearances,
 )
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.phases import (

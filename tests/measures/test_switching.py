@@ -19,8 +19,8 @@ from twin_gait.measures.switching import (
     dimensionless_jerk,
     joint_jerk,
     low_pass,
-    spring_energy,
     span_sums,
+    spring_energy,
     switching_energy,
     torque_jumps,
 )

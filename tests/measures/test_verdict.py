@@ -21,8 +21,8 @@ from twin_gait.measures.outcome import (
     judge_gait,
 )
 from twin_gait.measures.strides import SKIPPED_STRIDES
+from twin_gait.report.formatting import describe_strides
 from twin_gait.report.run_figures import draw_cycle
-from twin_gait.report.walk_words import describe_strides
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.batch import flat_summary
@@ -176,7 +176,9 @@ ALL = "control.mode=position", "scenario.support.share=1.0"  # along a path that
 def test_a_wearer_who_hangs_in_the_harness_does_not_walk(settings, outcome):
     run = simulate(load_experiment("treadmill", ["duration_s=12", *settings]).experiment)
     assert run.status is RunStatus.COMPLETED
-    assert (run.verdict.outcome, flat_summary(run)["outcome"], summarise_run(run)["outcome"]) == (outcome,) * 3
+    assert (run.verdict.outcome, flat_summary(run)["outcome"], summarise_run(run)["outcome"]) == (
+        outcome,
+    ) * 3
 
 
 def test_a_run_that_ends_early_says_how(walk):

@@ -15,8 +15,8 @@ from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import ERROR_PARTS, PERCENT, error_parts
 from twin_gait.measures.walk import (
     WalkConditions,
-    is_belt_driven,
     cop_curve,
+    is_belt_driven,
     slip_speed,
     walk_measures,
     walk_power,

@@ -20,7 +20,7 @@ from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
 from twin_gait.parameters.drives import HARD_TORQUE_LIMIT
 from twin_gait.parameters.network import BOARDS, NetworkParameters
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import GaitPhase
 
 PATH = shipped_file(PACKAGED_DBC)

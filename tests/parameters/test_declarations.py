@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import twin_gait
 from twin_gait import load_experiment
-from twin_gait.configuration.readers import section_of
+from twin_gait.configuration.custom_sections import section_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.quantities import (
     NON_NEGATIVE_OR_INFINITE,
@@ -126,7 +126,11 @@ def test_a_word_that_an_enumeration_lacks_is_refused_with_those_it_has() -> None
 
 def test_what_is_above_a_bound_is_not_on_it() -> None:
     assert POSITIVE.contains(5e-324) and not POSITIVE.contains(0.0)
-    assert Range(0.0).contains(0.0) and not Range(0.0).contains(math.inf) and NON_NEGATIVE_OR_INFINITE.contains(math.inf)
+    assert (
+        Range(0.0).contains(0.0)
+        and not Range(0.0).contains(math.inf)
+        and NON_NEGATIVE_OR_INFINITE.contains(math.inf)
+    )
 
 
 @given(

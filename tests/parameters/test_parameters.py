@@ -26,7 +26,7 @@ from twin_gait.parameters.drives import (
     LimitParameters,
     SensorParameters,
 )
-from twin_gait.parameters.surroundings import (
+from twin_gait.parameters.environment import (
     AnkleParameters,
     ContactParameters,
     StopParameters,

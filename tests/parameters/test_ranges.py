@@ -18,7 +18,13 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.parameters.drives import SensorParameters
-from twin_gait.parameters.quantities import Declaration, Parameters, QuantityUnits, declarations, symmetric_range
+from twin_gait.parameters.quantities import (
+    Declaration,
+    Parameters,
+    QuantityUnits,
+    declarations,
+    symmetric_range,
+)
 from twin_gait.parameters.ranges import NON_NEGATIVE_OR_INFINITE, NOT_NEGATIVE, POSITIVE, SHARE, Range
 from twin_gait.worlds.faults import parse_fault
 
@@ -122,7 +128,12 @@ def test_the_ends_that_a_range_leaves_open_are_those_of_the_quantity() -> None:
     own = Range(-9.0, 9.0, reason="its own")
     assert own.fill_limits(general) is own
     later = NON_NEGATIVE_OR_INFINITE.fill_limits(general)
-    assert later.contains(math.inf) and later.contains(5.0) and not later.contains(5.1) and not later.contains(math.nan)
+    assert (
+        later.contains(math.inf)
+        and later.contains(5.0)
+        and not later.contains(5.1)
+        and not later.contains(math.nan)
+    )
     assert QuantityUnits("m").plausible_range is None
 
 
@@ -156,7 +167,9 @@ SETTABLE = {
 
 def values_in(bounds: Range) -> st.SearchStrategy[float]:
     ends = [bounds.maximum, *([] if bounds.exclusive_minimum else [bounds.minimum])]
-    inside = st.floats(bounds.minimum, bounds.maximum, exclude_min=bounds.exclusive_minimum, allow_infinity=False)
+    inside = st.floats(
+        bounds.minimum, bounds.maximum, exclude_min=bounds.exclusive_minimum, allow_infinity=False
+    )
     return inside | st.sampled_from(ends)
 
 

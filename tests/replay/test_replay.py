@@ -100,7 +100,9 @@ def test_interpolation_meets_every_sample_and_overshoots_none():
     time = np.arange(21) * 0.01
     hip = np.where(time < 0.1, 0.0, 0.5)  # a step, where a cubic spline would overshoot
     names = np.array(["stance" if instant < 0.1 else "swing" for instant in time], dtype=object)
-    recording = resample_to_ticks(Recording("log", 0.0, {(Side.LEFT, HIP): hip}, {}, {Side.LEFT: names}), time)
+    recording = resample_to_ticks(
+        Recording("log", 0.0, {(Side.LEFT, HIP): hip}, {}, {Side.LEFT: names}), time
+    )
     values = recording.angles[Side.LEFT, HIP]
     np.testing.assert_allclose(values[::10], hip, atol=1e-12)
     assert values.min() >= 0.0 and values.max() <= 0.5

@@ -28,7 +28,7 @@ from table_builder import JOINTS, guard, impedance, phase, transition, two_phase
 from twin_gait.cli import tables as command
 from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.gait.documents import Debounced, PhaseLogic, MinimumTime, transition_table, truth_table
+from twin_gait.gait.documents import Debounced, MinimumTime, PhaseLogic, transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, parse_guard
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.signals import all_signal_names

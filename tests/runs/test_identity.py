@@ -20,11 +20,11 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.live.page import LiveScene
 from twin_gait.parameters.wearer import Patient
-from twin_gait.report.walk_words import describe
+from twin_gait.report.formatting import describe
 from twin_gait.runs.record import StoredRun, load_run, save_run
 from twin_gait.runs.run_page import page_texts
 from twin_gait.runs.summary import summarise_run
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.studies.batch import override_experiment, simulate_batch
 
 STROKE = ("patient=stroke_left", "patient.mass_kg=62", "patient.height_m=1.63")
@@ -105,7 +105,9 @@ def test_names_come_back_from_a_run_folder(typed: bool, tmp_path: Path) -> None:
     document = resolved_document(loaded.experiment, loaded.document if typed else None, {})
     assert document["patient"]["name"] == "stroke_left"
     again = experiment_from_mapping(yaml.safe_load(json.dumps(document)), "again", Path())
-    expected = replace(loaded.experiment, integration=loaded.experiment.resolved_integration)  # which a folder has
+    expected = replace(
+        loaded.experiment, integration=loaded.experiment.resolved_integration
+    )  # which a folder has
     assert again == expected and describe(again) == describe(loaded.experiment)
     folder = save_run(run, tmp_path / "walk", pictures=False)
     assert describe(load_run(folder).experiment) == describe(loaded.experiment)

@@ -20,12 +20,12 @@ from errors import raises
 from twin_gait import load_experiment, load_run, save_run, simulate
 from twin_gait.control.controller import Controller
 from twin_gait.control.controllers.position import Position
-from twin_gait.control.own_controller import record_controller, restore_controller
+from twin_gait.control.user_controller import record_controller, restore_controller
 from twin_gait.exceptions import FirmwareError, ParameterError, TwinGaitError
 from twin_gait.firmware.project import require_printable
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate_blocks
-from twin_gait.studies.compare.comparing import CONTROLLERS
+from twin_gait.studies.compare.comparison import CONTROLLERS
 
 POSTURES = """
 SHARE = 0.9

@@ -21,7 +21,7 @@ from twin_gait.runs.folders import staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, read_stored_run, write_run
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, log_layout, unit_of
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 
 
 @pytest.fixture(scope="module")

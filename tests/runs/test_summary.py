@@ -34,9 +34,9 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.control.safety import Trip, TripCause
 from twin_gait.gait.table import TICK
-from twin_gait.parameters.surroundings import BeltProfile
-from twin_gait.report.walk_words import amount, belt_carries_note, format_table, walk_table
-from twin_gait.runs.summary import summarise_run, software_versions
+from twin_gait.parameters.environment import BeltProfile
+from twin_gait.report.formatting import amount, belt_carries_note, format_table, walk_table
+from twin_gait.runs.summary import software_versions, summarise_run
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.treadmill import Treadmill

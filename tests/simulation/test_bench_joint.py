@@ -20,7 +20,7 @@ from twin_gait.simulation.bench_joint import tick
 from twin_gait.simulation.bench_joint.episode import BenchVariation
 from twin_gait.simulation.bench_joint.loop import BenchRun, bench_episode, simulate_bench
 from twin_gait.simulation.binding import specialize
-from twin_gait.simulation.keeping import source_files
+from twin_gait.simulation.code_cache import source_files
 from twin_gait.simulation.record import dtype_of, to_array
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName

@@ -10,7 +10,7 @@ import pytest
 
 from twin_gait.core.contact import Ground, ground_contact_force
 from twin_gait.core.impedance import impedance_torque
-from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.binding import kernel_functions, specialize
 
 ROOMS = """
 import math

@@ -22,11 +22,11 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.export.motion import export_motion
 from twin_gait.gait.table import TICK
-from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.kernels.pinocchio_kernel import PinocchioKernel
 from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
-from twin_gait.parameters.surroundings import BraceParameters, SpringDamper
+from twin_gait.parameters.environment import BraceParameters, SpringDamper
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles
 from twin_gait.runs.log_files import read_log_table
@@ -35,7 +35,7 @@ from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stages.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side

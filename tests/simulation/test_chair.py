@@ -15,8 +15,8 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import work_sources
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName
 
 SIDES = ("left", "right")

@@ -12,8 +12,8 @@ import pytest
 from errors import warns
 
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.simulation import keeping
-from twin_gait.simulation.keeping import CACHE_VARIABLE, cache_folder, read_code, write_code
+from twin_gait.simulation import code_cache
+from twin_gait.simulation.code_cache import CACHE_VARIABLE, cache_folder, read_code, write_code
 
 pytestmark = [pytest.mark.slow, pytest.mark.compile]
 
@@ -40,7 +40,7 @@ def test_folder_and_secret_are_the_users_alone(places: Path, tmp_path: Path) -> 
     kept(places)
     secret = tmp_path / "data" / "twin_gait" / "cache.key"
     assert places.stat().st_mode & 0o777 == 0o700
-    assert secret.stat().st_mode & 0o777 == 0o600 and len(secret.read_bytes()) == keeping.SECRET_BYTES
+    assert secret.stat().st_mode & 0o777 == 0o600 and len(secret.read_bytes()) == code_cache.SECRET_BYTES
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o702])
@@ -53,7 +53,7 @@ def test_a_folder_that_others_may_write_is_refused(places: Path, mode: int) -> N
 
 def test_what_belongs_to_another_user_is_refused(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, other = kept(places), os.geteuid() + 1
-    keeping.private_folder.cache_clear()
+    code_cache.private_folder.cache_clear()
     monkeypatch.setattr(os, "geteuid", lambda: other)
     with warns(RuntimeWarning, "cache", "TWIN_GAIT_CACHE"):
         assert cache_folder() is None
@@ -63,7 +63,7 @@ def test_what_belongs_to_another_user_is_refused(places: Path, monkeypatch: pyte
 def test_a_file_that_others_may_write_and_a_link_are_refused(places: Path) -> None:
     path = kept(places)
     (places / "link.loop").symlink_to(path)
-    assert keeping.read_private_file(places / "link.loop") is None
+    assert code_cache.read_private_file(places / "link.loop") is None
     path.chmod(0o664)
     assert read_code(path) is None
     assert read_code(places / "missing.loop") is None
@@ -93,7 +93,7 @@ def test_a_file_made_with_another_secret_or_put_in_place_of_another_is_not_loade
     path = kept(places)
     (places / "other.loop").write_bytes(path.read_bytes())
     assert read_code(places / "other.loop") is None
-    monkeypatch.setattr(keeping, "_secret", lambda place: b"attacker" * 4)
+    monkeypatch.setattr(code_cache, "_secret", lambda place: b"attacker" * 4)
     write_code(path, CODE)
     monkeypatch.undo()
     assert read_code(path) is None
@@ -102,7 +102,7 @@ def test_a_file_made_with_another_secret_or_put_in_place_of_another_is_not_loade
 def test_a_secret_that_others_may_read_protects_nothing(places: Path, tmp_path: Path) -> None:
     path = kept(places)
     (tmp_path / "data" / "twin_gait" / "cache.key").chmod(0o640)
-    keeping._secret.cache_clear()
+    code_cache._secret.cache_clear()
     assert read_code(path) is None
 
 
@@ -111,7 +111,7 @@ def test_a_full_disk_does_not_stop_a_run(places: Path, monkeypatch: pytest.Monke
         raise RunDirectoryError(f"{path}: cannot be written (No space left on device)")
 
     places.mkdir()
-    monkeypatch.setattr(keeping, "write_atomically", full)
+    monkeypatch.setattr(code_cache, "write_atomically", full)
     write_code(places / "kept.loop", CODE)
     assert not any(places.iterdir())
 
@@ -124,7 +124,7 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch, pla
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(Path, "home", nowhere)
     assert cache_folder() is None
-    assert keeping.sign("name", b"") is None
+    assert code_cache.sign("name", b"") is None
 
 
 RUN = """
@@ -177,7 +177,7 @@ def test_a_cache_that_cannot_be_made_does_not_stop_a_run(
 
 TOLD = """
 import json
-from twin_gait.simulation.keeping import source_key
+from twin_gait.simulation.code_cache import source_key
 print(json.dumps(source_key("loop")))
 """
 

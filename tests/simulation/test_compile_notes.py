@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from twin_gait.simulation import keeping
+from twin_gait.simulation import code_cache
+from twin_gait.simulation.code_cache import CACHE_VARIABLE, CompiledLoop, cached_loop, source_key
 from twin_gait.simulation.compile_notes import Compilation, compile_text, parse_variant, read_records
-from twin_gait.simulation.keeping import CACHE_VARIABLE, CompiledLoop, cached_loop, source_key
 
 WALK = (
     "run_at ('dtype', {'LEGS': 2, 'SHIFT': 0, 'SUPERVISED': False, 'WITH_FRICTION': (0, 1), 'FAULTY': False})"
@@ -22,7 +22,7 @@ BRACES = WALK.replace("'SHIFT': 0", "'SHIFT': 7").replace("'SUPERVISED': False",
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    monkeypatch.setattr(keeping, "_loops", {})
+    monkeypatch.setattr(code_cache, "_loops", {})
     return tmp_path / "cache"
 
 
@@ -96,7 +96,9 @@ def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> 
 
 def test_an_absent_feature_and_other_sources_are_named() -> None:
     braces = Compilation("run_at", parse_variant(BRACES).flags, "now", 8.0)
-    assert "no braces, no modes; about 8 s" in compile_text(parse_variant(WALK), "now", [braces], has_user_code=False)
+    assert "no braces, no modes; about 8 s" in compile_text(
+        parse_variant(WALK), "now", [braces], has_user_code=False
+    )
     changed = compile_text(parse_variant(WALK), "later", [braces], has_user_code=False)
     assert changed == "compiling the engine (the program, a library or the processor has changed; about 8 s)"
 

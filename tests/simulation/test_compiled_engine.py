@@ -16,20 +16,20 @@ import pytest
 from errors import raises
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_rows import run_result, log_matrix
+from log_rows import log_matrix, run_result
 
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.generated import KernelBodies, body_values, kernel_key, write_kernel
-from twin_gait.kernels.tracing import TraceStep, Trace, rename_results, symbolic_sine_cosine
+from twin_gait.kernels.tracing import Trace, TraceStep, rename_results, symbolic_sine_cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import keeping
-from twin_gait.simulation.compiled_engine import CompiledEngine, kernel_names, assemble
+from twin_gait.simulation import code_cache
+from twin_gait.simulation.compiled_engine import CompiledEngine, assemble, kernel_names
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.simulation_setup import build_setup
 
 GRAVITY = 9.81
 
@@ -322,7 +322,7 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     shutil.copytree(source, tmp_path / "twin_gait", ignore=shutil.ignore_patterns("__pycache__"))
     if not (tmp_path / "twin_gait" / "urdf").is_dir():
         shutil.copytree(source.parent / "urdf", tmp_path / "twin_gait" / "urdf")
-    monkeypatch.setenv(keeping.CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(code_cache.CACHE_VARIABLE, str(tmp_path / "cache"))
 
     def run() -> float:
         code = EDIT.format(folder=str(tmp_path))
@@ -339,18 +339,18 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
 
 
 def test_an_edit_of_any_source_is_another_key(tmp_path, monkeypatch):
-    monkeypatch.setattr(keeping, "__file__", str(tmp_path / "simulation" / "keeping.py"))
+    monkeypatch.setattr(code_cache, "__file__", str(tmp_path / "simulation" / "code_cache.py"))
     package = Path(twin_gait.__file__).parent
     keys = set()
     for edited in (None, "core/impedance.py", "simulation/stages/motion.py", "control/gait_controller.py"):
         shutil.copytree(package, tmp_path, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
         if edited is not None:
             (tmp_path / edited).write_text((package / edited).read_text() + "\n")
-        for kept in (keeping.source_key, keeping._content):
+        for kept in (code_cache.source_key, code_cache._content):
             kept.cache_clear()
-        keys.add(keeping.source_key("loop"))
+        keys.add(code_cache.source_key("loop"))
     monkeypatch.undo()
-    for kept in (keeping.source_key, keeping._content):
+    for kept in (code_cache.source_key, code_cache._content):
         kept.cache_clear()
     assert len(keys) == 4
 
@@ -449,7 +449,7 @@ def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypa
     name, *changes = case
     problem = build_setup(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     CompiledEngine(problem)
-    monkeypatch.setattr(keeping, "_loops", {})
+    monkeypatch.setattr(code_cache, "_loops", {})
     told = []
     CompiledEngine(problem, on_compile=lambda: told.append(1))
     assert not told
@@ -465,9 +465,9 @@ def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
     name, *changes = case
     problem = build_setup(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
     CompiledEngine(problem)
-    monkeypatch.setattr(keeping, "_loops", {})
+    monkeypatch.setattr(code_cache, "_loops", {})
     codes = []
-    monkeypatch.setattr(keeping, "load_function", lambda code: codes.append(code))
+    monkeypatch.setattr(code_cache, "load_function", lambda code: codes.append(code))
     CompiledEngine(problem)
     (code,) = codes
     called = {word.lstrip(b"_") for word in code.split(b"\0")} & MATHEMATICS

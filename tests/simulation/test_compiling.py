@@ -27,8 +27,8 @@ from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiling import (
     PruningPipeline,
     compile_loop,
-    compiler_settings,
     compile_user_tick,
+    compiler_settings,
     jit,
     record_accessor,
     row_accessor,

@@ -24,7 +24,7 @@ from twin_gait.experiment.experiment import Engine, Experiment, Integration, Int
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
 from twin_gait.parameters.drives import KNEE_ACTUATOR
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 SIDES = (Side.LEFT, Side.RIGHT)
@@ -240,7 +240,10 @@ def test_help_is_forgotten_and_comes_back_by_hand():
 
 
 def test_constant_error_leads_to_the_fixed_point_of_the_law():
-    share, law = 1.0, AssistanceParameters(forgetting_factor=0.9, gain=0.6, error_deadband=0.1, min_assistance=0.0)
+    share, law = (
+        1.0,
+        AssistanceParameters(forgetting_factor=0.9, gain=0.6, error_deadband=0.1, min_assistance=0.0),
+    )
     for _ in range(400):
         share = adapted_assistance(law, share, 0.15)
     assert share == pytest.approx(0.6 * 0.05 / (1.0 - 0.9))
@@ -283,7 +286,11 @@ def test_help_of_a_walk_is_the_law_of_the_errors_in_its_log():
         error = float(np.abs(angle[begin:entry] - wanted).mean())
         share = max(
             settings.min_assistance,
-            min(1.0, settings.forgetting_factor * share + settings.gain * max(0.0, error - settings.error_deadband)),
+            min(
+                1.0,
+                settings.forgetting_factor * share
+                + settings.gain * max(0.0, error - settings.error_deadband),
+            ),
         )
         if begin > 0:
             length = float(entry - begin)

@@ -18,9 +18,9 @@ from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlMode
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.simulation import keeping
+from twin_gait.simulation import code_cache
 from twin_gait.simulation.compiled_engine import assemble
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.simulator import SlowControllerWarning
 from twin_gait.vocabulary import JointName, Side
 
@@ -109,9 +109,9 @@ def test_assistance_takes_its_share_of_what_the_controller_asks_for():
 
 def test_a_controller_that_is_compiled_by_its_writer_is_compiled_once():
     controller, told = controller_with(numba.njit(halve)), []
-    first, made = simulate(bench(), controller=controller), len(keeping._loops)
+    first, made = simulate(bench(), controller=controller), len(code_cache._loops)
     second = simulate(bench(), controller=controller, on_compile=lambda: told.append(1))
-    assert len(keeping._loops) == made and not told
+    assert len(code_cache._loops) == made and not told
     assert first.log.equals(second.log)
 
 

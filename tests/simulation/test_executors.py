@@ -14,12 +14,21 @@ from errors import raises
 import twin_gait
 from twin_gait import load_experiment
 from twin_gait.control import device_schedule
-from twin_gait.core.schedule import BlockStep, joints, legs, scalar_steps, scalar_branch, replace_steps, vector_branch, when
-from twin_gait.simulation import schedule, structure
+from twin_gait.core.schedule import (
+    BlockStep,
+    joints,
+    legs,
+    replace_steps,
+    scalar_branch,
+    scalar_steps,
+    vector_branch,
+    when,
+)
+from twin_gait.simulation import build_flags, schedule
 from twin_gait.simulation.binding import specialize
+from twin_gait.simulation.build_flags import compute_build_flags
 from twin_gait.simulation.executors import ScheduleNames, lane_driver, scalar_driver
-from twin_gait.simulation.problem import build_setup
-from twin_gait.simulation.structure import compute_build_flags
+from twin_gait.simulation.simulation_setup import build_setup
 
 NAMES = ScheduleNames(
     arguments={"e": "{e}", "tick": "tick", "number": "number", "leg": "{e}.legs[number]"},
@@ -203,8 +212,8 @@ def test_two_drivers_of_one_name_have_each_its_own_text():
 def test_every_declared_flag_of_a_tick_is_set_for_an_experiment():
     problem = build_setup(load_experiment("treadmill", []).experiment)
     found = compute_build_flags(problem, 4)
-    assert structure.FLAGS.keys() | device_schedule.FLAGS.keys() <= found.keys()
-    assert schedule.NAMES.flags == {**device_schedule.FLAGS, **structure.FLAGS}
+    assert build_flags.FLAGS.keys() | device_schedule.FLAGS.keys() <= found.keys()
+    assert schedule.NAMES.flags == {**device_schedule.FLAGS, **build_flags.FLAGS}
 
 
 def test_loops_over_lanes_are_left_in_the_integration_and_the_guards_alone():

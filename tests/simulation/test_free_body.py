@@ -15,20 +15,20 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from twin_gait import Run, load_experiment, simulate
-from twin_gait.core.contact import Ground, ContactState
-from twin_gait.core.plant import Plant, Spring, MechanicalStop
+from twin_gait.core.contact import ContactState, Ground
+from twin_gait.core.plant import MechanicalStop, Plant, Spring
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.kernels.pinocchio_kernel import PinocchioKernel
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.binding import specialize
-from twin_gait.simulation.compiled_engine import kernel_names, assemble
+from twin_gait.simulation.compiled_engine import assemble, kernel_names
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import state_columns, work_sources
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.record import deep_copy
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.simulation.stages.motion import integrate
 from twin_gait.vocabulary import JointName, Side
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.core.plant import Plant, Spring, MechanicalStop
-from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.core.plant import MechanicalStop, Plant, Spring
+from twin_gait.kernels.pinocchio_kernel import PinocchioKernel
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.simulation.stages.motion import integrate
 
 pytest.importorskip("mujoco")

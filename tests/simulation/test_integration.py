@@ -17,8 +17,8 @@ from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.record import deep_copy
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stages.motion import compute_accelerations, integrate
 
 # A lightly damped pair of coupled oscillators: q̈ = −K q − B q̇.

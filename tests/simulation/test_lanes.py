@@ -14,7 +14,7 @@ import numba
 import numpy as np
 import pytest
 from llvmlite import ir
-from log_rows import run_result, log_matrix
+from log_rows import log_matrix, run_result
 from numba.core.errors import NumbaError
 
 from twin_gait import load_experiment
@@ -22,14 +22,14 @@ from twin_gait.control.controller import Controller
 from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import specialize
-from twin_gait.simulation.block import SHARED, WIDTH, shared_words, interleave, number_index
+from twin_gait.simulation.block import SHARED, WIDTH, interleave, number_index, shared_words
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_names, run_ticks_at
 from twin_gait.simulation.compiling import BIT_FUNCTIONS, compile_loop, compiler_settings, jit
 from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine, block_key
 from twin_gait.simulation.lanes import LanePipeline, lane_names
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.schedule import LANE_DRIVERS
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.simulation.views import LanesView
 
 EULER = "integration={method: semi_implicit_euler, step_ms: %s}"
@@ -455,7 +455,9 @@ def compiled(function: Callable[[Any], Any]) -> Any:
     """A room in lanes, as numba gives it."""
     names = {**BIT_FUNCTIONS, **lane_names(TOY, 1, 1), "room": function}
     loop = specialize(
-        enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, pipeline=LanePipeline)
+        enter_at,
+        names,
+        lambda item: jit(item, inline=item.__name__ != enter_at.__name__, pipeline=LanePipeline),
     )
     signature = (numba.intp,) * 3
     with compiler_settings(LanePipeline):

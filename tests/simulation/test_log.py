@@ -20,7 +20,7 @@ from twin_gait.simulation.log import (
     unit_of,
     work_sources,
 )
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName, Side
 
 HARNESS = "scenario.support.guide=harness"

@@ -19,10 +19,10 @@ from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiled_engine import CompiledEngine, assemble
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.executors import scalar_driver
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.record import deep_copy, dtype_of, to_array
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.schedule import RECEIVE, NAMES
+from twin_gait.simulation.schedule import NAMES, RECEIVE
+from twin_gait.simulation.simulation_setup import build_setup
 
 JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"

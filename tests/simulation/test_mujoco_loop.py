@@ -8,8 +8,8 @@ from log_rows import log_matrix
 
 from twin_gait import load_experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 pytest.importorskip("mujoco")
 

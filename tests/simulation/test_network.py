@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from log_rows import run_result, log_matrix
+from log_rows import log_matrix, run_result
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking.check import build_case, check
@@ -18,11 +18,11 @@ from twin_gait.core.safety import hold_weight_share
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import load_messages
 from twin_gait.runs.summary import summarise_run
-from twin_gait.simulation.compiled_engine import CompiledEngine, kernel_names, assemble
+from twin_gait.simulation.compiled_engine import CompiledEngine, assemble, kernel_names
 from twin_gait.simulation.lane_engine import LaneEngine, block_key
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 CYCLE = 2  # [ticks]

@@ -9,7 +9,7 @@ import pytest
 from twin_gait import load_experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 
 EULER, RK4 = "semi_implicit_euler", "rk4"
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")

@@ -19,9 +19,9 @@ from twin_gait.simulation import lane_engine
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.vocabulary import JointName, Side
 
 WALK = "treadmill_ankle"

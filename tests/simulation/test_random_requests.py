@@ -15,14 +15,14 @@ from twin_gait.control import device_schedule
 from twin_gait.control.gait_controller import trip_on_causes
 from twin_gait.control.safety import TripCause
 from twin_gait.control.supervisor import choose_mode
-from twin_gait.core.inertial import update_pitch_estimate, trunk_specific_force
+from twin_gait.core.inertial import trunk_specific_force, update_pitch_estimate
 from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.executors import scalar_driver
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.schedule import NAMES
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import Outcome
 from twin_gait.worlds.faults import FaultKind
 
@@ -87,7 +87,9 @@ class Device:
         names = (engine.log_row, engine.switch_row, engine.noise_row, engine.choose_transition)
         bound = {**assemble(problem)[2], **{item.__name__: item for item in names}}
         parts = ("choose", device_schedule.SUPERVISE), ("decide", device_schedule.STATE_MACHINES)
-        self.choose, self.decide = (specialize(scalar_driver(name, (part,), NAMES), bound) for name, part in parts)
+        self.choose, self.decide = (
+            specialize(scalar_driver(name, (part,), NAMES), bound) for name, part in parts
+        )
         self.modes, self.table = experiment.modes, problem.table
         self.fresh = copy.deepcopy((engine.episode, engine.machines))
 

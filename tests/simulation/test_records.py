@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from twin_gait import load_experiment
 from twin_gait.parameters.quantities import from_attributes
-from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.binding import kernel_functions, specialize
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.record import ABSENT, deep_copy, dtype_of, to_array
+from twin_gait.simulation.simulation_setup import build_setup
 
 
 @dataclass(slots=True)

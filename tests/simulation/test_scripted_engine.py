@@ -11,9 +11,9 @@ from errors import raises
 from twin_gait import load_experiment, load_run, simulate
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.firmware.linked import engine_without_bus
+from twin_gait.firmware.exoskeleton_unit import engine_without_bus
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.simulator import create_engine, simulate_blocks
 
 KEYS = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")

@@ -14,7 +14,7 @@ from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.parameters.drives import SensorParameters
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_joint import bench_joint

@@ -14,11 +14,11 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.guards import AllOf, parse_guard
 from twin_gait.gait.signals import all_signal_names
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.kernels.pinocchio_kernel import PinocchioKernel
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 TICKS = 20
 

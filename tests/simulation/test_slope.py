@@ -14,7 +14,7 @@ from twin_gait.kernels.generated import kernel_key, write_kernel
 from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.log import state_columns, work_sources
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName
 
 HARNESS = "scenario.support.guide=harness"

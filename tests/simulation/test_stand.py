@@ -17,11 +17,11 @@ from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.gait.table import TICK, Scaling
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise_run
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import log_table
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.animation import _belt_track
-from twin_gait.viewer.surroundings import BELT_MARK_SPACING
+from twin_gait.viewer.environment import BELT_MARK_SPACING
 from twin_gait.vocabulary import FIRST_SWING, STAND, Side
 
 START, STOP, RAMP = 2.0, 9.0, 1.5  # [s]

@@ -12,8 +12,8 @@ from twin_gait.configuration.experiments import load_experiment
 from twin_gait.control.safety import TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.simulation import stepping
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import RunStatus, log_table
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.simulator import simulate
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.worlds.faults import parse_fault

@@ -17,14 +17,14 @@ from twin_gait.cli.simulate import report
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.gait.machine import POSTURE
-from twin_gait.kernels.pinocchio import PinocchioKernel
+from twin_gait.kernels.pinocchio_kernel import PinocchioKernel
 from twin_gait.runs.record import read_stored_run
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulation_setup import build_setup
 
 TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
@@ -78,7 +78,9 @@ def test_the_device_stands_walks_and_stands_when_it_is_asked_to():
 
 def test_what_is_refused_says_why():
     done, no = run(requests=WALK, seconds=20.0), "does not answer"
-    assert [(item.request, item.mode_before, item.mode_after, item.rejection) for item in done.request_results] == [
+    assert [
+        (item.request, item.mode_before, item.mode_after, item.rejection) for item in done.request_results
+    ] == [
         ("walk", "standing", "walk_manual", ""),
         ("sit", "walk_manual", "walk_manual", f"walk_manual {no} sit; it answers stand, step, stop"),
         ("stop", "walk_manual", "stopping", ""),
@@ -164,7 +166,9 @@ def test_a_run_with_modes_is_kept_and_read_back(tmp_path):
 @pytest.mark.slow  # compiles the loop of the lanes
 def test_in_lockstep_each_lane_has_its_own_mode():
     schedules = ["walk@0.1s, step@0.15s, stop@0.4s", "gravity@0.2s", "twin_care@0.1s", "sit@0.3s"]
-    given = [experiment(*STAYING, requests=schedules[number % 4], seconds=0.6) for number in range(MIN_BLOCK_SIZE)]
+    given = [
+        experiment(*STAYING, requests=schedules[number % 4], seconds=0.6) for number in range(MIN_BLOCK_SIZE)
+    ]
     alone = [CompiledEngine(build_setup(item)).run() for item in given]
     lanes = LaneEngine([CompiledEngine(build_setup(item)) for item in given]).run()
     for one, other in zip(alone, lanes, strict=True):

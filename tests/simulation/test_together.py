@@ -19,7 +19,7 @@ from twin_gait import Run, load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import JobError, ParameterError, TwinGaitError
 from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.runs.summary import summarise_run
-from twin_gait.simulation import keeping, simulator
+from twin_gait.simulation import code_cache, simulator
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
 from twin_gait.simulation.simulator import (
@@ -29,7 +29,13 @@ from twin_gait.simulation.simulator import (
     precompile,
     simulate_blocks,
 )
-from twin_gait.studies.batch import SUMMARY_LOG_COLUMNS, SUMMARY_COLUMNS, apply_override, flat_summary, attach_document
+from twin_gait.studies.batch import (
+    SUMMARY_COLUMNS,
+    SUMMARY_LOG_COLUMNS,
+    apply_override,
+    attach_document,
+    flat_summary,
+)
 
 PLACES = ("left_hip", "left_knee", "right_hip", "right_knee")
 FALLING = {
@@ -162,7 +168,9 @@ def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
     base = attach_document(walk)
     order = np.random.default_rng(workers).permutation(len(rows))
     table = simulate_batch(walk, [rows[place] for place in order], workers=workers)
-    alone = pd.DataFrame([flat_summary(simulate(apply_override(base, rows[place], "episode"))) for place in order])
+    alone = pd.DataFrame(
+        [flat_summary(simulate(apply_override(base, rows[place], "episode"))) for place in order]
+    )
     for name in alone.columns:
         same = (table[name] == alone[name]) | (table[name].isna() & alone[name].isna())
         assert same.all(), name
@@ -209,7 +217,7 @@ def test_the_reference_engine_runs_beside_the_compiled_one(bench):
 @pytest.mark.compile
 def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, monkeypatch, tmp_path):
     monkeypatch.setenv("TWIN_GAIT_CACHE", str(tmp_path))
-    monkeypatch.setattr(keeping, "_loops", {})
+    monkeypatch.setattr(code_cache, "_loops", {})
     blocks: list[int] = []
     monkeypatch.setattr(
         simulator,

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
 from twin_gait.gait.signals import all_signal_names
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.1}"
 QUIET = "gyroscope_noise_rad_per_s: 0, accelerometer_noise_m_per_s2: 0"

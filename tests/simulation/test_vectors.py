@@ -14,9 +14,9 @@ from twin_gait.core.contact import Ground
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.kernels.generated import MERGED_FUNCTIONS, write_merged_functions
 from twin_gait.kernels.tracing import merge_calls
-from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.backend import vector_map
+from twin_gait.simulation.binding import kernel_functions, specialize
 from twin_gait.simulation.compiling import compile_loop, compiler_settings, jit, record_accessor
-from twin_gait.simulation.interface import vector_map
 from twin_gait.simulation.record import to_array
 from twin_gait.simulation.vectors import vector_functions
 

@@ -15,16 +15,16 @@ from table_builder import guard, phase, transition, two_phase_table
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.configuration.experiments import list_patients
 from twin_gait.configuration.gait_table_file import load_gait_table
-from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
+from twin_gait.core.wearer_torques import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.guards import PhaseMembership, map_atoms
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import normative_moment
-from twin_gait.simulation.episode import MIN_HIP_ANGLE, HIP_ANGLE_STEP
+from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.wearer import N_HIP_ANGLES, phase_spans
 from twin_gait.vocabulary import JointName, Side
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.checking.sense import STIFFNESS_RANGES
+from twin_gait.checking.published_ranges import STIFFNESS_RANGES
 from twin_gait.control.controllers.assistance import AssistanceParameters
 from twin_gait.measures.reference import gait_profile_score
 from twin_gait.report import tune as pictures
@@ -16,11 +16,11 @@ from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.run import Run
 from twin_gait.studies.accuracy import step_error
 from twin_gait.studies.batch import flat_summary, summary_table
-from twin_gait.studies.compare.comparing import CONTROLLERS
+from twin_gait.studies.compare.comparison import CONTROLLERS
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import shown_measures
 from twin_gait.studies.fault_campaign import draw_faults
-from twin_gait.studies.tune.parts import WORST, objective_terms, rate_walk, residuals, walk_cost
+from twin_gait.studies.tune.objective import WORST, objective_terms, rate_walk, residuals, walk_cost
 from twin_gait.studies.tune.space import editable_document, tunable_parameters
 from twin_gait.studies.tune.walks import build_cases
 from twin_gait.vocabulary import JointName, Side

@@ -20,18 +20,18 @@ from twin_gait.cli import studies as command
 from twin_gait.cli.terminal import DONE
 from twin_gait.control.controllers.assistance import AssistanceParameters
 from twin_gait.control.safety import TripCause
-from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
+from twin_gait.core.wearer_torques import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.studies.compare.comparing import (
+from twin_gait.studies.compare.comparison import (
     CONTROLLERS,
     TWINCARE_SHARE,
     Comparison,
     Interval,
     compare,
+    draw_sample,
     find_controllers,
     interval_of,
-    draw_sample,
 )
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.studies.compare.writing import (
@@ -39,8 +39,8 @@ from twin_gait.studies.compare.writing import (
     RUNS_FILE,
     SUMMARY_FILE,
     MeasureFormat,
-    shown_measures,
     format_interval,
+    shown_measures,
     write_comparison,
 )
 from twin_gait.vocabulary import JointName, Side

@@ -15,12 +15,12 @@ from twin_gait.gait.table import TICK
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.studies.batch import simulate_batch
-from twin_gait.studies.compare.comparing import compare, find_controllers, draw_sample
+from twin_gait.studies.compare.comparison import compare, draw_sample, find_controllers
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.studies.sweep.sweep import run_sweep
-from twin_gait.studies.tune.parts import term_costs, rate_walk
+from twin_gait.studies.tune.objective import rate_walk, term_costs
 from twin_gait.studies.tune.tune import TuningSettings, tune
 from twin_gait.studies.tune.walks import build_cases
 
@@ -86,7 +86,9 @@ def test_controllers_are_compared_on_the_floor():
 
 @pytest.mark.slow  # compiles the loop of the lanes
 def test_in_lockstep_each_wearer_on_the_floor_walks_as_alone():
-    given = [floor(f"patient.mass_kg={60 + 2 * number}", "duration_s=1.5") for number in range(MIN_BLOCK_SIZE)]
+    given = [
+        floor(f"patient.mass_kg={60 + 2 * number}", "duration_s=1.5") for number in range(MIN_BLOCK_SIZE)
+    ]
     # One that falls leaves its lane early.
     given[1] = replace(given[1], scenario=replace(given[1].scenario, fall_lean=0.25))
     lanes = LaneEngine([CompiledEngine(build_setup(item)) for item in given]).run()

@@ -21,7 +21,7 @@ from injected_faults.runaways import (
 
 from twin_gait import JointName, Side, load_experiment, simulate
 from twin_gait.control.safety import TripCause
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.batch import run_episodes
 from twin_gait.worlds.faults import FaultKind

@@ -22,14 +22,14 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import shipped_file
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.report.sweep import (
-    parameter_axis,
     cell_means,
     draw_heat_maps,
     draw_main_effects,
-    varying_axes,
-    main_effect_rows,
     level_names,
+    main_effect_rows,
     measure_values,
+    parameter_axis,
+    varying_axes,
 )
 from twin_gait.studies import jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
-from sweep_process import stored_episodes, kill_group, start_sweep, wait_until, write_spec
+from sweep_process import kill_group, start_sweep, stored_episodes, wait_until, write_spec
 
 from twin_gait.studies.sweep.spec import load_sweep
 from twin_gait.studies.sweep.sweep import read_table, run_sweep

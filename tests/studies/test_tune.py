@@ -27,25 +27,25 @@ from twin_gait.exceptions import (
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters.wearer import Patient
-from twin_gait.simulation.problem import scaled_table
+from twin_gait.simulation.simulation_setup import scaled_table
 from twin_gait.studies.tune import tune as stages
-from twin_gait.studies.tune.outcome import verdict
-from twin_gait.studies.tune.parts import (
+from twin_gait.studies.tune.objective import (
     FALL,
     WORST,
     Rating,
     nominal_cost,
-    term_costs,
     objective_terms,
     residuals,
+    term_costs,
     walk_cost,
 )
+from twin_gait.studies.tune.result import verdict
 from twin_gait.studies.tune.search import MAX_GENERATIONS_WITHOUT_GAIN, REACH, Descent, Generation
 from twin_gait.studies.tune.space import (
-    editable_document,
-    tunable_parameters,
     apply_coordinates,
+    editable_document,
     split_sides,
+    tunable_parameters,
 )
 from twin_gait.studies.tune.tune import TuningSettings, tune
 from twin_gait.studies.tune.walks import TuningStopped, build_cases, weighted_cost

@@ -17,7 +17,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.batch import override_experiment
-from twin_gait.studies.tune.parts import term_values
+from twin_gait.studies.tune.objective import term_values
 from twin_gait.studies.tune.walks import QUICK_INTEGRATION, build_cases
 from twin_gait.vocabulary import Side
 

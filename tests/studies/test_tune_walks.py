@@ -27,12 +27,17 @@ from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation import simulator
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
-from twin_gait.studies.tune import outcome
 from twin_gait.studies.tune import tune as stages
-from twin_gait.studies.tune.parts import Rating, term_values, objective_terms, rate_walk
+from twin_gait.studies.tune.objective import Rating, objective_terms, rate_walk, term_values
 from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.tune import TuningSettings, tune
-from twin_gait.studies.tune.walks import build_cases, quick_errors, table_performance, table_from_document, walk_all
+from twin_gait.studies.tune.walks import (
+    build_cases,
+    quick_errors,
+    table_from_document,
+    table_performance,
+    walk_all,
+)
 from twin_gait.studies.workers import Workers
 from twin_gait.vocabulary import JointName, Outcome, Side
 
@@ -198,7 +203,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         result = tune(experiment, SETTINGS)
         assert result is not None
         result.ranked = [item for item in result.ranked if item.points is not None] or result.ranked
-        written = outcome.write_tuning(result, directory, wearer="the default wearer")
+        written = result.write_tuning(result, directory, wearer="the default wearer")
     assert written["experiment"] == "treadmill"
     return directory
 
@@ -314,7 +319,11 @@ def test_a_table_stands_by_its_nominal_walk_and_what_the_others_cost() -> None:
     assert table_performance([nominal]) == [pytest.approx(17.0**0.5), 20.0, None]
     assert table_performance([nominal, nominal, fallen]) == [pytest.approx(17.0**0.5), 20.0, 32.5]
     assert table_performance([fallen, nominal]) == [None, None, 5.0]
-    assert table_performance([nominal._replace(values={**values, "hip_error_deg": None})]) == [None, None, None]
+    assert table_performance([nominal._replace(values={**values, "hip_error_deg": None})]) == [
+        None,
+        None,
+        None,
+    ]
 
 
 def test_the_torque_of_a_walk_is_that_of_its_motors(walk: Run) -> None:

@@ -27,7 +27,7 @@ from twin_gait.leg_model.urdf_document import UrdfWarning
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters.wearer import Patient
-from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer import environment, shapes
 from twin_gait.viewer.animation import _belt_track, recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON, arrow_state
 from twin_gait.viewer.commands import CommandBuffer
@@ -403,7 +403,7 @@ def test_on_a_slope_force_and_belt_are_drawn_in_its_axes(worn_twin: LegModel) ->
     slope, recorder = 0.1, CommandBuffer()
     scene = build_scene(recorder, worn_twin, slope=slope)
     moves = {item["path"]: item["matrix"] for item in recorder.commands() if item["type"] == "set_transform"}
-    for path in (surroundings.TREADMILL, FORCE_ROOT):
+    for path in (environment.TREADMILL, FORCE_ROOT):
         pose = np.reshape(moves[path], (4, 4)).T  # column by column
         np.testing.assert_allclose(pose @ [1, 0, 0, 1], [np.cos(slope), 0, np.sin(slope), 1], atol=1e-12)
         np.testing.assert_allclose(pose @ [0, 0, 1, 1], [-np.sin(slope), 0, np.cos(slope), 1], atol=1e-12)
@@ -438,7 +438,7 @@ def test_belt_marks_run_backwards_with_the_belt() -> None:
     # All but the few intervals that hold a jump move at the speed of the belt.
     assert np.median(np.abs(speed + BELT_SPEED)) < 1e-3
     assert np.mean(np.abs(speed + BELT_SPEED) < 0.01) > 0.95
-    assert -surroundings.BELT_MARK_SPACING - 1e-9 <= offset.min() and offset.max() <= 1e-9
+    assert -environment.BELT_MARK_SPACING - 1e-9 <= offset.min() and offset.max() <= 1e-9
 
 
 # ---------------------------------------------------------------------------------- page
@@ -582,7 +582,7 @@ def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Pa
         "joints": [scene.figure.paths[name] for name in joints],
         "covers": [scene.caps[side][0] for side in worn_twin.sides],
         "arrows": [scene.arrows[side] for side in worn_twin.sides],
-        "belt": surroundings.BELT,
+        "belt": environment.BELT,
         "moments": times[1:],
     }
     answer = ask_browser(page, f"#t={times[0]:.3f}", asked)
@@ -595,7 +595,7 @@ def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Pa
         check_posture(worn_twin, motion.q[frame], joints, shown["matrices"])
         check_forces_and_colours(worn_twin, row, shown)
         travelled = shown["belt"] + BELT_SPEED * moment
-        gap = travelled / surroundings.BELT_MARK_SPACING
+        gap = travelled / environment.BELT_MARK_SPACING
         assert abs(gap - round(gap)) < 1e-2  # the marks are where the belt has carried them
         assert f"{math.degrees(row['right_knee_angle_rad']):.1f}°" in shown["read"]
         assert shown["clock"].startswith(f"{moment:.3f} s")

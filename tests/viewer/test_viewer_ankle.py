@@ -7,13 +7,13 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
-from twin_gait.live.news import Block
 from twin_gait.live.page import LiveScene
+from twin_gait.live.telemetry import Block
 from twin_gait.measures.leg_record import driven_joints
-from twin_gait.report.walk_words import walk_table
+from twin_gait.report.formatting import walk_table
 from twin_gait.runs.summary import summarise_run
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import arc_state
 from twin_gait.viewer.commands import CommandBuffer

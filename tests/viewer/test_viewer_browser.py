@@ -177,7 +177,11 @@ def clock_of(one: OpenPage) -> float:
 @pytest.mark.slow
 def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
     model = read_stored_run(runs["more"]).run.experiment.build_world().model
-    paths = {name: path for name, path in ArticulatedFigure(CommandBuffer(), model.model).paths.items() if name != "universe"}
+    paths = {
+        name: path
+        for name, path in ArticulatedFigure(CommandBuffer(), model.model).paths.items()
+        if name != "universe"
+    }
     one = walk
     seen = one(
         """(paths) => player.times.map((time) => {

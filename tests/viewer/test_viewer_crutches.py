@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from synthetic_floor import SPEED, floor_walk
 
-from twin_gait.leg_model.wearer import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
-from twin_gait.live.news import Block
+from twin_gait.leg_model.anthropometry import FOREARM_LENGTH, SHOULDER_HEIGHT, UPPER_ARM_LENGTH
 from twin_gait.live.page import LiveScene
-from twin_gait.parameters.surroundings import ChairParameters
+from twin_gait.live.telemetry import Block
+from twin_gait.parameters.environment import ChairParameters
 from twin_gait.runs.run_page import scene_options
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run
-from twin_gait.viewer import surroundings
+from twin_gait.simulation.simulation_setup import build_setup
+from twin_gait.viewer import environment
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.arrows import FORCE_ROOT, METRES_PER_NEWTON
 from twin_gait.viewer.body import ROOT, ROPES, bent_elbow
 from twin_gait.viewer.commands import CommandBuffer
+from twin_gait.viewer.environment import CHAIR, METRES, SEAT
 from twin_gait.viewer.motion import MODE, Motion, read_motion
 from twin_gait.viewer.scene import Scene, SceneOptions, SceneState, build_scene
-from twin_gait.viewer.surroundings import CHAIR, METRES, SEAT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import Side
 
@@ -130,7 +130,7 @@ def test_the_eye_goes_along_and_the_metres_stay(drawn: Drawn) -> None:
     state = scene.state_at(motion, len(motion.times) - 1)
     way = SPEED * motion.times[-1]
     assert state["/meshcat", "position"] == pytest.approx([-way, 0.0, 0.0])
-    assert state[surroundings.FLOOR, "position"][0] == pytest.approx(way)
+    assert state[environment.FLOOR, "position"][0] == pytest.approx(way)
     paths = {command["path"] for command in recorder.commands()}
     assert METRES in paths and not any("treadmill" in path for path in paths)
 
@@ -189,7 +189,7 @@ def test_a_live_figure_shows_what_the_recorded_one_shows(walk: Run, drawn: Drawn
     sent = {(c["path"], c["property"]): c["value"] for c in live.window.commands()
             if c["type"] == "set_property"}  # fmt: skip
     expected = scene.state_at(motion, frame)
-    places = (ROOT, surroundings.FLOOR, f"{FORCE_ROOT}/left_")
+    places = (ROOT, environment.FLOOR, f"{FORCE_ROOT}/left_")
     shown = [key for key in expected if key[0].startswith(places)]
     assert len(shown) > 12
     assert {key: sent[key] for key in shown} == {key: expected[key] for key in shown}

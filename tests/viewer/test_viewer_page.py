@@ -46,19 +46,19 @@ from twin_gait.runs.record import StoredRun, read_stored_run, write_run
 from twin_gait.runs.run_page import page_texts, render_run_page
 from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.commands import CommandBuffer
+from twin_gait.viewer.environment import MATERIALS
 from twin_gait.viewer.figure import ROOT
 from twin_gait.viewer.motion import (
     extremes,
-    simplify_curve,
     frame_rate,
     leg_values,
     phase_changes,
     read_motion,
+    simplify_curve,
 )
-from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, PageTexts, live_page, encode_compressed, page_data
+from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, PageTexts, encode_compressed, live_page, page_data
 from twin_gait.viewer.picture import BROWSER_VARIABLE, find_browser, take_picture
 from twin_gait.viewer.scene import View, build_scene
-from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 

@@ -14,23 +14,23 @@ import pinocchio as pin
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.leg_model import wearer
+from twin_gait.leg_model import anthropometry
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, packaged_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters.wearer import SHANK_LENGTH, Patient
-from twin_gait.viewer import arrows, body, shapes, surroundings
+from twin_gait.viewer import arrows, body, environment, shapes
 from twin_gait.viewer import scene as drawn_scene
 from twin_gait.viewer.arrows import FULL_TORQUE
 from twin_gait.viewer.body import ROPES
 from twin_gait.viewer.commands import CommandBuffer, rgb
+from twin_gait.viewer.environment import ROOT
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
 from twin_gait.viewer.scene import Scene, build_scene, build_urdf_scene
 from twin_gait.viewer.shapes import Shape
-from twin_gait.viewer.surroundings import ROOT
 from twin_gait.viewer.visuals import load_visuals
-from twin_gait.vocabulary import GaitPhase, JointName, Side, Environment
+from twin_gait.vocabulary import Environment, GaitPhase, JointName, Side
 
 PATIENT = Patient()
 URDF_FOLDER = packaged_urdf("twin.urdf").parent
@@ -79,10 +79,15 @@ def test_mesh_files_are_what_their_script_makes(script: Any) -> None:
 
 def test_the_viewer_scales_the_meshes_from_the_sizes_that_they_were_drawn_in(script: Any) -> None:
     assert (script.BODY_HEIGHT, script.BODY_MASS) == (body._DRAWN_HEIGHT, body._DRAWN_MASS)
-    assert (script.BAR_HEIGHT, script.TORQUE_RADIUS) == (surroundings._MAST_HEIGHT, arrows._ARC_RADIUS)
+    assert (script.BAR_HEIGHT, script.TORQUE_RADIUS) == (environment._MAST_HEIGHT, arrows._ARC_RADIUS)
     # The lengths of the body are those of the model's wearer of this height.
     drawn = (script.TRUNK, script.FOOT, script.FOREARM, script.LENGTHS["shank"])
-    shares = (wearer.TRUNK_LENGTH, wearer.FOOT_LENGTH, wearer.FOREARM_LENGTH, SHANK_LENGTH)
+    shares = (
+        anthropometry.TRUNK_LENGTH,
+        anthropometry.FOOT_LENGTH,
+        anthropometry.FOREARM_LENGTH,
+        SHANK_LENGTH,
+    )
     np.testing.assert_allclose(drawn, np.multiply(shares, script.BODY_HEIGHT), atol=6e-4)
     mast = shapes.load_packaged_mesh("mast", np.eye(4)).vertices
     bar = mast[(np.abs(mast[:, 1]) > 0.18) & (np.abs(mast[:, 1]) < 0.2)]
@@ -340,9 +345,7 @@ def test_ropes_hang_from_the_bar_and_meet_the_harness(worn_twin: LegModel, lift:
     vertices = meshes_of(recorder)
     straps_path = f"{scene.figure.paths['pelvis_vertical']}/wearer_harness"
     straps = on_stage(world(scene, recorder, straps_path), vertices[straps_path])
-    mast = on_stage(
-        world(scene, recorder, f"{surroundings.ROOT}/mast"), vertices[f"{surroundings.ROOT}/mast"]
-    )
+    mast = on_stage(world(scene, recorder, f"{environment.ROOT}/mast"), vertices[f"{environment.ROOT}/mast"])
     for number in range(2):
         placement = world(scene, recorder, f"{ROPES}/{number}")
         lower, upper = on_stage(placement, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
@@ -385,10 +388,10 @@ def test_every_mesh_moves_with_the_joint_that_carries_it(
 @pytest.mark.parametrize("speed", [0.42, -0.3])
 def test_belt_marks_travel_with_the_belt(speed: float) -> None:
     times = np.linspace(0.0, 3.0, 200)
-    offsets = np.array([surroundings.belt_offset(time * speed) for time in times])
-    gap = (offsets + speed * times) / surroundings.BELT_MARK_SPACING
+    offsets = np.array([environment.belt_offset(time * speed) for time in times])
+    gap = (offsets + speed * times) / environment.BELT_MARK_SPACING
     np.testing.assert_allclose(gap, np.round(gap), atol=1e-9)  # whole spacings apart: marks look alike
-    assert offsets.min() > -surroundings.BELT_MARK_SPACING - 1e-12 and offsets.max() <= 0.0
+    assert offsets.min() > -environment.BELT_MARK_SPACING - 1e-12 and offsets.max() <= 0.0
 
 
 def walk(model: LegModel, duration: float = 4.0, rate: float = 30.0) -> Motion:
@@ -481,7 +484,7 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
     receive = properties_of(recorder, "receiveShadow")
     shaded = {c["path"] for c in drawn if receive.get(f"{c['path']}/<object>") is not False}
     ground = ("floor", "treadmill/frame", "treadmill/belt_surface", "treadmill/belt/marks")
-    assert shaded == {f"{surroundings.ROOT}/{name}" for name in ground}
+    assert shaded == {f"{environment.ROOT}/{name}" for name in ground}
     assert surface_of(recorder, f"{scene.figure.paths['left_hip']}/wearer_thigh")["opacity"] < 1.0  # type: ignore[operator]
 
 
@@ -505,7 +508,9 @@ def test_a_urdf_with_its_vertical_along_y_stands_upright(tmp_path: Path) -> None
     urdf = tmp_path / "post.urdf"
     box = '<visual><geometry><box size="0.1 1.6 0.2"/></geometry></visual>'
     urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
-    views = [build_urdf_scene(CommandBuffer(), build_model(urdf), urdf, up_axis=axis).view for axis in ("z", "y")]
+    views = [
+        build_urdf_scene(CommandBuffer(), build_model(urdf), urdf, up_axis=axis).view for axis in ("z", "y")
+    ]
     assert views[0].height == views[1].height
     recorder = CommandBuffer()
     scene = build_urdf_scene(recorder, build_model(urdf), urdf, up_axis="y")
@@ -545,7 +550,7 @@ def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None
     path = scene.arcs[Side.LEFT]["hip"][1]
     arrow = on_stage(world(scene, recorder, path), meshes_of(recorder)[path])
     assert arrow[:, 1].min() > 0.0  # left of the leg, in a scene whose vertical is z
-    assert f"{surroundings.ROOT}/bench/vice" in meshes_of(recorder)
+    assert f"{environment.ROOT}/bench/vice" in meshes_of(recorder)
 
 
 def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Path) -> None:
@@ -566,11 +571,11 @@ def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Pat
 
 def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt() -> None:
     recorder = CommandBuffer()
-    surroundings.draw_treadmill(recorder)
+    environment.draw_treadmill(recorder)
     drawn = meshes_of(recorder)
-    marks, frame = (drawn[path][:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/treadmill/frame"))
+    marks, frame = (drawn[path][:, 0] for path in (f"{environment.BELT}/marks", f"{ROOT}/treadmill/frame"))
     # From an offset of one spacing backwards to none.
-    assert marks.min() - surroundings.BELT_MARK_SPACING > frame.min() and marks.max() < frame.max()
+    assert marks.min() - environment.BELT_MARK_SPACING > frame.min() and marks.max() < frame.max()
     walked = simulate(load_experiment("treadmill", ["duration_s=5"]).experiment)
     model = walked.experiment.build_world().model
     heights = [

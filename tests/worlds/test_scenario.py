@@ -11,7 +11,7 @@ import pytest
 import twin_gait
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.bench_leg import BenchLeg
-from twin_gait.worlds.registry import world_kinds, find_world
+from twin_gait.worlds.registry import find_world, world_kinds
 from twin_gait.worlds.treadmill import Treadmill
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 
@@ -49,7 +49,9 @@ def test_an_adjusted_treadmill_is_one_with_that_number():
 
 
 def test_only_what_a_world_offers_can_be_adjusted():
-    assert Treadmill().has_adjustments(BELT_SPEED, SUPPORT_SHARE) and not Treadmill().has_adjustments("gravity")
+    assert Treadmill().has_adjustments(BELT_SPEED, SUPPORT_SHARE) and not Treadmill().has_adjustments(
+        "gravity"
+    )
     assert not BenchLeg().has_adjustments(BELT_SPEED)
 
 

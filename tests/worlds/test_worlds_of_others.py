@@ -19,7 +19,7 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.vocabulary import Outcome, Side
-from twin_gait.worlds.registry import world_kinds, find_world
+from twin_gait.worlds.registry import find_world, world_kinds
 
 PLUGINS = Path(__file__).parents[1] / "plugins"
 FRAME_WALK = """

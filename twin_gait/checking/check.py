@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from twin_gait.checking import exits, graph, leaving, network, sense, stability, torques
+from twin_gait.checking import exits, graph, network, published_ranges, stability, stuck_phases, torques
 from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, invalid_waiver, waive
 from twin_gait.checking.signals import ANY_ANGLE, JOINT_RANGES
 from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment, presets
@@ -16,11 +16,11 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.signals import HIGHEST_VELOCITY, TRUNK_PITCH, signal_part
 from twin_gait.gait.table import GaitTable, StateTable
-from twin_gait.simulation.problem import SimulationSetup, scaled_table
+from twin_gait.simulation.simulation_setup import SimulationSetup, scaled_table
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import World
 
-_MODULES = (graph, exits, leaving, torques, stability, sense, network)
+_MODULES = (graph, exits, stuck_phases, torques, stability, published_ranges, network)
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
 MODE_RULES: tuple[Rule, ...] = (*graph.MODE_RULES, *exits.RULES)  # rules for tables of modes
 NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules whose findings are all notes

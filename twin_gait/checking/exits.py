@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, transition_finding, label, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, label, rule, transition_finding
 from twin_gait.checking.signals import ENTRY_TIME, SignalSpace, signal_space
 from twin_gait.gait.feasibility import Requirement, rename_signals
 from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, atoms, compared_signals, map_atoms
@@ -62,7 +62,9 @@ def threshold_beyond_limits(case: CheckCase) -> Iterator[Finding]:
                 truth for truth in (True, False) if not space.possible([Requirement(atom, truth)], times)
             ]
             if missing and isinstance(atom, Comparison):
-                ranges = {name: space.range(name) for name in compared_signals(atom) if not name.endswith(TIME)}
+                ranges = {
+                    name: space.range(name) for name in compared_signals(atom) if not name.endswith(TIME)
+                }
                 lies = [f"{name} lies in {low:.4g} … {high:.4g}" for name, (low, high) in ranges.items()]
                 truth = "never" if True in missing else "always"
                 reason = "; ".join([f"{_short(atom)} is {truth} true", *lies])

@@ -13,7 +13,7 @@ from typing import Any
 
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable, StateTable, Transition
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.vocabulary import Side
 
 
@@ -91,7 +91,9 @@ def label(transition: Transition) -> str:
     return f"{transition.source} → {transition.target} ({transition.cause})"
 
 
-def transition_finding(item: Transition, severity: Severity, reason: str, suggestion: str, **more: Any) -> Finding:
+def transition_finding(
+    item: Transition, severity: Severity, reason: str, suggestion: str, **more: Any
+) -> Finding:
     """Create a finding about a transition."""
     return Finding(severity, reason, suggestion, phase=item.source, transition=label(item), **more)
 

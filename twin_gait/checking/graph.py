@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Iterator, Sequence
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, transition_finding, label, once, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, label, once, rule, transition_finding
 from twin_gait.checking.signals import OTHER_PHASE, SignalSpace, signal_space, swapped
 from twin_gait.gait.feasibility import rename_signals
 from twin_gait.gait.signals import OTHER, OTHER_TIME, TIME
@@ -38,7 +38,11 @@ def breadth_first_paths(transitions: Sequence[Transition], start: str) -> dict[s
 def unreachable_phase(case: CheckCase) -> Iterator[Finding]:
     """Find phases that no chain of transitions that can fire reaches."""
     first = case.table.phase_names[0]
-    reached = {found for start in (first, *case.table.externally_entered) for found in breadth_first_paths(firing(case), start)}
+    reached = {
+        found
+        for start in (first, *case.table.externally_entered)
+        for found in breadth_first_paths(firing(case), start)
+    }
     suggestion = "add or correct a transition into it, or take the phase out"
     for phase in case.table.phases:
         if phase not in reached:

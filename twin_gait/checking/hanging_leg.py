@@ -17,7 +17,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.signals import ANGLE, VELOCITY
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters.friction import FrictionLaw
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 # Steps of central differences; the errors of both are far below the digits that any rule prints.

@@ -12,7 +12,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import load_messages
 from twin_gait.parameters.network import BOARDS, ImpedanceLocation, NetworkParameters
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 # Units of the setpoints, in the order of a row of phases.
 _SETPOINTS = {"stiffness": " Nm/rad", "damping": " Nms/rad", "equilibrium": " rad", "gain": ""}

@@ -8,7 +8,16 @@ from functools import cache
 from twin_gait.checking.finding import CheckCase, once
 from twin_gait.core.guards import evaluate_guard
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import ZERO, Bound, Requirement, Case, comparison_bound, equal, enumerate_solutions, rename_signals
+from twin_gait.gait.feasibility import (
+    ZERO,
+    Bound,
+    Case,
+    Requirement,
+    comparison_bound,
+    enumerate_solutions,
+    equal,
+    rename_signals,
+)
 from twin_gait.gait.guards import Guard, compared_signals
 from twin_gait.gait.modes import ModeTable
 from twin_gait.gait.program import compile_guards
@@ -20,8 +29,8 @@ from twin_gait.gait.signals import (
     OTHER_TIME,
     TIME,
     VELOCITY,
-    signal_part,
     find_signal,
+    signal_part,
     signal_scale,
 )
 from twin_gait.gait.table import TICK, Transition
@@ -158,7 +167,9 @@ class SignalSpace:
         except GaitTableError:
             return True
 
-    def _solutions(self, start: Case, requirements: Sequence[Requirement], ranges: Ranges) -> Iterator[SignalPoint]:
+    def _solutions(
+        self, start: Case, requirements: Sequence[Requirement], ranges: Ranges
+    ) -> Iterator[SignalPoint]:
         def within(bound: Bound) -> list[Bound]:
             """Return a bound and the limits of the signals that it reads."""
             found = [bound]
@@ -168,7 +179,9 @@ class SignalSpace:
             return [_in_ticks(item) for item in found]
 
         given = tuple(item for bound in start.bounds for item in within(bound))
-        ways = enumerate_solutions(start._replace(bounds=given), requirements, lambda *atom: within(comparison_bound(*atom)))
+        ways = enumerate_solutions(
+            start._replace(bounds=given), requirements, lambda *atom: within(comparison_bound(*atom))
+        )
         for way, values in ways:
             rounded = {name: round(value, 3) + 0.0 for name, value in values.items()}  # no -0
             shown = rounded if all(bound.is_satisfied(rounded) for bound in way.bounds) else values
@@ -221,7 +234,7 @@ def _in_ticks(bound: Bound) -> Bound:
     """Convert a bound on times in [s] to a bound on whole ticks; return any other bound unchanged."""
     if not any(name.endswith(TIME) for name in bound.names):
         return bound
-    return replace(bound, limit=bound.limit / TICK, room=bound.margin / TICK, whole=True)
+    return replace(bound, limit=bound.limit / TICK, margin=bound.margin / TICK, is_integer=True)
 
 
 def swapped(name: str) -> str:

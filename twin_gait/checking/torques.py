@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import CheckCase, Finding, Severity, transition_finding, rule
+from twin_gait.checking.finding import CheckCase, Finding, Severity, rule, transition_finding
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
-from twin_gait.checking.postures import command_at_rest, first_rests, exit_postures
+from twin_gait.checking.postures import command_at_rest, exit_postures, first_rests
 from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
-from twin_gait.core.impedance import ratio_from_damping, impedance_torque
+from twin_gait.core.impedance import impedance_torque, ratio_from_damping
 from twin_gait.gait.table import TICK, Transition
 from twin_gait.parameters.friction import FrictionLaw
 

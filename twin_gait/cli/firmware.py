@@ -64,11 +64,11 @@ def run(arguments: argparse.Namespace) -> int:
 def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     """Write the project to a folder, and return its manifest."""
     from twin_gait.configuration.experiments import resolved_document
-    from twin_gait.firmware.linked import record_vectors
+    from twin_gait.firmware.exoskeleton_unit import record_vectors
     from twin_gait.firmware.project import print_project
     from twin_gait.firmware.project_folder import write_project
-    from twin_gait.runs.own_files import referenced_files, store_files
     from twin_gait.runs.summary import software_versions
+    from twin_gait.runs.user_files import referenced_files, store_files
 
     experiment = loaded.experiment
     project = print_project(experiment)

@@ -123,10 +123,10 @@ def default_folder(name: str) -> Path:
 
 def report(summary: Mapping[str, Any], *folders: Path) -> list[str]:
     """Return a few lines: the results of a run, its folders, and the command that draws more figures."""
-    from twin_gait.report import pages, walk_words
+    from twin_gait.report import formatting, pages
 
     drawn = [shlex.quote(str(folder)) for folder in folders if (folder / pages.FIGURES_FOLDER).is_dir()]
-    content = {"summary": summary, "words": walk_words, "degrees": math.degrees}
+    content = {"summary": summary, "words": formatting, "degrees": math.degrees}
     more = {"folders": folders, "drawn": drawn}
     return pages.lines("run.txt", {**summary, **content, **more})
 

@@ -92,10 +92,10 @@ def compare(arguments: argparse.Namespace) -> int:
     Simulate one wearer on the ground with several controllers, and write a folder with an HTML page, its
     figure, and the numbers as CSV and JSON.
     """
-    from twin_gait.studies.compare import comparing, writing
+    from twin_gait.studies.compare import comparison, writing
 
     names = [name.strip() for name in (arguments.controllers or "").split(",") if name.strip()]
-    controllers = list(comparing.find_controllers(names or list(comparing.CONTROLLERS)))
+    controllers = list(comparison.find_controllers(names or list(comparison.CONTROLLERS)))
     experiment = options.load_experiment(arguments, f"duration_s={COMPARE_DURATION:g}").experiment
     person = experiment.patient and experiment.patient.name
     who = person or "the wearer of the experiment"
@@ -104,12 +104,12 @@ def compare(arguments: argparse.Namespace) -> int:
     if not names:
         controllers = [item for item in controllers if item.can_drive(experiment)]
     with terminal.work_callbacks("compare", "run") as watch:
-        comparison = comparing.compare(experiment, controllers, seeds=arguments.seeds, **watch)
-    if comparison is None:
+        result = comparison.compare(experiment, controllers, seeds=arguments.seeds, **watch)
+    if result is None:
         return terminal.report_stop("nothing was written")
-    writing.write_comparison(comparison, who, out, force=arguments.force)
-    lines = [*writing.format_comparison(comparison), str(out / writing.PAGE_FILE)]
-    terminal.answer(arguments, lines, {**writing.comparison_summary(comparison, who), "directory": out})
+    writing.write_comparison(result, who, out, force=arguments.force)
+    lines = [*writing.format_comparison(result), str(out / writing.PAGE_FILE)]
+    terminal.answer(arguments, lines, {**writing.comparison_summary(result, who), "directory": out})
     return DONE
 
 
@@ -119,17 +119,19 @@ def tune(arguments: argparse.Namespace) -> int:
     Optimise the parameters of a gait table, test the best tables on a robustness set, and write the best one
     with a report.
     """
+    from twin_gait.report.formatting import describe_wearer
     from twin_gait.report.tune import summary
-    from twin_gait.report.walk_words import describe_wearer
-    from twin_gait.studies.tune import outcome, tune
+    from twin_gait.studies.tune import result, tune
     from twin_gait.studies.tune.tune import TuningSettings
     from twin_gait.studies.workers import Workers
 
     options.worker_count(arguments)
     experiment, out = options.load_experiment(arguments).experiment, arguments.out
-    given = {item.name: vars(arguments)[item.name] for item in fields(TuningSettings) if item.name in arguments}
+    given = {
+        item.name: vars(arguments)[item.name] for item in fields(TuningSettings) if item.name in arguments
+    }
     settings = TuningSettings(**given)
-    check_target(out, outcome.TUNING, force=arguments.force)
+    check_target(out, result.TUNING, force=arguments.force)
 
     with (
         Workers(options.worker_count(arguments), arguments.scheduler) as workers,
@@ -142,7 +144,7 @@ def tune(arguments: argparse.Namespace) -> int:
     if tuning is None:
         return terminal.report_stop("nothing was written")
     wearer = ", ".join(describe_wearer(experiment))
-    found = outcome.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
+    found = result.write_tuning(tuning, out, wearer=wearer, force=arguments.force)
     terminal.answer(arguments, [*summary(found), f"  {out}"], {**found, "directory": out})
     return DONE
 

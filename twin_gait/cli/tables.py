@@ -85,7 +85,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
 
 def _text_of(name: str, *, as_table: bool) -> str:
     from twin_gait.configuration.documents import dump_yaml
-    from twin_gait.configuration.experiments import load_experiment, list_patients, presets
+    from twin_gait.configuration.experiments import list_patients, load_experiment, presets
     from twin_gait.configuration.gait_table_file import named_file, packaged_gait_tables, packaged_mode_tables
     from twin_gait.configuration.schema import comment_for
 

@@ -8,9 +8,9 @@ import hashlib
 import json
 from typing import Any
 
+from twin_gait.configuration.custom_sections import user_controller_document
 from twin_gait.configuration.events import events_document
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
-from twin_gait.configuration.readers import user_controller_document
 from twin_gait.configuration.sections import to_yaml
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import StateTable

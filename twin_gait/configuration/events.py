@@ -14,7 +14,14 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.sections import to_si
-from twin_gait.configuration.validation import Count, Number, Strict, convert_with_context, reject_duplicate_units, short
+from twin_gait.configuration.validation import (
+    Count,
+    Number,
+    Strict,
+    convert_with_context,
+    reject_duplicate_units,
+    short,
+)
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlParameters
 from twin_gait.experiment.events import FADE_TICKS, Change, Event, Push, Step, Stop
@@ -23,7 +30,7 @@ from twin_gait.gait.modes import TimedRequest
 from twin_gait.gait.table import MAX_TICKS, TICK, JointImpedance, PhaseParameters
 from twin_gait.parameters.quantities import Declaration, declarations, require
 from twin_gait.simulation.settings import MODES, Settings, value_at_path
-from twin_gait.worlds.faults import Fault, parse_fault, insert_time
+from twin_gait.worlds.faults import Fault, insert_time, parse_fault
 
 _ACTIONS = ("set", "push", "step", "stop", "request", "fault")
 _CHANGEABLE_KEYS_TEXT = (
@@ -162,7 +169,9 @@ def _flat(values: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
             yield f"{above}{key}", value
 
 
-def _changes(given: Mapping[str, Any], known: Mapping[str, ChangeableValue], experiment: Experiment) -> dict[str, Any]:
+def _changes(
+    given: Mapping[str, Any], known: Mapping[str, ChangeableValue], experiment: Experiment
+) -> dict[str, Any]:
     """Return the new values in SI by their paths."""
     values, found = dict(_flat(given)), {}
     reject_duplicate_units(values)
@@ -203,7 +212,9 @@ def faults_and_requests(
 ) -> tuple[tuple[Fault, ...], tuple[TimedRequest, ...]]:
     """Return the faults and requests among the entries of events."""
     faults = tuple(
-        convert_with_context(source, f"events[{number}]", partial(parse_fault, insert_time(entry.fault, entry.time)))
+        convert_with_context(
+            source, f"events[{number}]", partial(parse_fault, insert_time(entry.fault, entry.time))
+        )
         for number, entry in enumerate(entries)
         if entry.fault is not None
     )

@@ -13,17 +13,24 @@ from typing import Any
 from pydantic import create_model
 
 from twin_gait.configuration import gait_table_file, validation
+from twin_gait.configuration.custom_sections import SIDES, convert_user_controller, section_of, type_of
 from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.configuration.events import events_of, faults_and_requests
-from twin_gait.configuration.readers import SIDES, convert_user_controller, section_of, type_of
 from twin_gait.configuration.sections import known_sections
-from twin_gait.configuration.validation import convert_with_context, descriptions, merge, packaged, read_yaml, validate
+from twin_gait.configuration.validation import (
+    convert_with_context,
+    descriptions,
+    merge,
+    packaged,
+    read_yaml,
+    validate,
+)
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment.experiment import Engine, Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters.wearer import Patient
-from twin_gait.worlds.registry import load_plugin, describe_entry_point, find_world
+from twin_gait.worlds.registry import describe_entry_point, find_world, load_plugin
 
 _HEADER = ("schema_version", "description")  # keys in the file of a person that are not parameters
 # Keys whose value may be the name of a file that replaces the whole section, with the folder of shipped
@@ -59,7 +66,11 @@ def experiment_from_mapping(
     entry: Any = validate(_experiment_section(data.get("scenario"), source), {**data, **known}, source)
     found: dict[str, Any] = entry.values()
     # A table without a name gets the name of the experiment.
-    if previous is None or entry.name != previous.experiment.name or data["table"] is not previous.document["table"]:
+    if (
+        previous is None
+        or entry.name != previous.experiment.name
+        or data["table"] is not previous.document["table"]
+    ):
         found["table"] = gait_table_file.gait_table_from_mapping(
             data["table"], f"{source}: table", entry.name, table
         )
@@ -78,7 +89,9 @@ def experiment_from_mapping(
     if previous is None or found["leg"] is not previous.experiment.leg:
         leg = found["leg"] = replace(found["leg"], urdf=resolve_path(folder, found["leg"].urdf))
         convert_with_context(source, "leg", lambda: find_urdf(leg.urdf))
-    if found.get("network") is not None and (previous is None or found["network"] is not previous.experiment.network):
+    if found.get("network") is not None and (
+        previous is None or found["network"] is not previous.experiment.network
+    ):
         network = found["network"] = replace(found["network"], dbc=resolve_path(folder, found["network"].dbc))
         find_dbc(network.dbc)
     urdf, wanted = found["leg"].urdf, (entry.provenance or {}).get("urdf_sha256")
@@ -172,7 +185,9 @@ def _person(data: Mapping[str, Any], path: Path) -> dict[str, Any]:
 def presets() -> dict[str, str]:
     """Return the names of the presets with their one-line descriptions, those of other packages last."""
     shipped = packaged("presets")
-    return descriptions(shipped | {name: path for name, path in _plugin_presets().items() if name not in shipped})
+    return descriptions(
+        shipped | {name: path for name, path in _plugin_presets().items() if name not in shipped}
+    )
 
 
 def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
@@ -256,7 +271,9 @@ def resolved_document(
             document = located
     document = _with_files(document, files or {})
     return {
-        "integration": section_of(type(experiment.resolved_integration)).document(experiment.resolved_integration),
+        "integration": section_of(type(experiment.resolved_integration)).document(
+            experiment.resolved_integration
+        ),
         **document,
         "provenance": {
             "urdf_sha256": urdf_hash(find_urdf(experiment.leg.urdf)),
@@ -281,7 +298,9 @@ def _plugin_presets() -> dict[str, Path]:
     for entry in entry_points(group=GROUP):
         folders = getattr(load_plugin(entry), "__path__", ())
         if not folders:
-            raise ParameterError(f"{describe_entry_point(entry)}: expected a package with presets; repair or uninstall it")
+            raise ParameterError(
+                f"{describe_entry_point(entry)}: expected a package with presets; repair or uninstall it"
+            )
         found |= validation.yaml_files(Path(folders[0]))
     return found
 

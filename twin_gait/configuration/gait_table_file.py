@@ -11,12 +11,28 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, WrapValidator, create_model
 
-from twin_gait.configuration.readers import section_of, type_of
+from twin_gait.configuration.custom_sections import section_of, type_of
 from twin_gait.configuration.sections import known_sections
-from twin_gait.configuration.validation import Strict, convert_with_context, merge, packaged, read_yaml, short, validate
+from twin_gait.configuration.validation import (
+    Strict,
+    convert_with_context,
+    merge,
+    packaged,
+    read_yaml,
+    short,
+    validate,
+)
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait import table
-from twin_gait.gait.guards import LEG_VOCABULARY, MODE_VOCABULARY, AllOf, AnyOf, Guard, GuardVocabulary, parse_guard
+from twin_gait.gait.guards import (
+    LEG_VOCABULARY,
+    MODE_VOCABULARY,
+    AllOf,
+    AnyOf,
+    Guard,
+    GuardVocabulary,
+    parse_guard,
+)
 from twin_gait.gait.modes import Mode, ModeTable
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters.quantities import from_attributes
@@ -290,7 +306,9 @@ def mode_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Mod
     """
     entry: Any = validate(ModeTableFile, data, source)
     shared = _shared(entry, name, MODE_VOCABULARY, source)
-    return convert_with_context(source, "", lambda: from_attributes(ModeTable, entry, **shared, phases=entry.modes))
+    return convert_with_context(
+        source, "", lambda: from_attributes(ModeTable, entry, **shared, phases=entry.modes)
+    )
 
 
 def packaged_mode_tables() -> list[str]:

@@ -10,10 +10,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from twin_gait.configuration.custom_sections import user_controller_document
 from twin_gait.configuration.documents import content_hash, table_document
 from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment, read_patient
 from twin_gait.configuration.gait_table_file import load_gait_table
-from twin_gait.configuration.readers import user_controller_document
 from twin_gait.configuration.sections import to_yaml
 from twin_gait.configuration.validation import packaged, read_yaml
 from twin_gait.experiment.experiment import Experiment
@@ -56,7 +56,9 @@ def identify_wearer(patient: Patient) -> ExperimentPart:
     digest = _hash(to_yaml(patient))
     if patient.name is None:
         is_mass_alone = replace(Patient(), mass=patient.mass, height=patient.height) == patient
-        return ExperimentPart("", False, digest) if is_mass_alone else ExperimentPart("own wearer", None, digest)
+        return (
+            ExperimentPart("", False, digest) if is_mass_alone else ExperimentPart("own wearer", None, digest)
+        )
     ships = patient.name in packaged("people")
     return ExperimentPart(patient.name, _shipped_person(patient.name) != patient if ships else None, digest)
 

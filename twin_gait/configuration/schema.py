@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 from pydantic import Field, create_model
 
+from twin_gait.configuration.custom_sections import section_of
 from twin_gait.configuration.gait_table_file import GaitTableFile, ModeTableFile, phase_section
-from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.validation import quantity_of
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.registry import world_kinds, find_world
+from twin_gait.worlds.registry import find_world, world_kinds
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # Pattern of the text of a guard; the available signals depend on the table.

@@ -18,7 +18,7 @@ from twin_gait.configuration.validation import Count, Flag, Number, Strict, merg
 from twin_gait.docstrings import summary_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import quantities
-from twin_gait.parameters.quantities import Declaration, Parameters, LiteralAlias, declarations, is_mapping
+from twin_gait.parameters.quantities import Declaration, LiteralAlias, Parameters, declarations, is_mapping
 
 _PLAIN = {float: Number, int: Count}
 
@@ -104,7 +104,10 @@ def to_yaml(value: Any, item: Declaration | None = None) -> Any:
     if isinstance(value, Parameters):
         return section_of(type(value)).document(value)
     if isinstance(value, Mapping):
-        unit, found = item.unit if item is not None and item.find_annotation(quantities.UnitInKeys) else None, {}
+        unit, found = (
+            item.unit if item is not None and item.find_annotation(quantities.UnitInKeys) else None,
+            {},
+        )
         for name, inner in value.items():
             end = f"_{next(iter(unit.factors))}" if unit and not isinstance(inner, Mapping) else ""
             found[f"{name}{end}"] = to_yaml(inner, item)
@@ -171,7 +174,9 @@ def to_si(item: Declaration, factor: float, value: Any) -> Any:
     return found
 
 
-def _mapping_fields(item: Declaration, kind: Any, factor: float) -> tuple[dict[str, Any], Callable[[Any], Any]]:
+def _mapping_fields(
+    item: Declaration, kind: Any, factor: float
+) -> tuple[dict[str, Any], Callable[[Any], Any]]:
     """Return the fields of a mapping, each with its own unit if the mapping has none, and their reader."""
     names, inner = get_args(kind)
     named = item.find_annotation(quantities.AllowedKeys)
@@ -258,11 +263,17 @@ def _section(parameters: type[Any]) -> Any:
             fields |= more
         else:
             fields |= {key: _field(item, factor) for key, factor in item.keys.items()}
-            if isinstance(item.default, (Mapping, Parameters)) and item.default and not item.find_annotation(LiteralAlias):
+            if (
+                isinstance(item.default, (Mapping, Parameters))
+                and item.default
+                and not item.find_annotation(LiteralAlias)
+            ):
                 defaults[next(iter(item.keys))] = to_yaml(item.default, item)
     model: Any = create_model(parameters.__name__, __base__=base, **fields)
     model.parameters, model.defaults, model.inline = parameters, defaults, inline
-    declared = [item for item in declarations(parameters) if not item.find_annotation(quantities.CustomSerialized)]
+    declared = [
+        item for item in declarations(parameters) if not item.find_annotation(quantities.CustomSerialized)
+    ]
     model.keys = {key: item.name for item in declared for key in item.keys}
     without = [item for item in declarations(parameters) if item.default is MISSING]
     model.required = {item.name: next(iter(item.keys)) for item in without}
@@ -285,7 +296,10 @@ def _field(item: Declaration, factor: float) -> tuple[Any, Any]:
 
 def _limits(bounds: quantities.Range) -> dict[str, Any]:
     """Express a range in the keywords of JSON Schema."""
-    ends = {"exclusiveMinimum" if bounds.exclusive_minimum else "minimum": bounds.minimum, "maximum": bounds.maximum}
+    ends = {
+        "exclusiveMinimum" if bounds.exclusive_minimum else "minimum": bounds.minimum,
+        "maximum": bounds.maximum,
+    }
     return {name: rounded(end) for name, end in ends.items() if math.isfinite(end)}
 
 

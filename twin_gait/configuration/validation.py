@@ -104,7 +104,9 @@ def parse_path(key: str, text: str) -> list[str | int]:
 def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
     """Split the assignments of one command line; the last one of equal keys counts."""
     assignments = [parse_assignment(text) for text in texts]
-    convert_with_context("--set", "", lambda: reject_duplicate_units(_dotted(path) for path, _ in assignments))
+    convert_with_context(
+        "--set", "", lambda: reject_duplicate_units(_dotted(path) for path, _ in assignments)
+    )
     return assignments
 
 

@@ -10,40 +10,40 @@ from twin_gait.control.gait_controller import (
     ControlledLeg,
     ControllerState,
     begin_tick,
-    run_controller,
+    blend_parameters,
     compute_setpoint,
     enter_phase,
     estimate_acceleration,
-    blend_parameters,
     has_cause,
-    set_model_angle,
-    required_posture,
-    run_supervisor,
-    trip,
-    trip_on_causes,
-    needs_gravity,
     monitor_leg,
     monitor_supply,
+    needs_gravity,
+    required_posture,
+    run_controller,
+    run_supervisor,
+    set_model_angle,
+    trip,
+    trip_on_causes,
     write_signals,
 )
 from twin_gait.control.joint_board import (
     BoardState,
     Limits,
     SamplingConfig,
-    compute_torque,
     check_command,
+    compute_torque,
     copy_joint_setpoint,
+    monitor_drive,
+    set_current,
     set_hold_setpoint,
     update_model_friction,
-    set_current,
     update_total_torque,
-    monitor_drive,
 )
 from twin_gait.control.supervisor import NO_POSTURE
 from twin_gait.core.control_tick import measure_angle, update_slow_velocity
 from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.safety import NO_TRIP
-from twin_gait.core.schedule import joints, legs, scalar_steps, scalar_branch, vector_branch, when
+from twin_gait.core.schedule import joints, legs, scalar_branch, scalar_steps, vector_branch, when
 
 # Build flags that conditions of this schedule may use.
 FLAGS = {
@@ -132,7 +132,9 @@ def is_implausible(board: BoardState) -> bool:
     return board.command.cause != NO_TRIP
 
 
-def hold_on_implausible_command(controller: ControllerState, board: BoardState, limits: Limits, number: int, tick: int) -> None:
+def hold_on_implausible_command(
+    controller: ControllerState, board: BoardState, limits: Limits, number: int, tick: int
+) -> None:
     """Trip on an implausible command, and hold the joint instead.
 
     The demand of this tick was computed for walking, so no weight is carried in this tick.
@@ -155,7 +157,10 @@ def command_current(board: BoardState, limits: Limits) -> None:
 # Board: angle and fast velocity, at the slow rate also the slow velocity and the friction model.
 MEASURE = (
     joints(measure_position),
-    when("tick % decimation == 0", joints(when("tick > 0", scalar_steps(sample_velocity)), update_model_friction)),
+    when(
+        "tick % decimation == 0",
+        joints(when("tick > 0", scalar_steps(sample_velocity)), update_model_friction),
+    ),
 )
 # Board: the monitor of joint and drive.
 MONITOR_DRIVES = when("watching", joints(monitor_drive))
@@ -180,4 +185,6 @@ CHANGE = when("CONTROLLED", scalar_branch(has_not_tripped, run_controller))
 DECIDE = (MONITOR, SUPERVISE, STATE_MACHINES, *FEED_FORWARD, CHANGE)
 # Board and gait controller, joint after joint: a trip on one command takes effect before the next command.
 HOLD = scalar_branch(is_implausible, hold_on_implausible_command)
-COMMAND = (joints(compute_setpoint, copy_setpoint_to_board, compute_torque, check_command, HOLD, command_current),)
+COMMAND = (
+    joints(compute_setpoint, copy_setpoint_to_board, compute_torque, check_command, HOLD, command_current),
+)

@@ -8,7 +8,13 @@ functions in the order of :mod:`twin_gait.control.device_schedule`.
 
 from dataclasses import dataclass, field
 
-from twin_gait.control.joint_board import JointSetpoint, Limits, Measurement, SamplingConfig, set_hold_setpoint
+from twin_gait.control.joint_board import (
+    JointSetpoint,
+    Limits,
+    Measurement,
+    SamplingConfig,
+    set_hold_setpoint,
+)
 from twin_gait.control.supervisor import NO_POSTURE, Supervisor, choose_mode
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import ImpedanceSetpoint, blend_setpoint, copy_setpoint
@@ -126,7 +132,9 @@ class ControllerState:
     model: ControlModel  # Model for gravity and inertia torques.
     memory: object  # Memory of the controller, :mod:`twin_gait.control.controller`.
     supervisor: Supervisor  # Supervisor of the operating modes, if there are any.
-    device_signals: DeviceSignals = field(default_factory=DeviceSignals)  # Received signals of the device as a whole.
+    device_signals: DeviceSignals = field(
+        default_factory=DeviceSignals
+    )  # Received signals of the device as a whole.
     trip: TripState = field(default_factory=TripState)  # Trip of the monitor.
     last_stand_tick: int = 0  # Last tick with the command to stand.
 
@@ -227,7 +235,9 @@ def write_signals(controller: ControllerState, rates: SamplingConfig, number: in
     controller.signals[2 * other + STEP] = controller.device_signals.step
 
 
-def write_leg(controller: ControllerState, rates: SamplingConfig, number: int, first: int, target: list[float]) -> None:
+def write_leg(
+    controller: ControllerState, rates: SamplingConfig, number: int, first: int, target: list[float]
+) -> None:
     """Write the measured signals of a leg into a list of signals, from the index ``first`` on."""
     leg, behind = controller.legs[number], first + PER_JOINT * N_JOINTS_PER_LEG
     for position in range(N_JOINTS_PER_LEG):

@@ -20,9 +20,9 @@ from twin_gait.core.safety import (
     MonitorState,
     command_is_plausible,
     hold_torque,
-    motor_speed,
     hold_weight_share,
     monitor_joint,
+    motor_speed,
 )
 from twin_gait.parameters.friction import FrictionParameters
 
@@ -99,7 +99,9 @@ class BoardState:
     friction_model: FrictionParameters  # Friction model of the compensator.
     bounds: Bounds  # Bounds of the monitor.
     monitor: MonitorState = field(default_factory=MonitorState)  # State of the monitor.
-    setpoint: JointSetpoint = field(default_factory=JointSetpoint)  # Last demand received from the gait controller.
+    setpoint: JointSetpoint = field(
+        default_factory=JointSetpoint
+    )  # Last demand received from the gait controller.
     command: Command = field(default_factory=Command)  # Command of this tick.
     model_friction: float = 0.0  # Torque of the compensator's model at the slow velocity in [N m].
     cause: int = NO_TRIP  # First cause of a trip that the board has found itself.
@@ -264,7 +266,9 @@ def hold_joint(board: BoardState, limits: Limits) -> None:
     board.hold_ticks += 1
 
 
-def set_hold_setpoint(setpoint: JointSetpoint, limits: Limits, angle: float, support: float, weight: float) -> None:
+def set_hold_setpoint(
+    setpoint: JointSetpoint, limits: Limits, angle: float, support: float, weight: float
+) -> None:
     """Set a demand to brake a joint and lower it slowly.
 
     ``angle``: angle at which the joint is held, in [rad]. ``support``: share of the weight that is still

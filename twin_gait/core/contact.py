@@ -184,7 +184,11 @@ def resolve_along_slope(sine: float, cosine: float, forward: float, upward: floa
 
 
 def sloped_contact_force(
-    sine: float, cosine: float, position: Pair, velocity: Pair, contact_law: Callable[[float, float, float], Pair]
+    sine: float,
+    cosine: float,
+    position: Pair,
+    velocity: Pair,
+    contact_law: Callable[[float, float, float], Pair],
 ) -> tuple[float, float, float]:
     """Compute the force of a plane through the origin, or a belt along it, on a point of the sole.
 

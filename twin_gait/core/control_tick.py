@@ -22,7 +22,9 @@ from twin_gait.core.estimation import first_order_step, quantise
 # compensation.
 STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
 COLUMNS_PER_JOINT = 4
-_CAPACITY_STEP = 16  # The ring is a multiple of this, so that windows up to the next multiple share a compiled loop.
+_CAPACITY_STEP = (
+    16  # The ring is a multiple of this, so that windows up to the next multiple share a compiled loop.
+)
 
 
 @dataclass(slots=True)
@@ -100,7 +102,9 @@ class ImpedanceSetpoint:
     gain: float  # G, gain of the friction compensation.
 
 
-def blend_setpoint(start: ImpedanceSetpoint, target: ImpedanceSetpoint, share: float, blended: ImpedanceSetpoint) -> None:
+def blend_setpoint(
+    start: ImpedanceSetpoint, target: ImpedanceSetpoint, share: float, blended: ImpedanceSetpoint
+) -> None:
     """Blend the setpoint of a joint from its value at the phase switch to that of the new phase.
 
     ``share``: from :func:`~twin_gait.core.blending.blend_share`. ``blended`` is changed in place.

@@ -161,7 +161,10 @@ def update_debounce(
 
     Returns this transition if it is the first one that is due, else ``chosen``.
     """
-    debounce_ticks, least_ticks = program.transitions[index].debounce_ticks, min_transition_ticks(program, index)
+    debounce_ticks, least_ticks = (
+        program.transitions[index].debounce_ticks,
+        min_transition_ticks(program, index),
+    )
     open_ticks = debounce[index] + 1 if is_open else 0
     debounce[index] = open_ticks
     due = is_open and is_transition_due(open_ticks, debounce_ticks, ticks_in_phase, least_ticks)

@@ -9,7 +9,7 @@ from twin_gait.control.controller import Controller
 from twin_gait.control.controllers import CONTROLLERS
 from twin_gait.control.controllers.assistance import Assistance, AssistanceParameters
 from twin_gait.control.controllers.position import PathParameters
-from twin_gait.core.plant import Plant, Spring, MechanicalStop
+from twin_gait.core.plant import MechanicalStop, Plant, Spring
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.leg_model import LegModel
@@ -21,8 +21,8 @@ from twin_gait.parameters.drives import (
     LimitParameters,
     SafetyParameters,
 )
+from twin_gait.parameters.environment import AnkleParameters, StopParameters
 from twin_gait.parameters.friction import FrictionLaw, FrictionParameters
-from twin_gait.parameters.surroundings import AnkleParameters, StopParameters
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION

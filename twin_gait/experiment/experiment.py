@@ -6,7 +6,7 @@ from enum import StrEnum
 from functools import cached_property
 from typing import Annotated, Any
 
-from twin_gait.control.own_controller import UserController
+from twin_gait.control.user_controller import UserController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.device import ControlParameters, PlantParameters
 from twin_gait.experiment.events import HELD_PHASE, Change, Event, Push, Step
@@ -16,9 +16,18 @@ from twin_gait.leg_model.joints import BodySelection
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf_document import UrdfWarning
 from twin_gait.parameters.drives import SensorParameters
+from twin_gait.parameters.environment import BraceParameters
 from twin_gait.parameters.network import NetworkParameters
-from twin_gait.parameters.quantities import SEEDS, CustomSerialized, Notation, Parameters, Range, Time, LiteralAlias, require
-from twin_gait.parameters.surroundings import BraceParameters
+from twin_gait.parameters.quantities import (
+    SEEDS,
+    CustomSerialized,
+    LiteralAlias,
+    Notation,
+    Parameters,
+    Range,
+    Time,
+    require,
+)
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.bracing import brace_world, is_step_stable
@@ -248,7 +257,8 @@ class Experiment(Parameters):
         )
         if self.interface is not None:
             device, wearer = (
-                self.leg_model(self.patient, pelvis, bodies) for bodies in (BodySelection.DEVICE, BodySelection.WEARER)
+                self.leg_model(self.patient, pelvis, bodies)
+                for bodies in (BodySelection.DEVICE, BodySelection.WEARER)
             )
             world = brace_world(world, device, wearer, self.interface)
         stiff = {} if self.interface is None else {"interface": "braces"}
@@ -289,7 +299,10 @@ class Experiment(Parameters):
 
     def _require_step_for(self, world: World, keys: str, what: str) -> None:
         """Raise ParameterError if the step is too large for stable braces or bristles."""
-        step, runge_kutta = self.resolved_integration.step, self.resolved_integration.method is IntegrationMethod.RK4
+        step, runge_kutta = (
+            self.resolved_integration.step,
+            self.resolved_integration.method is IntegrationMethod.RK4,
+        )
         if is_step_stable(world, step, runge_kutta=runge_kutta):
             return
         finer = (TICK / self.resolved_integration.substeps / factor for factor in (2, 5, 10, 20, 50, 100))

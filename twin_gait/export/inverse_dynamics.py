@@ -34,7 +34,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
-from twin_gait.kernels.pinocchio import GroundContacts
+from twin_gait.kernels.pinocchio_kernel import GroundContacts
 from twin_gait.leg_model.bodies import BodyArrays, export_bodies
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation.log import state_columns

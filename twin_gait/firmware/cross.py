@@ -71,7 +71,9 @@ def build_image(unit: UnitSources, path: Path, *, flags: Sequence[str] = ()) -> 
 
 def build_host(unit: UnitSources, path: Path, *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
     """Link a unit with the same main loop into a program of this machine, by ``gcc`` or ``clang``."""
-    _run(compiler, [*FLAGS, *flags, *unit.compiler_arguments, TARGET / "main.c", TARGET / "host.c", "-o", path])
+    _run(
+        compiler, [*FLAGS, *flags, *unit.compiler_arguments, TARGET / "main.c", TARGET / "host.c", "-o", path]
+    )
     return path
 
 

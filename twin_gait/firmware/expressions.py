@@ -60,7 +60,9 @@ BUILT_IN = {"abs": 1, "max": 2, "min": 2, "len": 1, "float": 1, "int": 1}  # num
 class Expressions:
     """Analyses and prints the expressions of one function."""
 
-    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = RESERVED_WORDS) -> None:
+    def __init__(
+        self, functions: Functions, function: Function, taken: frozenset[str] = RESERVED_WORDS
+    ) -> None:
         """Store the analysed function, and names that are not available for its variables."""
         self.functions, self.function, self.source = functions, function, function.source
         self.taken = taken

@@ -15,8 +15,8 @@ from twin_gait.control.gait_controller import PER_JOINT, PER_LEG
 from twin_gait.core.guards import OP_COMPARE, CompiledComparison
 from twin_gait.core.safety import Bounds
 from twin_gait.firmware.excitation import (
-    THRESHOLD_MARGIN,
     SEED,
+    THRESHOLD_MARGIN,
     BoardInputs,
     Rows,
     Values,

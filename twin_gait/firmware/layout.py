@@ -32,7 +32,9 @@ def strip_markup(text: str) -> str:
 
 def comment(text: str, indent: int = 0) -> list[str]:
     """Return a comment, on one line if it fits."""
-    lines = textwrap.wrap(strip_markup(text), WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(
+        strip_markup(text), WIDTH - indent - 6, break_long_words=False, break_on_hyphens=False
+    )
     if not lines:
         return []
     pad = " " * indent

@@ -65,7 +65,9 @@ def print_units(
     """
     samples = [item for unit in units for item in unit.samples.values()]
     functions = Functions(sources := Sources(names or {}, text), Shapes([*samples, *shapes]), _read)
-    entries = {unit.name: [functions.entry(sources.source_of(item)) for item in unit.entries] for unit in units}
+    entries = {
+        unit.name: [functions.entry(sources.source_of(item)) for item in unit.entries] for unit in units
+    }
     every = [item for found in entries.values() for item in found]
     outside = Shapes(shapes).fields.items()  # code outside may write to all of these
     functions.mutable |= {(record, name) for record, fields in outside for name in fields}

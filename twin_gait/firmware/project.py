@@ -24,14 +24,14 @@ from twin_gait.firmware.can_codec import (
     can_unpack,
 )
 from twin_gait.firmware.cross import UnitSources
-from twin_gait.firmware.linked import ExoskeletonUnit, build_exoskeleton_unit
+from twin_gait.firmware.exoskeleton_unit import ExoskeletonUnit, build_exoskeleton_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 from twin_gait.gait.program import DEVICE_BITS, compile_guards
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters.network import ImpedanceLocation, NetworkParameters
-from twin_gait.simulation.filling import build_limits
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.initial_state import build_limits
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.templates import make_template_environment
 
 UNITS = "joint_board", "gait_controller", "exoskeleton", "can_codec"

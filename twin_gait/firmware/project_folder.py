@@ -9,7 +9,7 @@ from typing import Any
 import twin_gait
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.control.safety import TripCause
-from twin_gait.firmware.linked import RunVectors
+from twin_gait.firmware.exoskeleton_unit import RunVectors
 from twin_gait.firmware.project import Project, networked_limits
 from twin_gait.firmware.unit_vectors import excitation_csv, excitations_of, runner_records
 from twin_gait.templates import make_template_environment

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.recfunctions import structured_to_unstructured, unstructured_to_structured
 
 from twin_gait.core.elementary import sine_cosine
-from twin_gait.simulation.binding import specialize, kernel_functions
+from twin_gait.simulation.binding import kernel_functions, specialize
 from twin_gait.simulation.record import deep_copy, dtype_of
 
 _TYPES = {"f": float, "i": int, "b": bool}  # Python's types by the kinds of NumPy's.

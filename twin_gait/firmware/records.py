@@ -15,7 +15,7 @@ from twin_gait.firmware import kinds
 from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, identifier, wrapped
 from twin_gait.firmware.values import number
-from twin_gait.simulation.problem import NEVER
+from twin_gait.simulation.simulation_setup import NEVER
 
 
 class Records:

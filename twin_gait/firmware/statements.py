@@ -14,7 +14,9 @@ from twin_gait.firmware.values import Value
 class Statements(Expressions):
     """Analyses and prints one function."""
 
-    def __init__(self, functions: Functions, function: Function, taken: frozenset[str] = RESERVED_WORDS) -> None:
+    def __init__(
+        self, functions: Functions, function: Function, taken: frozenset[str] = RESERVED_WORDS
+    ) -> None:
         """Start before the first line of the function; arguments as of :class:`Expressions`."""
         super().__init__(functions, function, taken)
         names = [item for item in ast.walk(self.source.tree) if isinstance(item, ast.Name)]
@@ -89,7 +91,9 @@ class Statements(Expressions):
             case ast.Assign(targets=[target], value=value):
                 # C may compute the index of an entry before or after the value.
                 mixed = any(isinstance(item, ast.Subscript) for item in ast.walk(target))
-                self._assign(target, value, self.value(value) if mixed else self.statement_value(value), fresh)
+                self._assign(
+                    target, value, self.value(value) if mixed else self.statement_value(value), fresh
+                )
             case ast.If():
                 self._condition(node, "if")
             case ast.For(orelse=[]):
@@ -240,7 +244,9 @@ class Statements(Expressions):
         else:
             value = self.statement_value(node.value)
             if isinstance(value.kind, tuple):
-                raise self.source.print_error(node.value, "several numbers of another function; name them first")
+                raise self.source.print_error(
+                    node.value, "several numbers of another function; name them first"
+                )
             if not isinstance(value.kind, Scalar):
                 raise self.source.print_error(node, "records and lists are not returned")
             function.returns = function.returns or value.kind

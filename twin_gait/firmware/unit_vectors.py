@@ -9,9 +9,9 @@ from numpy.lib.recfunctions import require_fields, structured_to_unstructured
 
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.firmware.excitation import board_episodes, codec_rows, controller_episodes
+from twin_gait.firmware.exoskeleton_unit import RunVectors
 from twin_gait.firmware.guard_excitation import CONTROLLER_TICKS, Guards, exoskeleton_episodes
 from twin_gait.firmware.layout import identifier
-from twin_gait.firmware.linked import RunVectors
 from twin_gait.firmware.project import CAN_CODEC, EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 

@@ -12,8 +12,8 @@ from twin_gait.control.gait_controller import (
     WITH_SUPERVISOR,
     ControllerState,
     DeviceSignals,
-    compute_setpoint,
     check_board_timeout,
+    compute_setpoint,
     receive_device_signals,
     receive_load,
 )
@@ -27,11 +27,11 @@ from twin_gait.control.joint_board import (
     copy_command,
     copy_joint_setpoint,
     copy_measurement,
-    receive,
-    store_drive_state,
     execute,
-    write_measurement,
+    receive,
     set_current,
+    store_drive_state,
+    write_measurement,
 )
 from twin_gait.control.supervisor import NO_REQUEST
 from twin_gait.core.safety import NO_TRIP

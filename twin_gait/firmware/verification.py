@@ -15,10 +15,10 @@ from numpy.lib.recfunctions import assign_fields_by_name, require_fields, struct
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.exceptions import MissingToolError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.firmware import linked
+from twin_gait.firmware import exoskeleton_unit
 from twin_gait.firmware.cross import UnitSources, build_host, build_image, build_object, sizes
 from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
-from twin_gait.firmware.linked import Progress
+from twin_gait.firmware.exoskeleton_unit import Progress
 from twin_gait.firmware.project import (
     CAN_CODEC,
     CODEC_STEP,
@@ -80,7 +80,7 @@ class VerificationBuild:
     """
 
     project: Project
-    vectors: Sequence[linked.RunVectors]  # inputs and outputs of some runs
+    vectors: Sequence[exoskeleton_unit.RunVectors]  # inputs and outputs of some runs
     unit: UnitSources  # C of the project; builds are written to its folder
 
     @cached_property
@@ -104,7 +104,9 @@ class VerificationBuild:
         path = self.unit.folder / f"{unit.init or unit.name}_{'double' if double else 'single'}"
         return HostUnit(build_host(unit, path, flags=["-DREAL_DOUBLE"] if double else []))
 
-    def unit_outputs(self, unit: UnitProcess, vectors: UnitVectors, *, double: bool = False) -> list[np.ndarray]:
+    def unit_outputs(
+        self, unit: UnitProcess, vectors: UnitVectors, *, double: bool = False
+    ) -> list[np.ndarray]:
         """Return the outputs of a build of a unit for its inputs."""
         (given, taken), found = self.project.dtypes(double=double, sample=vectors.sample), []
         for rows in vectors.inputs:
@@ -115,7 +117,9 @@ class VerificationBuild:
     @cached_property
     def all_float_outputs(self) -> list[list[np.ndarray]]:
         """Outputs of all units on this machine in float."""
-        return [self.unit_outputs(self.host(double=False, sample=item.sample), item) for item in self.all_vectors]
+        return [
+            self.unit_outputs(self.host(double=False, sample=item.sample), item) for item in self.all_vectors
+        ]
 
     @cached_property
     def target(self) -> Emulator:
@@ -171,7 +175,7 @@ def verify(
             "baseline_problem": problem,
             "checks": [],
         }
-    vectors = [linked.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
+    vectors = [exoskeleton_unit.record_vectors(case, progress, on_compile) for case in cases_of(experiment)]
     checks = list[dict[str, Any]]()
     with TemporaryDirectory() as folder:
         bench = VerificationBuild(project, vectors, project.write_sources(Path(folder)))
@@ -226,7 +230,8 @@ def _same_units(
 def host_in_double(bench: VerificationBuild) -> Found:
     """Compare all units in double numbers with the simulation, bit for bit."""
     given = [
-        bench.unit_outputs(bench.host(double=True, sample=item.sample), item, double=True) for item in bench.all_vectors
+        bench.unit_outputs(bench.host(double=True, sample=item.sample), item, double=True)
+        for item in bench.all_vectors
     ]
     return _same_units(bench, [item.expected for item in bench.all_vectors], given)
 
@@ -283,7 +288,9 @@ def compare_in_the_loop(bench: VerificationBuild) -> Found:
     }
 
 
-def run_with_unit(unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False) -> Run:
+def run_with_unit(
+    unit: UnitProcess, project: Project, experiment: Experiment, *, double: bool = False
+) -> Run:
     """Run an experiment with a unit as its controller.
 
     The log contains the plant and the unit's commands; velocities are the estimates of the simulated boards
@@ -293,16 +300,18 @@ def run_with_unit(unit: UnitProcess, project: Project, experiment: Experiment, *
     bus. ``double``: whether the unit was built with double numbers, which no Cortex-M4F build is. Raises
     FirmwareError: the unit does not answer, or a fault is one of the controller itself.
     """
-    engine = linked.engine_without_bus(experiment)
+    engine = exoskeleton_unit.engine_without_bus(experiment)
     plant = load_or_compile_loop(engine, None, run_plant_part)
     recording, address = engine.episode["recording"], engine.store.ctypes.data
     inputs, (given, taken) = np.zeros(1, dtype_of(project.exoskeleton.inputs)), project.dtypes(double=double)
-    read = linked.field_pairs({**linked.DRIVES, **linked.SENSORS}, inputs, engine.store)
+    read = exoskeleton_unit.field_pairs(
+        {**exoskeleton_unit.DRIVES, **exoskeleton_unit.SENSORS}, inputs, engine.store
+    )
 
     def run_tick(tick: int, end: int, rows: np.ndarray, first_row: int) -> int:
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         plant(address, 0, tick)
-        linked.copy_row(read, 0)
+        exoskeleton_unit.copy_row(read, 0)
         _apply_outputs(engine, unit.exchange(require_fields(inputs, given)).view(taken)[0, 0], tick)
         plant(address, 1, tick)
         return end

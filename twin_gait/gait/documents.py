@@ -64,7 +64,9 @@ class PhaseLogic:
             for index, item in enumerate(table.transitions)
             if item.source == phase
         }
-        self.conditions = tuple(dict.fromkeys(item for items in self.exit_conditions.values() for item in items))
+        self.conditions = tuple(
+            dict.fromkeys(item for items in self.exit_conditions.values() for item in items)
+        )
 
     def first_possible_exit(self, known: Truths) -> tuple[int | None, bool]:
         """Return the first exit that is not false, or None, and whether it is known to be true."""

@@ -190,15 +190,21 @@ def _is_feasible_with_margin(share: float) -> Callable[[Sequence[Bound]], bool]:
 Solution = tuple[Case, dict[str, float]]
 
 
-def enumerate_solutions(start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Iterator[Solution]:
+def enumerate_solutions(
+    start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf
+) -> Iterator[Solution]:
     """Yield all ways to fulfil requirements, with signals far from their thresholds; see :func:`ways`."""
     for way in enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(SHARES[-1])):
         yield way, next(found for share in SHARES if (found := solve(way.bounds, share)) is not None)
 
 
-def find_most_robust(start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Solution | None:
+def find_most_robust(
+    start: Case, requirements: Sequence[Requirement], bounds_of: BoundsOf
+) -> Solution | None:
     """Return the way to fulfil requirements that is furthest from all thresholds, or None; :func:`ways`."""
-    feasible = next(enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(SHARES[-1])), None)
+    feasible = next(
+        enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(SHARES[-1])), None
+    )
     for share in SHARES if feasible else ():
         for way in enumerate_cases(start, requirements, bounds_of, _is_feasible_with_margin(share)):
             return way, solve(way.bounds, share) or {}

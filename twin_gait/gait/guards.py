@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.signals import all_signal_names, mode_signal_names, find_signal
+from twin_gait.gait.signals import all_signal_names, find_signal, mode_signal_names
 
 
 @dataclass(frozen=True, kw_only=True)

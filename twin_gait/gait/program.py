@@ -40,7 +40,9 @@ def compile_guards(table: StateTable, bits: int = ENGINE_BITS) -> guards.GuardPr
 
 
 def _require_fit(table: StateTable, bits: int) -> None:
-    raise_if(len(table.members) > bits, f"{len(table.members)} {table.vocabulary.member}s; at most {bits} fit")
+    raise_if(
+        len(table.members) > bits, f"{len(table.members)} {table.vocabulary.member}s; at most {bits} fit"
+    )
     for item in table.transitions:
         if len(item.atoms) <= bits:  # A guard has at most as many waiting results as conditions.
             continue
@@ -59,7 +61,10 @@ def _waiting(guard: Guard) -> int:
 
 
 def _emit(
-    guard: Guard, table: StateTable, nodes: list[guards.GuardNode], comparisons: list[guards.CompiledComparison]
+    guard: Guard,
+    table: StateTable,
+    nodes: list[guards.GuardNode],
+    comparisons: list[guards.CompiledComparison],
 ) -> None:
     if isinstance(guard, Comparison):
         comparisons.append(_comparison(guard, table))

@@ -62,7 +62,10 @@ SPEEDS = quantities.Range(0.01, 10.0, reason="slower than a crawl is no walk")
 HEIGHTS = quantities.Range(0.5, 2.5, reason="the height of a person")
 EXPONENTS = quantities.Range(-3.0, 3.0)
 RATIOS = quantities.Range(
-    0.0, 10.0, exclusive_minimum=True, reason="without damping a joint rings; if that is meant: damping_Nms_per_rad: 0"
+    0.0,
+    10.0,
+    exclusive_minimum=True,
+    reason="without damping a joint rings; if that is meant: damping_Nms_per_rad: 0",
 )
 
 

@@ -247,7 +247,8 @@ def _sample_warnings(samples: Samples) -> list[str]:
     back, few = samples.rarer_direction, f"fewer than {100.0 * _FEW:g} %"
     speed = np.abs(samples.velocity[samples.used])
     doubts = {
-        f"one direction only: {100.0 * back:.1f} % of the samples move the other way": back < _DIRECTION_WARNING_SHARE,
+        f"one direction only: {100.0 * back:.1f} % of the samples move the other way": back
+        < _DIRECTION_WARNING_SHARE,
         f"no slow samples: {few} below {_SLOW:g} rad/s": (speed < _SLOW).mean() < _FEW,
         f"no fast samples: {few} above {_FAST:g} rad/s": (speed > _FAST).mean() < _FEW,
     }

@@ -19,7 +19,7 @@ from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
 from twin_gait.docstrings import summary_of
 from twin_gait.identification.models import FrictionModel, Samples, ShapeParameter
-from twin_gait.simulation.binding import specialize, is_package_function
+from twin_gait.simulation.binding import is_package_function, specialize
 from twin_gait.simulation.compiling import BIT_FUNCTIONS
 
 _TINY = 1e-12
@@ -53,7 +53,11 @@ _TRANSITION = ShapeParameter("transition_velocity_rad_per_s", 1e-4, 1.0, usual_s
 _STRIBECK = ShapeParameter("stribeck_velocity_rad_per_s", 1e-3, 10.0, usual_speed)
 _BREAKAWAY_VELOCITY = replace(_STRIBECK, name="breakaway_velocity_rad_per_s")
 # Velocity and exponent of the Stribeck curve, and the exponent of viscous friction.
-_CURVE = _STRIBECK, ShapeParameter("stribeck_exponent", 0.4, 10.0), ShapeParameter("viscous_exponent", 0.1, 3.0)
+_CURVE = (
+    _STRIBECK,
+    ShapeParameter("stribeck_exponent", 0.4, 10.0),
+    ShapeParameter("viscous_exponent", 0.1, 3.0),
+)
 _STEEPNESS = ShapeParameter("steepness_s_per_rad", 1.0, 1e4, lambda samples: 1.0 / usual_speed(samples))
 _RIPPLE = ShapeParameter("ripple_per_turn", 1.0, 60.0, spans_per_turn)
 # Ratio σ0/T_c, the inverse of the deflection at which the bristles slide, and ratio T_b/T_c.

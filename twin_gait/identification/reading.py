@@ -55,7 +55,9 @@ COLUMN_PATTERNS: Mapping[Quantity, ColumnPattern] = {
     ),
     Quantity.LOAD_TORQUE: ColumnPattern(("load_torque", "torque_load"), _TORQUES, 5_000.0),
     Quantity.TARGET_CURRENT: ColumnPattern(("target_current", "current_target"), _AMPERES, 200.0),
-    Quantity.MEASURED_CURRENT: ColumnPattern(("measured_current", "current_measured", "current"), _AMPERES, 200.0),
+    Quantity.MEASURED_CURRENT: ColumnPattern(
+        ("measured_current", "current_measured", "current"), _AMPERES, 200.0
+    ),
     Quantity.TEMPERATURE: ColumnPattern(("temperature", "temp"), {"°C": 1.0, "degC": 1.0, "C": 1.0}, 200.0),
 }
 
@@ -147,7 +149,9 @@ def read_log(path: Path, columns: ColumnOptions | None = None) -> Log:
     found = _columns_of(table, columns)
     if not found:
         advice = "name them with --columns velocity=NAME,friction_torque=NAME"
-        raise ParameterFileError(path, "", f"no column is known among {table.format_column_names()}; {advice}")
+        raise ParameterFileError(
+            path, "", f"no column is known among {table.format_column_names()}; {advice}"
+        )
     values = {quantity: table.numbers(name, gaps=True) * factor for quantity, (name, factor) in found.items()}
     weight = _WEIGHT.search(path.name)
     mass = float(re.sub("[,p]", ".", weight[1].lower())) if weight else None

@@ -11,8 +11,8 @@ from typing import Any
 from matplotlib.figure import Figure
 from scipy.stats import binned_statistic
 
+from twin_gait.configuration.custom_sections import section_of
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.configuration.readers import section_of
 from twin_gait.files import to_json_value, write_atomically, write_json
 from twin_gait.identification.fitting import Loss
 from twin_gait.identification.identify import Identification, IdentifiedModel

@@ -21,7 +21,15 @@ from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.rigid_body import Bodies, Points, Vector, vector
-from twin_gait.kernels.tracing import TraceStep, Scalar, Trace, inline_single_uses, rename_results, scalar_source, merge_calls
+from twin_gait.kernels.tracing import (
+    Scalar,
+    Trace,
+    TraceStep,
+    inline_single_uses,
+    merge_calls,
+    rename_results,
+    scalar_source,
+)
 from twin_gait.leg_model.bodies import BodyArrays
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
@@ -180,7 +188,7 @@ def _power(contacts: Sequence[Sequence[Scalar]]) -> Scalar:
 
 
 def write_dynamics(kernel: KernelBodies) -> str:
-    """Source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
+    """Source of ``dynamics``; see :mod:`twin_gait.simulation.backend`."""
     made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, torque = (made.inputs(name) for name in ("q", "v", "torque"))
     acceleration, contacts = rigid_body.forward_dynamics(
@@ -244,7 +252,7 @@ def write_control_inertia(bodies: Bodies) -> str:
 
 
 def write_kernel(kernel: KernelBodies) -> str:
-    """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
+    """Source of all functions of :mod:`twin_gait.simulation.backend` for one structure.
 
     It needs the functions of :data:`SIDE_BY_SIDE` in its module.
     """
@@ -287,7 +295,9 @@ def kernel_key(kernel: KernelBodies) -> str:
             f"the model has {len(bodies)} joints, those in braces counted twice, and the compiled engine "
             f"takes at most {STRAIGHT_LINE_LIMIT}; use engine: pinocchio"
         )
-    return repr((_topology_key(bodies, points), _topology_key(control_bodies), up_axis, tuple(guides), sloped))
+    return repr(
+        (_topology_key(bodies, points), _topology_key(control_bodies), up_axis, tuple(guides), sloped)
+    )
 
 
 def _topology_key(bodies: Bodies, points: Points = ()) -> str:

@@ -89,9 +89,9 @@ class Trace:
 
 
 class Symbol:
-    """A number that is not known yet; ``positive`` is what it is the negative of, if it is one."""
+    """A number that is not known yet; ``negated`` is the number whose negative it is, if it is one."""
 
-    __slots__ = ("name", "positive", "trace")
+    __slots__ = ("name", "negated", "trace")
 
     def __init__(self, trace: Trace, name: str) -> None:
         """Name an expression of a trace."""

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
-from twin_gait.leg_model import wearer
+from twin_gait.leg_model import anthropometry
 from twin_gait.leg_model.joints import ALL_GUIDES, FORWARD, GUIDES, LegJoints, reversed_joints
 from twin_gait.leg_model.plausibility import check_couplings, check_segments
 from twin_gait.leg_model.urdf import build_model
@@ -33,7 +33,7 @@ def new_assembly(
     legs: Mapping[Side, LegJoints],
     pelvis: PelvisGuide,
     up_axis: str,
-    sizes: wearer.DeviceSizes | None,
+    sizes: anthropometry.DeviceSizes | None,
 ) -> "Assembly":
     """Return a new copy of the device of a URDF, fitted to some sizes unless they are None.
 
@@ -53,7 +53,7 @@ def _device(source: Source) -> "Assembly":
 
 
 @lru_cache(maxsize=16)
-def _fitted(source: Source, sizes: wearer.DeviceSizes) -> "Assembly":
+def _fitted(source: Source, sizes: anthropometry.DeviceSizes) -> "Assembly":
     device = _device(source).copy()
     device.fit(sizes)
     return device
@@ -97,7 +97,7 @@ class Assembly:
         found.model = self.model.copy()
         return found
 
-    def fit(self, sizes: wearer.DeviceSizes) -> None:
+    def fit(self, sizes: anthropometry.DeviceSizes) -> None:
         """Set femur, tibia, waist and foot: positions of joints and soles, and the device's own inertia.
 
         The mass of a link stays; its centre of mass along the tube moves with the length and its
@@ -114,7 +114,7 @@ class Assembly:
                 placement.translation = side_offset
             self._stretch(hip, knee, sizes.femur)
             if leg.ankle is not None:
-                ankle, ratio = self._id(leg.ankle), sizes.foot / wearer.DRAWN_FOOT
+                ankle, ratio = self._id(leg.ankle), sizes.foot / anthropometry.DRAWN_FOOT
                 self._stretch(knee, ankle, sizes.tibia)
                 self._grow(ankle, ratio)
                 for frame in self.model.frames:
@@ -128,7 +128,7 @@ class Assembly:
         """
         for joint in range(self.model.njoints) if wearer_only else ():
             self.model.inertias[joint] = pin.Inertia.Zero()
-        segments = wearer.wearer_segments(patient)
+        segments = anthropometry.wearer_segments(patient)
         for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
@@ -137,8 +137,8 @@ class Assembly:
             else:
                 shank = self.model.jointPlacements[self._id(leg.ankle)].translation.copy()
                 self._append_foot(self._id(leg.ankle), patient)
-            self._append(hip, *wearer.segment_inertia(segments["thigh"], patient.mass, thigh))
-            self._append(knee, *wearer.segment_inertia(segments["shank"], patient.mass, shank))
+            self._append(hip, *anthropometry.segment_inertia(segments["thigh"], patient.mass, thigh))
+            self._append(knee, *anthropometry.segment_inertia(segments["shank"], patient.mass, shank))
         if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
@@ -231,17 +231,17 @@ class Assembly:
 
     def _append_foot(self, ankle: int, patient: Patient) -> None:
         forward_and_up = np.array([FORWARD, self._up])
-        start, axis = (vector @ forward_and_up for vector in wearer.foot_line(patient))
-        foot = wearer.wearer_segments(patient)["foot"]
-        mass, from_start, inertia = wearer.segment_inertia(foot, patient.mass, axis)
+        start, axis = (vector @ forward_and_up for vector in anthropometry.foot_line(patient))
+        foot = anthropometry.wearer_segments(patient)["foot"]
+        mass, from_start, inertia = anthropometry.segment_inertia(foot, patient.mass, axis)
         self._append(ankle, mass, start + from_start, inertia)
 
     def _append_trunk(self, patient: Patient) -> None:
-        mass = wearer.trunk_mass(patient)
-        length = wearer.TRUNK_LENGTH * patient.height
-        radius = wearer.TRUNK_RADIUS_OF_GYRATION * length
+        mass = anthropometry.trunk_mass(patient)
+        length = anthropometry.TRUNK_LENGTH * patient.height
+        radius = anthropometry.TRUNK_RADIUS_OF_GYRATION * length
         inertia = mass * radius * radius * (np.eye(3) - 0.9 * np.outer(self._up, self._up))
-        centre = wearer.TRUNK_CENTRE_OF_MASS * length * self._up
+        centre = anthropometry.TRUNK_CENTRE_OF_MASS * length * self._up
         self._append(self._id(GUIDES[self._pelvis][-1]), mass, centre, inertia)
 
     def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:

@@ -15,9 +15,9 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import joints
+from twin_gait.leg_model.anthropometry import device_sizes
 from twin_gait.leg_model.assembly import new_assembly
 from twin_gait.leg_model.urdf import find_urdf
-from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters.quantities import FINITE, require
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, Side

@@ -20,8 +20,8 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import bus_frames, network_messages
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.loop import PERIOD
-from twin_gait.live.news import Block
 from twin_gait.live.protocol import MessageRejected, SetControl, Value, one_line
+from twin_gait.live.telemetry import Block
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters.network import NetworkParameters
@@ -187,7 +187,10 @@ class CanLink:
         except MessageRejected as error:
             self._note(f"frame ignored: {error}")
             return
-        before, self._last_commands[known.identifier] = self._last_commands.get(known.identifier, {}), commands
+        before, self._last_commands[known.identifier] = (
+            self._last_commands.get(known.identifier, {}),
+            commands,
+        )
         self._unsent_commands |= dict(commands.items() - before.items())
 
     def _submit_commands(self) -> None:

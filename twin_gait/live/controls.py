@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.checking.check import build_case
-from twin_gait.checking.sense import STIFFNESS_RANGES
+from twin_gait.checking.published_ranges import STIFFNESS_RANGES
 from twin_gait.configuration.validation import short
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRejected, Value, check_value
-from twin_gait.simulation.problem import SimulationSetup
-from twin_gait.simulation.settings import MODES, Settings, replace_at_path, first_settings, value_at_path
+from twin_gait.simulation.settings import MODES, Settings, first_settings, replace_at_path, value_at_path
+from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import FaultKind
 from twin_gait.yaml12 import load_yaml
@@ -126,7 +126,9 @@ class Binding(NamedTuple):
     def with_value(self, settings: Settings, value: Value) -> Settings:
         """Return settings with another value of the control."""
         number = self.control.kind == "number"
-        turned: Settings = replace_at_path(settings, self.path, float(value) * self.scale if number else value)
+        turned: Settings = replace_at_path(
+            settings, self.path, float(value) * self.scale if number else value
+        )
         return turned
 
 

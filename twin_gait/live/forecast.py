@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.checking import leaving, sense, stability, torques
+from twin_gait.checking import published_ranges, stability, stuck_phases, torques
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import CheckCase, Rule, Severity, once
 from twin_gait.files import finite_or_none
@@ -31,12 +31,12 @@ ENDINGS = {EventKind.TRIP: "trips", EventKind.FALL: "falls", EventKind.DIVERGENC
 
 # Rules that k, b, θ0 and G can break; an error of one of them rejects a change. The phases of the monitor's
 # controls are all alike, so that no phase must be left and no torque jumps at a switch.
-REJECTING_RULES: tuple[Rule, ...] = (stability.unstable, leaving.cannot_leave, torques.torque_jump)
+REJECTING_RULES: tuple[Rule, ...] = (stability.unstable, stuck_phases.cannot_leave, torques.torque_jump)
 # Rules whose findings are warnings of the forecast.
 WARNING_RULES: tuple[Rule, ...] = (
-    sense.unusual_stiffness,
-    sense.equilibrium_beyond_limits,
-    sense.unusual_gain,
+    published_ranges.unusual_stiffness,
+    published_ranges.equilibrium_beyond_limits,
+    published_ranges.unusual_gain,
     stability.effective_damping,
 )
 

@@ -28,16 +28,16 @@ from twin_gait.configuration.experiments import experiment_from_mapping
 from twin_gait.control.safety import Trip
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment.experiment import Experiment
-from twin_gait.files import to_json_value, require_regular
+from twin_gait.files import require_regular, to_json_value
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import one_line
 from twin_gait.live.session_records import SessionError, add_folders
-from twin_gait.runs.folders import try_lock, journal_path, staged_directory
+from twin_gait.runs.folders import journal_path, staged_directory, try_lock
 from twin_gait.runs.record import RUN_DIRECTORY, write_run
 from twin_gait.simulation.log import LogArrays, log_layout
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.worlds.faults import parse_fault
 
 BATCH_TICKS = 500  # ticks of a batch: a kill loses at most one batch and the data that wait to be written
@@ -124,7 +124,9 @@ class Journal:
         path: Path of the journal.
     """
 
-    def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], on_write_error: Callable[[str], None]) -> None:
+    def __init__(
+        self, columns: Sequence[str], setup: Mapping[str, Any], on_write_error: Callable[[str], None]
+    ) -> None:
         """Create the file, readable by this user only, and its folder if it does not exist.
 
         ``setup``: data of the run directories in addition to the log, as values for JSON; ``lost``: called
@@ -132,7 +134,11 @@ class Journal:
         be created.
         """
         self.path = journal_path(Path(setup["folder"]))
-        self._columns, self._on_write_error, self._resources = list(columns), on_write_error, contextlib.ExitStack()
+        self._columns, self._on_write_error, self._resources = (
+            list(columns),
+            on_write_error,
+            contextlib.ExitStack(),
+        )
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self.path.touch(mode=0o600, exist_ok=False)
@@ -165,7 +171,11 @@ class Journal:
         if self._stream is None:
             return
         self._waiting.append(chunk)
-        if len(chunk.rows) and not chunk.is_last and sum(len(item.rows) for item in self._waiting) < BATCH_TICKS:
+        if (
+            len(chunk.rows)
+            and not chunk.is_last
+            and sum(len(item.rows) for item in self._waiting) < BATCH_TICKS
+        ):
             return
         whole, self._waiting = join_chunks(self._waiting), []
         try:

@@ -17,8 +17,8 @@ from twin_gait.files import dump
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import LogChunk
 from twin_gait.live.protocol import DeadlineStatistics, one_line
-from twin_gait.simulation.problem import to_ticks
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.simulation_setup import to_ticks
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.page import event_entries
 from twin_gait.worlds.faults import parse_fault
@@ -89,14 +89,18 @@ class LiveLoop:
     sleep: Callable[[float], None]  # waits for a time in [s]
     commands: Callable[[], Command | None]  # returns the next command, or None, immediately
     send: Callable[[Mapping[str, Any]], None]  # sends telemetry or an answer; returns immediately
-    store_chunk: Callable[[LogChunk], None]  # stores a chunk of the walk, the last one marked; returns immediately
+    store_chunk: Callable[
+        [LogChunk], None
+    ]  # stores a chunk of the walk, the last one marked; returns immediately
     clock: BlockClock = field(default_factory=BlockClock)  # deadlines of the blocks
 
     def __post_init__(self) -> None:
         """Begin the first walk."""
         self._longest = self.run.setup.experiment.n_ticks
         self._ended = self.paused = False
-        self._all_changes: Mapping[str, Any] = {}  # all changes from the preset, in the form of an event's ``set``
+        self._all_changes: Mapping[
+            str, Any
+        ] = {}  # all changes from the preset, in the form of an event's ``set``
         self._begin()
 
     def _begin(self) -> None:
@@ -155,7 +159,11 @@ class LiveLoop:
         run, first, trip = self.run, self._sent_ticks, self.run.trip
         piece = LogChunk(
             rows=run.rows(first), switches=run.switches(self._switches), events=tuple(self._events),
-            status=run.status, reason=run.reason, trip=trip, wall_s=self.now() - self._start_time, is_last=over,
+            status=run.status,
+            reason=run.reason,
+            trip=trip,
+            wall_s=self.now() - self._start_time,
+            is_last=over,
         )  # fmt: skip
         self._sent_ticks, self._events = run.tick, []
         self._switches += len(piece.switches)
@@ -211,7 +219,10 @@ class LiveLoop:
                 self._record(command, answer.time, request=answer.request)
                 if answer.rejection:
                     raise ParameterError(answer.rejection)
-                return {"text": f"{answer.request}: {answer.mode_before} → {answer.mode_after}", "tick": answer.tick}
+                return {
+                    "text": f"{answer.request}: {answer.mode_before} → {answer.mode_after}",
+                    "tick": answer.tick,
+                }
             case "push":
                 joint, torque, duration = (command[name] for name in ("joint", "torque", "duration"))
                 names = [f"{item.side}_{item.joint}" for item in run.setup.joints]

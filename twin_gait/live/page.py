@@ -21,14 +21,14 @@ from twin_gait.control.safety import SafetyState
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live import protocol
-from twin_gait.live.news import Block
 from twin_gait.live.protocol import RateLimiter
 from twin_gait.live.session import LiveSession
-from twin_gait.report.walk_words import describe
+from twin_gait.live.telemetry import Block
+from twin_gait.report.formatting import describe
 from twin_gait.runs.run_page import mode_names, scene_options
 from twin_gait.simulation.log import log_layout, state_columns
-from twin_gait.simulation.problem import SimulationSetup
-from twin_gait.viewer import surroundings
+from twin_gait.simulation.simulation_setup import SimulationSetup
+from twin_gait.viewer import environment
 from twin_gait.viewer.commands import CommandBuffer
 from twin_gait.viewer.motion import MODE, LegMotion, Motion, PhaseSpells, extremes, leg_columns, leg_values
 from twin_gait.viewer.page import PageTexts, live_page, page_data
@@ -105,8 +105,8 @@ class LiveScene:
         speeds = columns.get("belt_speed_m_per_s", np.zeros(1))
         self._travelled += TICK * float(speeds.sum())
         if speeds.any():
-            offset = surroundings.belt_offset(self._travelled)
-            self.window.apply({(surroundings.BELT, "position"): [offset, 0.0, 0.0]})
+            offset = environment.belt_offset(self._travelled)
+            self.window.apply({(environment.BELT, "position"): [offset, 0.0, 0.0]})
 
 
 def _curve(ticks: np.ndarray, values: np.ndarray) -> dict[str, list[float | None]]:

@@ -25,7 +25,7 @@ from twin_gait.files import dump
 from twin_gait.live.journal import Journal
 from twin_gait.live.loop import LiveLoop
 from twin_gait.live.protocol import one_line
-from twin_gait.simulation.problem import build_setup
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.simulation.stepping import SteppedRun
 
 SWITCH_INTERVAL = 1e-3  # [s], time after which a thread must yield to another one

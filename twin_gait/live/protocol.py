@@ -68,7 +68,9 @@ Value = float | str | bool
 def _text(value: Any, max_length: int = LONGEST_NAME, min_length: int = 0) -> str:
     if isinstance(value, str) and min_length <= len(value) <= max_length and value.isprintable():
         return value
-    raise ValueError(f"expected a text of {min_length} to {max_length} printable characters, got {short(value)}")
+    raise ValueError(
+        f"expected a text of {min_length} to {max_length} printable characters, got {short(value)}"
+    )
 
 
 def _value(value: Any) -> Any:
@@ -222,7 +224,9 @@ class Frame(PageMessage):
 class Heartbeat(PageMessage):
     """Heartbeat with the time since the last message of the process of the simulation."""
 
-    time_since_message_s: float  # time in [s] since the last message of that process, which sends at least every 0.1 s
+    time_since_message_s: (
+        float  # time in [s] since the last message of that process, which sends at least every 0.1 s
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

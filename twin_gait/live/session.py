@@ -21,10 +21,9 @@ from twin_gait.configuration.experiments import LoadedExperiment
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.live.can_link import CanLink
-from twin_gait.live.controls import EVERYTHING, ControlPanel, action_specs, fault_text, action_values
-from twin_gait.live.forecast import FindingKey, find_errors, predict, find_warnings
+from twin_gait.live.controls import EVERYTHING, ControlPanel, action_specs, action_values, fault_text
+from twin_gait.live.forecast import FindingKey, find_errors, find_warnings, predict
 from twin_gait.live.journal import complete
-from twin_gait.live.news import EventLog, WalkProcess
 from twin_gait.live.protocol import (
     DoAction,
     Message,
@@ -37,6 +36,7 @@ from twin_gait.live.protocol import (
     user_name,
 )
 from twin_gait.live.session_records import SessionRecorder
+from twin_gait.live.telemetry import EventLog, WalkProcess
 from twin_gait.runs.folders import check_target, journal_path
 from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.simulation.settings import Settings, loop_numbers
@@ -72,7 +72,9 @@ class LiveSession:
     can: str | None = None  # name of the CAN bus of the walk for open_bus, or None
     # called if the walk must be compiled first, which takes 10–20 s
     on_compile: Callable[[], None] = lambda: None
-    on_store_failure: Callable[[str], None] = lambda text: None  # called with the reason if the walk is not stored
+    on_store_failure: Callable[[str], None] = lambda text: (
+        None
+    )  # called with the reason if the walk is not stored
 
     def __post_init__(self) -> None:
         """Prepare the session; raise MessageRefused if the name of the user is invalid in a message."""
@@ -87,9 +89,14 @@ class LiveSession:
         self._known_errors: Mapping[FindingKey, str] = {}
         self._actions = tuple(action_specs(self.panel.problem))
         self.walk = WalkProcess(
-            self.event_log, self.panel.problem, on_compile=self.on_compile, on_store_failure=self._report_store_failure
+            self.event_log,
+            self.panel.problem,
+            on_compile=self.on_compile,
+            on_store_failure=self._report_store_failure,
         )
-        self._check_executor, self._action_executor = (ThreadPoolExecutor(1, name) for name in ("live worker", "live hands"))
+        self._check_executor, self._action_executor = (
+            ThreadPoolExecutor(1, name) for name in ("live worker", "live hands")
+        )
 
     # ------------------------------------------------------------------ start and end
 

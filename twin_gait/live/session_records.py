@@ -21,7 +21,7 @@ from typing import Any
 from twin_gait.exceptions import RunDirectoryError, TwinGaitError
 from twin_gait.files import MOST_TEXT, private_files, read_bytes, write_new
 from twin_gait.live.protocol import Event
-from twin_gait.runs.folders import try_lock, journal_path
+from twin_gait.runs.folders import journal_path, try_lock
 
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 KILLED, RUNNING = "killed", "going on"

@@ -52,7 +52,9 @@ def judge_gait(legs: Sequence[LegRecord]) -> Verdict:
     gaps = [_longest_without_stride(leg) for leg in legs]
     for leg, (_, longest) in zip(legs, gaps, strict=True):
         if leg.steady and longest <= LONGEST_STRIDE and not len(leg.strides(skip=0)):
-            ticks = sum(int(leg.walking_ticks[span.stop] - leg.walking_ticks[span.start]) for span in leg.steady_ticks)
+            ticks = sum(
+                int(leg.walking_ticks[span.stop] - leg.walking_ticks[span.start]) for span in leg.steady_ticks
+            )
             text = f"the {leg.side} leg made no whole stride in {ticks * leg.tick:g} s"
             return Verdict(Outcome.TOO_SHORT, f"{text}; simulate a longer run")
     flight = flight_share(legs)

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin_gait.measures import strides
-from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, find_swings
+from twin_gait.measures.foot_contact import CONTACT_FORCE, find_swings, is_loaded, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, LogColumns, wearer_column
 from twin_gait.measures.load_shape import load_shape
 from twin_gait.measures.phases import phase_entries
@@ -189,7 +189,9 @@ def knee_shape(cycle: np.ndarray) -> dict[str, float]:
     return {"knee_at_contact_deg": math.degrees(cycle[0]), "knee_yield_deg": math.degrees(bent)}
 
 
-def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: WalkConditions) -> dict[str, float]:
+def _fore_aft(
+    force: np.ndarray, bounds: np.ndarray, tick: float, walkway: WalkConditions
+) -> dict[str, float]:
     """Compute impulses, mean and peaks of the fore-aft force."""
     time = _mean(strides.stride_times(bounds, tick))
     return {
@@ -306,7 +308,10 @@ def walk_power(
     belt, *outside = (sum(leg[f"{name}_power_W"] for leg in legs) for name in ("belt", *EXTERNAL_SOURCES))
     motors = sum(leg[name] for leg in legs for name in leg if name.endswith("_motor_power_W"))
     force, power = np.asarray(log["guide_force_N"]), 0.0
-    holding, speed = mean_over_strides(force, bounds), mean_over_strides(np.asarray(log["belt_speed_m_per_s"]), bounds)
+    holding, speed = (
+        mean_over_strides(force, bounds),
+        mean_over_strides(np.asarray(log["belt_speed_m_per_s"]), bounds),
+    )
     for forward in ("pelvis_forward_velocity_m_per_s", "wearer_pelvis_forward_velocity_m_per_s"):
         if forward in log:  # with braces the harness holds the wearer
             power = mean_over_strides(force * np.asarray(log[forward]), bounds)

@@ -21,7 +21,9 @@ def picoseconds(time: float) -> int:
 
 def cyclic_messages(messages: Mapping[str, Message], boards: Sequence[str] = BOARDS) -> list[Message]:
     """Return the setpoint and measurement frames of some boards, the lowest identifier first."""
-    found = [messages[f"{board}_{kind}"] for kind in (SETPOINT_SUFFIX, MEASUREMENT_SUFFIX) for board in boards]
+    found = [
+        messages[f"{board}_{kind}"] for kind in (SETPOINT_SUFFIX, MEASUREMENT_SUFFIX) for board in boards
+    ]
     return sorted(found, key=lambda message: message.identifier)
 
 

@@ -214,10 +214,16 @@ class SensorParameters(quantities.Parameters):
 
 # Bounds beyond which a monitor detects nothing; to run without a monitor, switch it off as a whole.
 SHARES = quantities.Range(0.0, 5.0, exclusive_minimum=True, reason="a larger share of a limit is no limit")
-STEPS = quantities.Range(0.0, 0.2, exclusive_minimum=True, reason="200 rad/s, fifty times the speed of the drives")
+STEPS = quantities.Range(
+    0.0, 0.2, exclusive_minimum=True, reason="200 rad/s, fifty times the speed of the drives"
+)
 DEVIATIONS = quantities.Range(0.0, 0.5, exclusive_minimum=True, reason="29 deg; a leg has fallen before")
-REACTIONS = quantities.Range(0.0, 1.0, exclusive_minimum=True, reason="after 1 s a leg has moved through its range")
-OVERLOADS = quantities.Range(0.0, 10.0, exclusive_minimum=True, reason="a fifth of the winding's time constant")
+REACTIONS = quantities.Range(
+    0.0, 1.0, exclusive_minimum=True, reason="after 1 s a leg has moved through its range"
+)
+OVERLOADS = quantities.Range(
+    0.0, 10.0, exclusive_minimum=True, reason="a fifth of the winding's time constant"
+)
 VOLTAGES = quantities.Range(0.0, 1.0, exclusive_minimum=True, reason="a share of the open-circuit voltage")
 LOWERINGS = quantities.Range(0.0, 60.0, exclusive_minimum=True, reason="a longer hold is not plausible")
 

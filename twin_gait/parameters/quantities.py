@@ -26,8 +26,8 @@ from twin_gait.parameters.ranges import POSITIVE as POSITIVE
 from twin_gait.parameters.ranges import SEEDS as SEEDS
 from twin_gait.parameters.ranges import SHARE as SHARE
 from twin_gait.parameters.ranges import Range as Range
-from twin_gait.parameters.ranges import require as require
 from twin_gait.parameters.ranges import integer_range as integer_range
+from twin_gait.parameters.ranges import require as require
 from twin_gait.parameters.ranges import symmetric_range as symmetric_range
 
 Record = TypeVar("Record")
@@ -104,40 +104,80 @@ AngularVelocity = Annotated[
     float, QuantityUnits("rad_per_s", symmetric_range(50.0, "ten times the no-load speed"), deg_per_s=DEGREE)
 ]
 Acceleration = Annotated[float, QuantityUnits("m_per_s2", symmetric_range(30.0, "three times gravity"))]
-AngularAcceleration = Annotated[float, QuantityUnits("rad_per_s2", symmetric_range(1e3, "100 N·m on a foot of 0.1 kg m²"))]
-BitRate = Annotated[float, QuantityUnits("bit_per_s", symmetric_range(1e6, "the most that CAN 2.0 has"), kbit_per_s=1e3)]
-Current = Annotated[float, QuantityUnits("A", symmetric_range(100.0, "above the stall current of the motors, 70 A at 24 V"))]
-Drift = Annotated[float, QuantityUnits("", symmetric_range(0.01, "a hundred times that of a poor oscillator"), ppm=1e-6)]
+AngularAcceleration = Annotated[
+    float, QuantityUnits("rad_per_s2", symmetric_range(1e3, "100 N·m on a foot of 0.1 kg m²"))
+]
+BitRate = Annotated[
+    float, QuantityUnits("bit_per_s", symmetric_range(1e6, "the most that CAN 2.0 has"), kbit_per_s=1e3)
+]
+Current = Annotated[
+    float, QuantityUnits("A", symmetric_range(100.0, "above the stall current of the motors, 70 A at 24 V"))
+]
+Drift = Annotated[
+    float, QuantityUnits("", symmetric_range(0.01, "a hundred times that of a poor oscillator"), ppm=1e-6)
+]
 Energy = Annotated[float, QuantityUnits("J", symmetric_range(1e7, "2.8 kWh, 15 kg of lithium cells"))]
-Force = Annotated[float, QuantityUnits("N", symmetric_range(5e3, "four times the weight of wearer and device"))]
-Frequency = Annotated[float, QuantityUnits("Hz", symmetric_range(1e5, "the fastest inverters of such drives"))]
-HertzStiffness = Annotated[float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel 1 mm deep under 316 N"))]
+Force = Annotated[
+    float, QuantityUnits("N", symmetric_range(5e3, "four times the weight of wearer and device"))
+]
+Frequency = Annotated[
+    float, QuantityUnits("Hz", symmetric_range(1e5, "the fastest inverters of such drives"))
+]
+HertzStiffness = Annotated[
+    float, QuantityUnits("N_per_m1p5", symmetric_range(1e7, "a heel 1 mm deep under 316 N"))
+]
 Inertia = Annotated[float, QuantityUnits("kgm2", symmetric_range(10.0, "a straight leg about its hip has 6"))]
 Length = Annotated[float, QuantityUnits("m", symmetric_range(3.0, "more than a person with raised arms"))]
-LinearDamping = Annotated[float, QuantityUnits("Ns_per_m", symmetric_range(9e4, "critical for 200 kg on 1e7 N/m"))]
-LinearDissipation = Annotated[float, QuantityUnits("s_per_m", symmetric_range(100.0, "forces that double at 1 cm/s"))]
+LinearDamping = Annotated[
+    float, QuantityUnits("Ns_per_m", symmetric_range(9e4, "critical for 200 kg on 1e7 N/m"))
+]
+LinearDissipation = Annotated[
+    float, QuantityUnits("s_per_m", symmetric_range(100.0, "forces that double at 1 cm/s"))
+]
 LinearStiffness = Annotated[float, QuantityUnits("N_per_m", symmetric_range(1e7, "0.1 mm under 1000 N"))]
-Mass = Annotated[float, QuantityUnits("kg", symmetric_range(200.0, "the heaviest wearer with device and load"))]
-PerAngle = Annotated[float, QuantityUnits("per_rad", symmetric_range(100.0, "the whole effect within 0.6 deg"))]
-PerAngularVelocity = Annotated[float, QuantityUnits("s_per_rad", symmetric_range(1e3, "the whole effect within 1 mrad/s"))]
+Mass = Annotated[
+    float, QuantityUnits("kg", symmetric_range(200.0, "the heaviest wearer with device and load"))
+]
+PerAngle = Annotated[
+    float, QuantityUnits("per_rad", symmetric_range(100.0, "the whole effect within 0.6 deg"))
+]
+PerAngularVelocity = Annotated[
+    float, QuantityUnits("s_per_rad", symmetric_range(1e3, "the whole effect within 1 mrad/s"))
+]
 Power = Annotated[float, QuantityUnits("W", symmetric_range(5e3, "ten times the power of the battery"))]
 Ratio = Annotated[float, QuantityUnits("", symmetric_range(1e3, "three orders of magnitude"))]
-Resistance = Annotated[float, QuantityUnits("Ohm", symmetric_range(100.0, "0.3 A at the voltage of the battery"))]
+Resistance = Annotated[
+    float, QuantityUnits("Ohm", symmetric_range(100.0, "0.3 A at the voltage of the battery"))
+]
 RotaryDamping = Annotated[
     float,
-    QuantityUnits("Nms_per_rad", symmetric_range(1e4, "ten times critical on the gear's spring"), Nms_per_deg=1.0 / DEGREE),
+    QuantityUnits(
+        "Nms_per_rad",
+        symmetric_range(1e4, "ten times critical on the gear's spring"),
+        Nms_per_deg=1.0 / DEGREE,
+    ),
 ]
-RotaryDissipation = Annotated[float, QuantityUnits("s_per_rad", symmetric_range(100.0, "torques that double at 10 mrad/s"))]
+RotaryDissipation = Annotated[
+    float, QuantityUnits("s_per_rad", symmetric_range(100.0, "torques that double at 10 mrad/s"))
+]
 RotaryStiffness = Annotated[
     float,
     QuantityUnits("Nm_per_rad", symmetric_range(1e6, "0.1 mrad under 100 N·m"), Nm_per_deg=1.0 / DEGREE),
 ]
-Speed = Annotated[float, QuantityUnits("m_per_s", symmetric_range(10.0, "faster than people run"), km_per_h=KM_PER_H)]
+Speed = Annotated[
+    float, QuantityUnits("m_per_s", symmetric_range(10.0, "faster than people run"), km_per_h=KM_PER_H)
+]
 Time = Annotated[float, QuantityUnits("s", symmetric_range(3600.0, "the longest run"), ms=1e-3)]
-ShortTime = Annotated[float, QuantityUnits("s", symmetric_range(0.1, "the longest cycle of the bus"), ms=1e-3, us=1e-6)]
+ShortTime = Annotated[
+    float, QuantityUnits("s", symmetric_range(0.1, "the longest cycle of the bus"), ms=1e-3, us=1e-6)
+]
 Torque = Annotated[float, QuantityUnits("Nm", symmetric_range(1e3, "ten times the limit of the gear"))]
-TorqueConstant = Annotated[float, QuantityUnits("Nm_per_A", symmetric_range(10.0, "a hundred times that of the motors"))]
-Voltage = Annotated[float, QuantityUnits("V", symmetric_range(120.0, "where extra-low voltage ends, IEC 61140"))]
+TorqueConstant = Annotated[
+    float, QuantityUnits("Nm_per_A", symmetric_range(10.0, "a hundred times that of the motors"))
+]
+Voltage = Annotated[
+    float, QuantityUnits("V", symmetric_range(120.0, "where extra-low voltage ends, IEC 61140"))
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +197,11 @@ class Declaration:
     @property
     def keys(self) -> Mapping[str, float]:
         """Keys in a file, with the SI value of their unit."""
-        own = self.unit is not None and not self.find_annotation(UnitInKeys) and not self.find_annotation(Inline)
+        own = (
+            self.unit is not None
+            and not self.find_annotation(UnitInKeys)
+            and not self.find_annotation(Inline)
+        )
         factors = self.unit.factors if self.unit is not None and own else {"": 1.0}
         return {f"{self.key}_{end}" if end else self.key: factor for end, factor in factors.items()}
 

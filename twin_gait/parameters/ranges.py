@@ -37,7 +37,11 @@ class Range:
         """Check whether a value is within the range."""
         if value == math.inf:
             return self.allows_infinity
-        inside = self.minimum < value <= self.maximum if self.exclusive_minimum else self.minimum <= value <= self.maximum
+        inside = (
+            self.minimum < value <= self.maximum
+            if self.exclusive_minimum
+            else self.minimum <= value <= self.maximum
+        )
         if self.exclusive_minimum and self.minimum == 0.0 and math.isfinite(self.maximum):
             # A value so far below the largest one is a mistake; a division by it overflows.
             inside = SMALLEST_SHARE * self.maximum <= value <= self.maximum
@@ -50,13 +54,15 @@ class Range:
         if (least, most) == (self.minimum, self.maximum):
             return self
         return dataclasses.replace(
-            self, least=least, most=most, words="", reason=self.reason or general.reason
+            self, minimum=least, maximum=most, words="", reason=self.reason or general.reason
         )
 
     def convert_unit(self, factor: float) -> "Range":
         """Return the range in a unit, given by its value in SI; ``words`` are in SI and dropped otherwise."""
         words = self.words if factor == 1.0 else ""
-        return dataclasses.replace(self, least=self.minimum / factor, most=self.maximum / factor, words=words)
+        return dataclasses.replace(
+            self, minimum=self.minimum / factor, maximum=self.maximum / factor, words=words
+        )
 
     def require(self, name: str, value: float, *, whole: bool = False) -> None:
         """Raise a :class:`ParameterError` unless a value, or a whole number, is within the range."""
@@ -71,11 +77,19 @@ class Range:
             return self.words
         reason = f" ({self.reason})" if self.reason else ""
         if math.isfinite(self.maximum):
-            link = f"above {self.minimum:g} and at most" if self.exclusive_minimum else f"from {self.minimum:g} to"
+            link = (
+                f"above {self.minimum:g} and at most"
+                if self.exclusive_minimum
+                else f"from {self.minimum:g} to"
+            )
             return f"a number {link} {self.maximum:g}{reason}"
         if math.isinf(self.minimum):
             return "a finite number"
-        return f"a number above {self.minimum:g}" if self.exclusive_minimum else f"a number of {self.minimum:g} or more"
+        return (
+            f"a number above {self.minimum:g}"
+            if self.exclusive_minimum
+            else f"a number of {self.minimum:g} or more"
+        )
 
 
 # Ranges by sign; limits that are not given are those of the quantity.

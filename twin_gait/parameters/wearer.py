@@ -32,7 +32,7 @@ WEARER_JOINTS = (JointName.HIP, JointName.KNEE)
 
 @dataclass(frozen=True, kw_only=True)
 class JointCondition(quantities.Parameters):
-    """Torques of the wearer at one joint; see :mod:`twin_gait.core.wearer`. The default has none.
+    """Torques of the wearer at one joint; see :mod:`twin_gait.core.wearer_torques`. The default has none.
 
     Attributes:
         passive: Share of the passive moment of healthy men (Riener and Edrich 1999).
@@ -93,8 +93,8 @@ class Patient(quantities.Parameters):
     height: Annotated[quantities.Length, HEIGHTS] = 1.75
     sex: Sex = Sex.MALE
     segment_model: SegmentModel = SegmentModel.DE_LEVA
-    conditions: Annotated[Mapping[tuple[Side, JointName], JointCondition], quantities.CustomSerialized()] = field(
-        default_factory=dict
+    conditions: Annotated[Mapping[tuple[Side, JointName], JointCondition], quantities.CustomSerialized()] = (
+        field(default_factory=dict)
     )
     effort_delay: Annotated[quantities.Time, quantities.Range(0.0, 1.0, words="0 to 1 s")] = 0.1
     effort_noise: Annotated[quantities.Ratio, NOISES] = 0.0

@@ -88,7 +88,9 @@ def replay(recording: Recording, table: GaitTable) -> Replay:
                 switches.append(switch)
         phase[tick] = [machine.phase_index for machine in machines]
     driven = [(side, joint) for side, joint in recording.angles if joint in table.joints]
-    velocities = {(side, joint): own[side][signals.VELOCITY.joint_signal_name(joint)] for side, joint in driven}
+    velocities = {
+        (side, joint): own[side][signals.VELOCITY.joint_signal_name(joint)] for side, joint in driven
+    }
     phases = {side: phase[:, leg] for leg, side in enumerate(sides)}
     return Replay(table, recording, velocities, phases, tuple(switches), assumed)
 
@@ -102,7 +104,9 @@ def _leg_signals(recording: Recording, table: GaitTable, side: Side) -> Signals:
         for tick, value in enumerate(recording.angles[side, joint].tolist()):
             measure_joint(encoder, tick, value, TICK, gain, sensors.decimation)
             measured[:, tick] = encoder.angle, encoder.velocity_fast
-        found[signals.ANGLE.joint_signal_name(joint)], found[signals.VELOCITY.joint_signal_name(joint)] = measured
+        found[signals.ANGLE.joint_signal_name(joint)], found[signals.VELOCITY.joint_signal_name(joint)] = (
+            measured
+        )
     if recording.body_weight is not None and side in recording.loads:
         found[signals.LOAD.name] = recording.loads[side] / recording.body_weight
     return found
@@ -123,11 +127,15 @@ def _columns(table: GaitTable, known: Signals, ticks: int) -> np.ndarray:
 
     Unknown signals have their initial value, or 0 if there is none.
     """
-    unknown = {name: np.full(ticks, np.nan_to_num(signals.find_signal(name).initial_value)) for name in table.signals}
+    unknown = {
+        name: np.full(ticks, np.nan_to_num(signals.find_signal(name).initial_value)) for name in table.signals
+    }
     return np.column_stack([known.get(name, unknown[name]) for name in table.signals])
 
 
-def _assumed_commands(recording: Recording, table: GaitTable, known: Mapping[Side, Signals]) -> dict[str, float]:
+def _assumed_commands(
+    recording: Recording, table: GaitTable, known: Mapping[Side, Signals]
+) -> dict[str, float]:
     """Return the commands that no log contains, with their assumed values.
 
     Raises GaitTableError if the walk lacks any other signal that a guard reads.
@@ -137,14 +145,20 @@ def _assumed_commands(recording: Recording, table: GaitTable, known: Mapping[Sid
         for atom in atoms(item.guard):
             read = (OTHER_PHASE,) if isinstance(atom, PhaseMembership) else atom.names
             for name in (name for name in read if name not in known[side]):
-                if name == OTHER_PHASE or name not in signals.DEVICE_NAMES or signals.find_signal(name).column:
+                if (
+                    name == OTHER_PHASE
+                    or name not in signals.DEVICE_NAMES
+                    or signals.find_signal(name).column
+                ):
                     raise GaitTableError(
                         f"{recording.source}: the table {table.name} reads {name} in {item.source} → "
                         f"{item.target} ({item.cause}), not known of the {side} leg: name its column with "
                         f"--columns (of {signals.LOAD.name} add --total-mass KG; of {signals.OTHER}… name "
                         "those of both legs), or take another table"
                     )
-                assumed[name] = signals.find_signal(name).initial_value / signals.find_signal(name).unit.factor
+                assumed[name] = (
+                    signals.find_signal(name).initial_value / signals.find_signal(name).unit.factor
+                )
     return assumed
 
 

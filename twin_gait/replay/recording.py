@@ -17,7 +17,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures import reference
 from twin_gait.parameters.quantities import POSITIVE, require
 from twin_gait.parameters.wearer import Patient
-from twin_gait.replay.samples import LONGEST_GAP, Recording, resample_to_ticks, repeat_stride
+from twin_gait.replay.samples import LONGEST_GAP, Recording, repeat_stride, resample_to_ticks
 from twin_gait.runs.column_units import ANGLES, FORCES, TIMES, find_unit, plain_name, split_heading
 from twin_gait.runs.log_files import LogTable, parse_number, read_log_table
 from twin_gait.vocabulary import JointName, Side
@@ -65,7 +65,9 @@ class LogFormat:
         """Check names, units and numbers."""
         for quantity in self.columns:
             if quantity not in _USUAL_NAMES:
-                raise ParameterError(f"columns: no quantity {quantity!r}; there are {', '.join(_USUAL_NAMES)}")
+                raise ParameterError(
+                    f"columns: no quantity {quantity!r}; there are {', '.join(_USUAL_NAMES)}"
+                )
         require(self.units in (None, RADIANS, DEGREES), "units", "rad or deg", self.units)
         require(self.time_unit in (None, *TIMES), "time_unit", " or ".join(TIMES), self.time_unit)
         POSITIVE.require("max_gap", self.max_gap)
@@ -137,7 +139,8 @@ def _find_columns(table: LogTable, log_format: LogFormat, convention: Convention
     if not _ANGLES.keys() & found.keys():
         names = ", ".join(convention.columns.values()) or f"columns, of which {convention.name} names none"
         way_out = "name the columns with --columns, or choose one of --convention"
-        text = f"has none of {names}; {way_out} {', '.join(CONVENTIONS)}; there are {table.format_column_names()}"
+        advice = f"{way_out} {', '.join(CONVENTIONS)}; there are {table.format_column_names()}"
+        text = f"has none of {names}; {advice}"
         raise ParameterFileError(table.source, "", text)
     users = dict[str, str]()
     for quantity, (name, sign) in found.items():

@@ -170,7 +170,9 @@ def _numbers(samples: Recording) -> dict[str, np.ndarray]:
     return {**angles, **loads, **samples.device}
 
 
-def _replace_signals(samples: Recording, change: Mapping[str, np.ndarray], phases: slice | np.ndarray) -> Recording:
+def _replace_signals(
+    samples: Recording, change: Mapping[str, np.ndarray], phases: slice | np.ndarray
+) -> Recording:
     """Return a walk with changed numbers, by the names of :func:`_numbers`, and a selection of its phases."""
     return replace(
         samples,

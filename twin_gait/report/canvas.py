@@ -31,9 +31,9 @@ from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES, normalise_strides
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, LIMIT_COLOUR, REFERENCE_COLOUR, phase_colour
 from twin_gait.report.failures import format_error
+from twin_gait.report.formatting import describe_wearer
 from twin_gait.report.pages import FIGURES_FOLDER, render
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.walk_words import describe_wearer
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 

@@ -23,7 +23,9 @@ FIGURES_FOLDER = "figures"  # folder of the pictures inside of a folder of resul
 @cache
 def _environment() -> Environment:
     escaped = (".html", ".svg")
-    environment = make_template_environment(TEMPLATES, autoescape=lambda name: name is None or name.endswith(escaped))
+    environment = make_template_environment(
+        TEMPLATES, autoescape=lambda name: name is None or name.endswith(escaped)
+    )
     environment.filters["address"] = address
     return environment
 

@@ -19,11 +19,24 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import usual_phases
-from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, describe_stride_count, join_strides
+from twin_gait.measures.strides import (
+    PERCENT,
+    describe_stride_count,
+    join_strides,
+    normalise_strides,
+    root_mean_square_error,
+)
 from twin_gait.measures.walk import cop_curve
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report import canvas
-from twin_gait.report.canvas import SCREEN_WIDTH, RunFigure, draw_cycle_curve, flexion, shown_strides, style_panel
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    RunFigure,
+    draw_cycle_curve,
+    flexion,
+    shown_strides,
+    style_panel,
+)
 from twin_gait.report.reference import reference_cycle, reference_ground_force
 from twin_gait.simulation.run import Run
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from twin_gait.gait.documents import format_number
 from twin_gait.gait.guards import LEG_VOCABULARY, AllOf, AnyOf, Guard, PhaseMembership, bracket_guard
 from twin_gait.gait.modes import ModeTable
-from twin_gait.gait.signals import LEFT, OTHER, RIGHT, signal_part, find_signal
+from twin_gait.gait.signals import LEFT, OTHER, RIGHT, find_signal, signal_part
 from twin_gait.gait.table import TICK, GaitTable, JointImpedance, StateParameters, StateTable, Transition
 from twin_gait.palette import phase_colour
 from twin_gait.report.pages import render
@@ -31,14 +31,21 @@ def describe_signal(signal: str) -> tuple[str, str]:
     """Name of a signal in words, and its unit: ``("other hip velocity", "°/s")``."""
     leg = next((front for front in (OTHER, LEFT, RIGHT) if signal.startswith(front)), "")
     part, declared = signal_part(signal.removeprefix(leg)), find_signal(signal)
-    return f"{leg.replace('.', ' ')}{name_to_words(part) if part else ''}{declared.label}", declared.unit.symbol
+    return (
+        f"{leg.replace('.', ' ')}{name_to_words(part) if part else ''}{declared.label}",
+        declared.unit.symbol,
+    )
 
 
 def describe_guard(guard: Guard) -> str:
     """A guard with readable names and units: ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``."""
     if isinstance(guard, PhaseMembership):
         names = " or ".join(name_to_words(name) for name in guard.phases)
-        return f"other leg in {names}" if guard.quantity == LEG_VOCABULARY.quantity else f"{guard.quantity} {names}"
+        return (
+            f"other leg in {names}"
+            if guard.quantity == LEG_VOCABULARY.quantity
+            else f"{guard.quantity} {names}"
+        )
     if isinstance(guard, (AllOf, AnyOf)):
         joiner = " and " if isinstance(guard, AllOf) else " or "
         return joiner.join(bracket_guard(inner, describe_guard) for inner in guard.guards)
@@ -161,7 +168,10 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
     if isinstance(table, ModeTable):
         mode = table.phases[phase]
         remarks_by_text = {"walk": mode.walk, "step": mode.step, f"posture {mode.posture}": mode.posture}
-        return [*((text,) for text, tells in remarks_by_text.items() if tells), *((text,) for text in _stay(mode))]
+        return [
+            *((text,) for text, tells in remarks_by_text.items() if tells),
+            *((text,) for text in _stay(mode)),
+        ]
     assert isinstance(table, GaitTable)  # there is no third kind
     common = table.phases[phase]
     rows: list[tuple[str, ...]] = [("", "k", "θ0", "damping", "G")]
@@ -171,7 +181,9 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
     remarks = ", ".join([*words, *_stay(common)])
     for side, own in table.side_phases.items():
         if phase in own:
-            rows += [(f"{side} {name_to_words(name)}", *_cells(item)) for name, item in own[phase].joints.items()]
+            rows += [
+                (f"{side} {name_to_words(name)}", *_cells(item)) for name, item in own[phase].joints.items()
+            ]
     return [*rows, *([(remarks,)] if remarks else [])]
 
 

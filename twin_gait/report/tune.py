@@ -15,8 +15,8 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
 from twin_gait.report import canvas
 from twin_gait.report.canvas import put_legend, style_panel
+from twin_gait.report.formatting import amount
 from twin_gait.report.pages import lines, render
-from twin_gait.report.walk_words import amount
 from twin_gait.simulation.run import Run
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE

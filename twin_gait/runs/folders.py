@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.files import check_replaceable, apply_umask, sync_folder
+from twin_gait.files import apply_umask, check_replaceable, sync_folder
 
 PARTIAL = ".partial"  # how the name of a folder ends that is being written
 SETTLED = 60.0  # [s]

@@ -22,7 +22,14 @@ import pyarrow as pa
 from twin_gait.conventions import DEGREES, RADIANS
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_bytes, read_parquet, require_table_size
-from twin_gait.runs.text_layout import BLANKS, strip_unit, detect_encoding, find_layout, is_missing, strip_comments
+from twin_gait.runs.text_layout import (
+    BLANKS,
+    detect_encoding,
+    find_layout,
+    is_missing,
+    strip_comments,
+    strip_unit,
+)
 
 _LISTED = 12  # columns that a message names
 _NEXUS_BLOCKS = frozenset({"Model Outputs", "Trajectories", "Devices", "Joints", "Segments"})

@@ -28,12 +28,12 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.report.failures import failed_pictures, format_error
 from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.runs.folders import FolderKind, journal_path, staged_directory
-from twin_gait.runs.own_files import referenced_files, store_files
 from twin_gait.runs.stored_log import check_log
-from twin_gait.runs.summary import summarise_run, software_versions
+from twin_gait.runs.summary import software_versions, summarise_run
+from twin_gait.runs.user_files import referenced_files, store_files
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
-from twin_gait.simulation.problem import build_setup
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.vocabulary import JointName, Side
 
 EXPERIMENT_FILE = "experiment.yaml"
@@ -68,7 +68,9 @@ def write_run(
     resolved = resolved_document(run.experiment, document, software_versions(), files)
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
     write_log(run.log, directory / LOG_FILE, run.status)
-    switches = format_switches_csv(run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy())
+    switches = format_switches_csv(
+        run.switches, ("hip", "knee"), lambda *place: run.log["_".join(place)].to_numpy()
+    )
     write_atomically(directory / SWITCHES_FILE, switches)
     summary = summarise_run(run)
     if accuracy is not None:

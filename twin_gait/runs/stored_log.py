@@ -10,7 +10,7 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.gait.table import TICK
 from twin_gait.runs.log_files import LogTable
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 
 def check_log(log: pd.DataFrame, problem: SimulationSetup, path: Path) -> pd.DataFrame:

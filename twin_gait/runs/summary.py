@@ -20,9 +20,9 @@ from twin_gait.measures import effort
 from twin_gait.measures.crutches import TRUNK_PITCH, crutch_use
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.parameters.drives import STATED_AUTONOMY
+from twin_gait.report.formatting import describe
 from twin_gait.report.reference import reference_measures
-from twin_gait.report.walk_words import describe
-from twin_gait.runs.leg_summary import MeasuredLeg, saturated_shares, reference_error
+from twin_gait.runs.leg_summary import MeasuredLeg, reference_error, saturated_shares
 from twin_gait.simulation.log import BRACE, LOG_SCHEMA_VERSION, PELVIS_BRACE, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
@@ -158,7 +158,9 @@ def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[s
     height, _, force = PELVIS_BRACE.columns
     for side in run.sides:
         for place in (f"{side}_{joint}" for joint in JointName if f"{side}_{joint}_{torque}" in log):
-            rms, peak, apart = _brace_measures(log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}")
+            rms, peak, apart = _brace_measures(
+                log, f"{place}_{torque}", f"{place}_angle_rad", f"{place}_{angle}"
+            )
             motion = math.degrees(apart)
             interaction[place] = {"torque_rms_Nm": rms, "torque_peak_Nm": peak, "motion_peak_deg": motion}
         device = run.leg_record(side, device=True)

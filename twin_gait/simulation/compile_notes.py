@@ -75,7 +75,9 @@ def read_records(contents: Iterable[bytes | None]) -> list[Compilation]:
     return found
 
 
-def compile_text(pattern: LoopVariant, sources: str, records: Sequence[Compilation], *, has_user_code: bool) -> str:
+def compile_text(
+    pattern: LoopVariant, sources: str, records: Sequence[Compilation], *, has_user_code: bool
+) -> str:
     """Return the line that announces a compilation.
 
     Args:

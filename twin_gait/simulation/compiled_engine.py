@@ -9,16 +9,16 @@ import numpy as np
 from twin_gait.control.controller import TickFunction
 from twin_gait.kernels.generated import MERGED_FUNCTIONS, KernelBodies, kernel_key, write_kernel
 from twin_gait.leg_model.bodies import BodyArrays, contact_points, export_bodies
+from twin_gait.simulation.backend import episode_at
 from twin_gait.simulation.binding import is_package_function, kernel_functions
+from twin_gait.simulation.build_flags import BuildFlags, compute_build_flags
+from twin_gait.simulation.code_cache import CompiledLoop, Loop, OnCompile, cached_loop, source_key
 from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.filling import new_episode
-from twin_gait.simulation.interface import episode_at
-from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, cached_loop, source_key
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.initial_state import new_episode
 from twin_gait.simulation.record import deep_copy, to_array
 from twin_gait.simulation.schedule import act, run_ticks, sense
-from twin_gait.simulation.structure import BuildFlags, compute_build_flags
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 _FLOAT = np.dtype(float)
 
@@ -139,7 +139,9 @@ def load_or_compile_loop(
         names = {**bound, **own, **vector_functions(bound), "episode_at": record_accessor(episode)}
         return compile_loop(entry, names, user_controller=controller.name if own else "")
 
-    return cached_loop(source_key(f"{entry.__name__} {engine.specialization_key}"), make, on_compile, engine.user_functions)
+    return cached_loop(
+        source_key(f"{entry.__name__} {engine.specialization_key}"), make, on_compile, engine.user_functions
+    )
 
 
 def loop_names(engine: CompiledEngine) -> dict[str, Any]:
@@ -170,10 +172,14 @@ def kernel_names(bodies: KernelBodies, laws: Mapping[str, Callable[..., Any]] = 
 
 @lru_cache(maxsize=32)
 def compiled_rows(width: int, noises: int) -> dict[str, Any]:
-    """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
+    """Functions of :mod:`twin_gait.simulation.backend` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, row_accessor
 
-    logs, readings, switches = row_accessor(_FLOAT, width), row_accessor(_FLOAT, noises), row_accessor(SWITCHES)
+    logs, readings, switches = (
+        row_accessor(_FLOAT, width),
+        row_accessor(_FLOAT, noises),
+        row_accessor(SWITCHES),
+    )
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)

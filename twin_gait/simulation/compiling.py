@@ -30,7 +30,7 @@ from numba.extending import intrinsic
 
 from twin_gait.control.controller import UncompiledControllerError, require_no_result, require_whole_numbers
 from twin_gait.simulation.binding import specialize
-from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, wrap_native_function
+from twin_gait.simulation.code_cache import ARGUMENTS, CompiledLoop, wrap_native_function
 
 _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
@@ -108,7 +108,9 @@ def _instruction(argument_type: Any, result_type: Any, build: Callable[[Any, Any
 
     @intrinsic  # type: ignore[untyped-decorator]
     def instruction(typing: Any, number: Any) -> Any:
-        return result_type(argument_type), lambda context, builder, signature, arguments: build(builder, arguments[0])
+        return result_type(argument_type), lambda context, builder, signature, arguments: build(
+            builder, arguments[0]
+        )
 
     return instruction
 
@@ -150,7 +152,10 @@ def row_accessor(dtype: np.dtype[Any], *shape: int) -> Any:
 
 
 def compile_loop(
-    entry: Callable[..., int], names: Mapping[str, Any], user_controller: str = "", pipeline: type[PruningPipeline] = PruningPipeline
+    entry: Callable[..., int],
+    names: Mapping[str, Any],
+    user_controller: str = "",
+    pipeline: type[PruningPipeline] = PruningPipeline,
 ) -> CompiledLoop:
     """Bind an entry, which takes and returns whole numbers, to names, and compile it.
 
@@ -167,7 +172,9 @@ def compile_loop(
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
     address = result.library.get_pointer_to_function(symbol)
-    function = wrap_native_function(address, loop, f"controller {user_controller!r}" if user_controller else None)
+    function = wrap_native_function(
+        address, loop, f"controller {user_controller!r}" if user_controller else None
+    )
     standalone = not user_controller and _needs_only_libc(result.library)
     code = symbol.encode() + b"\n" + result.library._get_compiled_object()
     return CompiledLoop(function, code if standalone else None)

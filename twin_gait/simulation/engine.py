@@ -15,11 +15,11 @@ from twin_gait.gait.machine import POSTURE, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT_SUFFIX, SETPOINT_SUFFIX
 from twin_gait.parameters.network import NODES
-from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, CRUTCH_LOST, TIPPED, Switch
+from twin_gait.simulation.episode import COMPLETED, CRUTCH_LOST, DIVERGED, FELL, TIPPED, Switch
 from twin_gait.simulation.log import LogArrays, log_layout
-from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
 _BUS_UNIT = 1e-12  # what a bus counts in, in [s]

@@ -15,7 +15,7 @@ from twin_gait.core.arms import Arm
 from twin_gait.core.belt import Belt
 from twin_gait.core.can_bus import Bus
 from twin_gait.core.can_codec import SignalLayout
-from twin_gait.core.contact import Ground, ContactState
+from twin_gait.core.contact import ContactState, Ground
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import FaultRecord
 from twin_gait.core.inertial import TrunkUnit
@@ -46,7 +46,9 @@ class Joint:
     external_torque: float = 0.0  # Torque of wearer, push and imposed motion in [N m], as the log has it.
     disturbance_torque: float = 0.0  # The part of it that is push and imposed motion, in [N m].
     off: bool = False  # Whether its board is rebooting.
-    received_setpoint: JointSetpoint = field(default_factory=JointSetpoint)  # What its board heard last over the bus.
+    received_setpoint: JointSetpoint = field(
+        default_factory=JointSetpoint
+    )  # What its board heard last over the bus.
 
 
 @dataclass(slots=True)

@@ -14,8 +14,17 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from twin_gait.core.schedule import BlockStep, ScalarSteps, ForEach, ScalarBranch, Schedule, VectorBranch, Step, When
-from twin_gait.simulation.interface import scalar_lanes, vector_lanes
+from twin_gait.core.schedule import (
+    BlockStep,
+    ForEach,
+    ScalarBranch,
+    ScalarSteps,
+    Schedule,
+    Step,
+    VectorBranch,
+    When,
+)
+from twin_gait.simulation.backend import scalar_lanes, vector_lanes
 
 
 class ScheduleNames(NamedTuple):

@@ -10,11 +10,11 @@ from collections.abc import Hashable, Sequence
 
 import numpy as np
 
-from twin_gait.simulation.block import WIDTH, shared_words, interleave, number_index
+from twin_gait.simulation.block import WIDTH, interleave, number_index, shared_words
+from twin_gait.simulation.code_cache import CompiledLoop, Loop, OnCompile, cached_loop, is_cached, source_key
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_names, run_ticks_at
 from twin_gait.simulation.engine import EpisodeEngine
 from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, is_cached, cached_loop, source_key
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.schedule import LANE_DRIVERS
 

@@ -106,6 +106,8 @@ def block_at(dtype: np.dtype[Any]) -> Any:
 
 
 def lane_iterator(in_vectors: bool) -> Any:
+    """Create the intrinsic that iterates over the lanes, by vectors or one by one."""
+
     @intrinsic
     def through(typing: Any, e: Any) -> Any:
         if not (isinstance(e, RecordView) and e.whole):
@@ -157,4 +159,9 @@ def lane_names(episode: np.dtype[Any], width: int, noises: int) -> dict[str, Any
         return readings(e.recording.noise, min(tick, e.recording.n_noise - 1))
 
     found = {item.__name__: jit(item, pipeline=LanePipeline) for item in (log_row, noise_row)}
-    return {"episode_at": block_at(episode), "lanes": lane_iterator(True), "each": lane_iterator(False), **found}
+    return {
+        "episode_at": block_at(episode),
+        "lanes": lane_iterator(True),
+        "each": lane_iterator(False),
+        **found,
+    }

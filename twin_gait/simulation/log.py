@@ -13,7 +13,7 @@ import pandas as pd
 
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.vocabulary import JointName
 
 LOG_SCHEMA_VERSION = 3
@@ -86,7 +86,9 @@ FOOT = ColumnGroup(
     pressure_place=("sole.pressure_place", "centre of pressure, 0 at first to 1 at last point; 0 in the air"),
 )
 
-GROUND = ColumnGroup(belt_speed_m_per_s=("e.ground.belt_speed", "of the belt, backwards positive; 0 without one"))
+GROUND = ColumnGroup(
+    belt_speed_m_per_s=("e.ground.belt_speed", "of the belt, backwards positive; 0 without one")
+)
 
 PELVIS = ColumnGroup(
     "hung = e.plant[PELVIS + SHIFT]",

@@ -13,14 +13,14 @@ from twin_gait.control.controller import wrap_checked_tick
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.gait.machine import GaitStateMachine
-from twin_gait.kernels.pinocchio import PinocchioKernel
-from twin_gait.simulation.binding import specialize, is_package_function, kernel_functions
+from twin_gait.kernels.pinocchio_kernel import PinocchioKernel
+from twin_gait.simulation.binding import is_package_function, kernel_functions, specialize
 from twin_gait.simulation.compiled_engine import assemble
 from twin_gait.simulation.engine import SWITCHES, EpisodeEngine
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.simulation.record import find_float
 from twin_gait.simulation.schedule import run_ticks
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 
 class ReferenceEngine(EpisodeEngine):
@@ -33,10 +33,12 @@ class ReferenceEngine(EpisodeEngine):
 
     chunk_ticks = 100
 
-    def __init__(self, setup: SimulationSetup, kernel: Mapping[str, Callable[..., Any]] | None = None) -> None:
+    def __init__(
+        self, setup: SimulationSetup, kernel: Mapping[str, Callable[..., Any]] | None = None
+    ) -> None:
         """Set everything to time 0.
 
-        ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
+        ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.backend`; Pinocchio's by default.
         """
         super().__init__(setup)
         _, self.episode, structure = assemble(setup)
@@ -53,7 +55,11 @@ class ReferenceEngine(EpisodeEngine):
         names = {**structure, **kernel, **kernel_functions(self.layout.writer, {})}
         names |= {item.__name__: item for item in (*rows, self.choose_transition)}
         for name, tick in setup.controller.tick_functions().items():
-            names[name] = tick if is_package_function(tick) else wrap_checked_tick(setup.controller.name, tick, find_float)
+            names[name] = (
+                tick
+                if is_package_function(tick)
+                else wrap_checked_tick(setup.controller.name, tick, find_float)
+            )
         self._run_ticks = specialize(run_ticks, names)
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:

@@ -30,8 +30,8 @@ from twin_gait.measures.leg_record import (
 from twin_gait.measures.outcome import EventKind, RunEvent, Verdict, judge_gait
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkConditions, walk_measures, walk_power
-from twin_gait.simulation.answers import RequestResult, request_result
 from twin_gait.simulation.log import LogArrays, LogLayout
+from twin_gait.simulation.request_results import RequestResult, request_result
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
 from twin_gait.worlds.faults import Fault
 
@@ -65,7 +65,9 @@ def run_events(
         return name.replace("_", " ")
 
     occurred = (item for item in faults if item.time <= end)
-    found = [RunEvent(EventKind.FAULT, item.time, words(item.kind), words(item.location)) for item in occurred]
+    found = [
+        RunEvent(EventKind.FAULT, item.time, words(item.kind), words(item.location)) for item in occurred
+    ]
     if trip is not None:
         found.append(RunEvent(EventKind.TRIP, trip.time, words(trip.cause), trip.location))
     if status in _ENDINGS:
@@ -266,7 +268,7 @@ class Run:
 
     @cached_property
     def request_results(self) -> tuple[RequestResult, ...]:
-        """What became of the requests; see :mod:`twin_gait.simulation.answers`. Nothing without modes."""
+        """Return the results of the requests; none without modes."""
         modes, initial, found = self.experiment.modes, self.experiment.initial_mode, list[RequestResult]()
         if modes is not None:
             first = 0 if initial is None else modes.phase_index(initial)
@@ -276,7 +278,9 @@ class Run:
             for tick in np.flatnonzero(self.log["request"].to_numpy()).tolist():
                 ticks = tick - max(entries[entries < tick].tolist(), default=0)
                 before = modes.phase_names[codes[tick]]
-                found.append(request_result(self.log, tick, before, ticks, modes, self.table, self.body_weight))
+                found.append(
+                    request_result(self.log, tick, before, ticks, modes, self.table, self.body_weight)
+                )
         return tuple(found)
 
     @property

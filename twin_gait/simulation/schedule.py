@@ -8,16 +8,28 @@ import math
 
 from twin_gait.control import device_schedule as device
 from twin_gait.control.joint_board import check_command, reject_command, write_measurement
-from twin_gait.core.schedule import BlockStep, joints, legs, limbs, scalar_steps, scalar_branch, replace_steps, feet, when
-from twin_gait.simulation import structure
-from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, CRUTCH_LOST, TIPPED, Episode
+from twin_gait.core.schedule import (
+    BlockStep,
+    feet,
+    joints,
+    legs,
+    limbs,
+    replace_steps,
+    scalar_branch,
+    scalar_steps,
+    when,
+)
+from twin_gait.simulation import build_flags
+from twin_gait.simulation.build_flags import N_CRUTCHES, PELVIS_INDEX, PITCH_INDEX, WEARER_OFFSET
+from twin_gait.simulation.episode import COMPLETED, CRUTCH_LOST, DIVERGED, FELL, TIPPED, Episode
 from twin_gait.simulation.executors import ScheduleNames, lane_driver, scalar_driver
-from twin_gait.simulation.stages import commands, drives, motion, network, phases, sensors, surroundings
-from twin_gait.simulation.structure import N_CRUTCHES, PELVIS_INDEX, PITCH_INDEX, WEARER_OFFSET
+from twin_gait.simulation.stages import commands, drives, environment, motion, network, phases, sensors
 
 SENSE = (
-    surroundings.update_commands,  # belt, command to walk, request of a mode
-    *replace_steps(device.MEASURE, {device.measure_position: (sensors.read_encoder, device.measure_position)}),
+    environment.update_commands,  # belt, command to walk, request of a mode
+    *replace_steps(
+        device.MEASURE, {device.measure_position: (sensors.read_encoder, device.measure_position)}
+    ),
     when("POINTS_PER_FOOT > 0", sensors.compute_contact_forces, feet(sensors.read_load)),
     when("INERTIAL", sensors.measure_pitch),
     sensors.read_trunk,
@@ -45,10 +57,14 @@ CONTROL = (
     *replace_steps(
         device.COMMAND,
         {
-            device.copy_setpoint_to_board: when("NETWORKED", network.receive_setpoint, otherwise=(device.copy_setpoint_to_board,)),
+            device.copy_setpoint_to_board: when(
+                "NETWORKED", network.receive_setpoint, otherwise=(device.copy_setpoint_to_board,)
+            ),
             check_command: (when("FAULTY", commands.add_runaway_torque), check_command),
             # Over a bus, which is slow, the joint is held alone.
-            device.HOLD: when("NETWORKED", scalar_branch(device.is_implausible, reject_command), otherwise=(device.HOLD,)),
+            device.HOLD: when(
+                "NETWORKED", scalar_branch(device.is_implausible, reject_command), otherwise=(device.HOLD,)
+            ),
             device.command_current: commands.set_drive,
         },
     ),
@@ -62,12 +78,12 @@ ACT = (
         "NETWORKED",
         scalar_steps(joints(network.send_frames), network.carry_frames, joints(network.store_frames)),
     ),
-    when("WEARER", limbs(surroundings.reset_external_torque)),
-    joints(surroundings.push),
-    when("WEARER", legs(surroundings.add_wearer_torques)),
-    when("CRUTCHES > 0", scalar_steps(surroundings.update_arms)),
-    when("SEATED", surroundings.place_chair),
-    surroundings.lock_harness,
+    when("WEARER", limbs(environment.reset_external_torque)),
+    joints(environment.push),
+    when("WEARER", legs(environment.add_wearer_torques)),
+    when("CRUTCHES > 0", scalar_steps(environment.update_arms)),
+    when("SEATED", environment.place_chair),
+    environment.lock_harness,
     when(
         "recording",
         BlockStep(motion.evaluate),
@@ -132,7 +148,7 @@ NAMES = ScheduleNames(
         "watching": "{e}.watching",
         "recording": "{e}.recording.on",
     },
-    flags={**device.FLAGS, **structure.FLAGS},
+    flags={**device.FLAGS, **build_flags.FLAGS},
 )
 sense = scalar_driver("sense", SENSE, NAMES)
 control = scalar_driver("think", CONTROL, NAMES)
@@ -141,7 +157,9 @@ act = scalar_driver("act", ACT, NAMES, result=update_status)
 LANE_DRIVERS = {
     "sense": lane_driver("sense", SENSE, NAMES),
     "think": lane_driver(
-        "think", replace_steps(CONTROL, {device.choose_transition: BlockStep(phases.choose_transitions)}), NAMES
+        "think",
+        replace_steps(CONTROL, {device.choose_transition: BlockStep(phases.choose_transitions)}),
+        NAMES,
     ),
     "act": lane_driver("act", ACT, NAMES, result=update_status),
 }

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from twin_gait.experiment.events import Change, Event, Push, Step, Stop
+from twin_gait.simulation.code_cache import OnCompile
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EpisodeEngine
-from twin_gait.simulation.keeping import OnCompile
-from twin_gait.simulation.problem import SimulationSetup
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.settings import LoopNumbers, first_settings, loop_numbers, apply_changes
+from twin_gait.simulation.settings import LoopNumbers, apply_changes, first_settings, loop_numbers
+from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.simulation.stepping import SteppedRun
 
 

@@ -12,7 +12,7 @@ from twin_gait.experiment.events import HELD_PHASE
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.network.messages import CODES
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.vocabulary import Side
 
 # What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4).
@@ -49,7 +49,9 @@ class Settings:
     @cached_property
     def active_setup(self) -> SimulationSetup:
         """The experiment of :attr:`driving` as an engine needs it."""
-        return self.setup if self.active_experiment is self.experiment else build_setup(self.active_experiment)
+        return (
+            self.setup if self.active_experiment is self.experiment else build_setup(self.active_experiment)
+        )
 
     @cached_property
     def active_experiment(self) -> Experiment:

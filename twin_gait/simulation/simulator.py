@@ -13,11 +13,17 @@ from twin_gait.experiment.experiment import Engine, Experiment
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EpisodeEngine
-from twin_gait.simulation.lane_engine import MIN_BLOCK_SIZE, LaneEngine, is_lane_loop_cached, block_key, lane_loop
-from twin_gait.simulation.problem import SimulationSetup, build_setup
+from twin_gait.simulation.lane_engine import (
+    MIN_BLOCK_SIZE,
+    LaneEngine,
+    block_key,
+    is_lane_loop_cached,
+    lane_loop,
+)
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.scripted_engine import ScriptedEngine
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
 # Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
@@ -127,7 +133,9 @@ def simulate_blocks(
     """
     waiting, first = iter(experiments), 0
     while engines := _create_engines(islice(waiting, _SETUP_BATCH_SIZE), first):
-        for block in group_into_blocks(_kinds(engines), [engine.setup.experiment.n_ticks for engine in engines]):
+        for block in group_into_blocks(
+            _kinds(engines), [engine.setup.experiment.n_ticks for engine in engines]
+        ):
             runs = _run([engines[place] for place in block], first + block[0], columns)
             for place in reversed(block):  # each is gone when it has been looked at
                 yield first + place, runs.pop()

@@ -23,13 +23,13 @@ from twin_gait.experiment.events import FADE_TICKS
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.outcome import RunEvent
-from twin_gait.simulation.answers import RequestResult, request_result
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import NEVER, SimulationSetup, fault_records, phase_timeout_ticks
 from twin_gait.simulation.record import entries
+from twin_gait.simulation.request_results import RequestResult, request_result
 from twin_gait.simulation.run import RunStatus, log_table, run_events
 from twin_gait.simulation.settings import LoopNumbers, numbers_of
+from twin_gait.simulation.simulation_setup import NEVER, SimulationSetup, fault_records, phase_timeout_ticks
 from twin_gait.worlds.faults import Fault, FaultKind
 
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
@@ -58,8 +58,8 @@ class SteppedRun:
     ) -> None:
         """Lay the walk out; no tick is run.
 
-        ``problem`` from :func:`twin_gait.simulation.problem.build_problem`; ``on_compile``: called if the
-        loop has to be compiled first, which takes 10 to 20 s; ``spare_faults``: number of faults that can be
+        ``setup``: from :func:`~twin_gait.simulation.simulation_setup.build_setup`; ``on_compile``: called if
+        the loop has to be compiled first, which takes 10 to 20 s; ``spare_faults``: number of faults that can be
         injected, ``MOST_FAULTS`` by default.
         """
         self.setup = setup

@@ -124,8 +124,10 @@ def _compile_vectorized(item: MergedFunction) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def vector_map(typing: Any, e: Any, indices: Any, staged: Any, read_arguments: Any, law: Any, write_result: Any) -> Any:
-    """What :func:`twin_gait.simulation.interface.side_by_side` is bound to for one episode."""
+def vector_map(
+    typing: Any, e: Any, indices: Any, staged: Any, read_arguments: Any, law: Any, write_result: Any
+) -> Any:
+    """What :func:`twin_gait.simulation.backend.side_by_side` is bound to for one episode."""
     taken = _law(typing, read_arguments.dispatcher, (e, types.int64, staged))
     ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
     given = _law(typing, write_result.dispatcher, (e, types.int64, ruled[1].return_type))
@@ -135,7 +137,9 @@ def vector_map(typing: Any, e: Any, indices: Any, staged: Any, read_arguments: A
         read, put = (context.get_function(*item) for item in (taken, given))
         taking = (read(builder, (episode, number, arguments[2])) for number in numbers)
         rows = [cgutils.unpack_tuple(builder, item) for item in taking]
-        for number, (result,) in zip(numbers, _call_vectorized(context, builder, ruled, (), rows), strict=True):
+        for number, (result,) in zip(
+            numbers, _call_vectorized(context, builder, ruled, (), rows), strict=True
+        ):
             put(builder, (episode, number, result))
         return context.get_dummy_value()
 

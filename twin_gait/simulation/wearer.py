@@ -13,7 +13,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters.wearer import WEARER_JOINTS, JointCondition
-from twin_gait.simulation.episode import MIN_HIP_ANGLE, HIP_ANGLE_STEP, Limb
+from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE, Limb
 from twin_gait.vocabulary import JointName
 
 # Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance

@@ -23,7 +23,12 @@ from twin_gait.configuration.experiments import (
     experiment_from_mapping,
     load_named_document,
 )
-from twin_gait.configuration.validation import assign, convert_with_context, parse_path, reject_duplicate_units
+from twin_gait.configuration.validation import (
+    assign,
+    convert_with_context,
+    parse_path,
+    reject_duplicate_units,
+)
 from twin_gait.exceptions import JobError, ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import to_json_value
@@ -111,7 +116,10 @@ def walking_wearer(experiment: Experiment) -> tuple[Walking, Patient]:
 # New values by key of an experiment document, joined by dots, such as ``patient.mass_kg``.
 Override = Mapping[str, Any]
 FlatSummary = dict[str, float | str | bool | None]
-REPLACEABLE_KEYS = ("patient", "table")  # keys whose values may be names of entities that are replaced as a whole
+REPLACEABLE_KEYS = (
+    "patient",
+    "table",
+)  # keys whose values may be names of entities that are replaced as a whole
 # Meaning of names, by key and name_of: mappings of an experiment document; paths under FILES.
 FILES = "files"
 Named = Mapping[str, Mapping[str, Any]]
@@ -199,7 +207,9 @@ def apply_override(
     for key, value in sorted(override.items(), key=lambda item: item[0] not in REPLACEABLE_KEYS):
         plain = value.item() if isinstance(value, np.generic) else value
         if key in REPLACEABLE_KEYS:
-            named = known.get(key, {}).get(value_to_text(plain)) or load_named_document(key, plain, Path(source))
+            named = known.get(key, {}).get(value_to_text(plain)) or load_named_document(
+                key, plain, Path(source)
+            )
             if named is not None:
                 document, plain = {**document, key: None}, named  # nothing of the former value remains
         if (file := named_file(key, plain)) is not None:

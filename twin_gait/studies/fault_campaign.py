@@ -132,7 +132,12 @@ def simulate_faults(
     """
     experiment_of = partial(_with_fault, experiment)
     rows = run_episodes(
-        experiment_of, row, faults, workers=workers, episode_name=lambda place: f"fault {faults[place]}", **watch
+        experiment_of,
+        row,
+        faults,
+        workers=workers,
+        episode_name=lambda place: f"fault {faults[place]}",
+        **watch,
     )
     return pd.DataFrame(rows)
 

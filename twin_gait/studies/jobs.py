@@ -161,7 +161,7 @@ def sources_hash() -> str:
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(
-        [*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml"), *root.glob("studies/**/*.yaml")]
+        [*root.glob("**/*.py"), *root.glob("configuration/patients/*.yaml"), *root.glob("studies/**/*.yaml")]
     ):
         place = path.relative_to(root)
         if place.parts[0] not in DISPLAY_MODULES:

@@ -89,7 +89,9 @@ def transition_tests(table: StateTable, machine: MachineFactory | None = None) -
     """
     factory = machine_of(table) if machine is None else machine
     return [
-        TransitionTest(f"{item.source}→{item.target} ({item.cause})::{shown.description}", table, factory, shown)
+        TransitionTest(
+            f"{item.source}→{item.target} ({item.cause})::{shown.description}", table, factory, shown
+        )
         for index, item in enumerate(table.transitions)
         for shown in scenarios(Exit(table, index))
     ]

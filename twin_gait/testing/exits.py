@@ -10,11 +10,19 @@ from itertools import product
 from typing import NamedTuple, TypeGuard
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.feasibility import ZERO, Bound, Phases, Requirement, Case, comparison_bound, find_most_robust
+from twin_gait.gait.feasibility import (
+    ZERO,
+    Bound,
+    Case,
+    Phases,
+    Requirement,
+    comparison_bound,
+    find_most_robust,
+)
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.signals import OTHER_TIME, TIME
 from twin_gait.gait.table import TICK, StateTable, Transition
-from twin_gait.testing.reference import TickInput, TickInputs, Measurements, exit_indices, holds, outcomes
+from twin_gait.testing.reference import Measurements, TickInput, TickInputs, exit_indices, holds, outcomes
 
 LONGEST_RUN = 20_000  # ticks; a longer time-out is not run tick by tick
 
@@ -170,7 +178,9 @@ class Exit:
         able = [item for item in self.rivals if item.debounce <= len(ticks) and item.gate < ticks.stop]
         earlier = [item for item in able if item.index < self.index]
         for phases, closed in product((self.table.members or (None,), (None,)), (self.rivals, earlier)):
-            found = find_measurements(phases, [*requirements, *(item.closes for item in closed)], ticks, pinned)
+            found = find_measurements(
+                phases, [*requirements, *(item.closes for item in closed)], ticks, pinned
+            )
             if found is not None:
                 yield found
 

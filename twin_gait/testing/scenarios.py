@@ -40,7 +40,9 @@ def scenarios(leave: Exit) -> Iterator[ExitScenario]:
 def _phase_scenarios(leave: Exit) -> Iterator[ExitScenario]:
     if leave.item.is_timeout:
         time = leave.item.timeout_ticks or 0
-        yield leave.scenario(f"time-out: fires after {time * TICK:g} s, not a tick before", _timeout_steps(leave))
+        yield leave.scenario(
+            f"time-out: fires after {time * TICK:g} s, not a tick before", _timeout_steps(leave)
+        )
     else:
         for entry in decisive(leave.item.guard):
             yield from edges(leave, entry)
@@ -62,7 +64,7 @@ def _scenarios_after_exit(leave: Exit, taking: ExitScenario) -> Iterator[ExitSce
         words = leave.table.vocabulary.member
         yield leave.scenario(f"holds without {'another leg' if words == 'phase' else f'a {words}'}", alone)
     refused = leave.scenario("refuses signals that are NaN, infinite or missing", steps)
-    yield refused._replace(refuses=True)
+    yield refused._replace(expects_rejection=True)
 
 
 # ---------------------------------------------------------------------- thresholds and lists
@@ -227,7 +229,7 @@ def _priority(first: Exit, second: Exit) -> Iterator[ExitScenario]:
         """Return whether the first exit is taken, and the second one if their order is swapped."""
         return leave.fires(steps) and swapped.fires(steps)
 
-    sparing = replace(first, spared=second.index)
+    sparing = replace(first, ignored_rival=second.index)
     steps = first_of(sparing.search(*schedule, wins) for schedule in _schedules(first, second))
     if steps:
         what = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"

@@ -16,8 +16,8 @@ from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.leg_model.urdf_document import Mimic, mimic_joints
 from twin_gait.measures.leg_record import leg_record
-from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Track, CommandBuffer, set_animation
+from twin_gait.viewer import environment
+from twin_gait.viewer.commands import CommandBuffer, Track, set_animation
 from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import Motion, PhaseSpells, held_rows, read_motion
 from twin_gait.viewer.page import PageTexts, encode_compressed, page_data, recorded_page
@@ -134,12 +134,12 @@ def _belt_track(speed: np.ndarray) -> Track:
 
     ``speed`` of the belt at every tick in [m] / [s].
     """
-    offsets = surroundings.belt_offset(TICK * (np.cumsum(speed) - speed))
-    before = np.flatnonzero(np.abs(np.diff(offsets)) > 0.5 * surroundings.BELT_MARK_SPACING)
+    offsets = environment.belt_offset(TICK * (np.cumsum(speed) - speed))
+    before = np.flatnonzero(np.abs(np.diff(offsets)) > 0.5 * environment.BELT_MARK_SPACING)
     ticks = np.union1d(np.arange(0, len(speed), _BELT_LOOK), np.append(before, before + 1))
     times = TICK * (ticks + np.isin(ticks, before)) - _SWITCH * np.isin(ticks, before)
     values = np.outer(np.round(offsets[ticks], 5), [1.0, 0.0, 0.0])
-    return _drop_redundant_keys(Track(surroundings.BELT, "position", times, values))
+    return _drop_redundant_keys(Track(environment.BELT, "position", times, values))
 
 
 def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import EXTENSION_COLOUR, FLEXION_COLOUR, GROUND_FORCE_COLOUR
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, rgb, set_property
+from twin_gait.viewer.commands import CommandBuffer, Material, SceneState, draw_mesh, rgb, set_property
 from twin_gait.viewer.shapes import Shape
 
 # Scales of the arrows, which the scene uses and the legend of the page states.

@@ -9,17 +9,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.leg_model import wearer
+from twin_gait.leg_model import anthropometry
+from twin_gait.leg_model.anthropometry import SHOULDER_HEIGHT
 from twin_gait.leg_model.joints import LegJoints
-from twin_gait.leg_model.wearer import SHOULDER_HEIGHT
 from twin_gait.parameters.crutches import CrutchParameters
 from twin_gait.parameters.wearer import SHANK_LENGTH, Patient
-from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer import environment, shapes
 from twin_gait.viewer.arrows import arrow_state, draw_arrow
-from twin_gait.viewer.commands import SceneState, CommandBuffer, draw_mesh
+from twin_gait.viewer.commands import CommandBuffer, SceneState, draw_mesh
+from twin_gait.viewer.environment import MATERIALS
 from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import Element, Motion
-from twin_gait.viewer.surroundings import MATERIALS
 from twin_gait.vocabulary import Side
 
 _DRAWN_HEIGHT, _DRAWN_MASS = 1.75, 70.0  # [m], [kg] of the body that the meshes show
@@ -73,7 +73,9 @@ def _draw_on_trunk(figure: ArticulatedFigure, joint: str, patient: Patient, part
     """Draw meshes that are scaled with the trunk. ``parts``: their materials by name."""
     placement = trunk_axes(figure) @ _wearer_scaling(patient, patient.height / _DRAWN_HEIGHT)
     for part, look in parts.items():
-        figure.draw(joint, f"wearer_{part}", shapes.load_packaged_mesh(f"wearer_{part}", placement), MATERIALS[look])
+        figure.draw(
+            joint, f"wearer_{part}", shapes.load_packaged_mesh(f"wearer_{part}", placement), MATERIALS[look]
+        )
 
 
 def trunk_axes(figure: ArticulatedFigure) -> np.ndarray:
@@ -115,12 +117,18 @@ def draw_harness(figure: ArticulatedFigure, patient: Patient, trunk_joint: str) 
     """
     _draw_on_trunk(figure, trunk_joint, patient, {"vest": "vest", "harness": "strap"})
     x, y, share = _HOOK
-    hook = _wearer_scaling(patient, wearer.TRUNK_LENGTH * patient.height)[:3, :3] @ [x, y, share]
+    hook = _wearer_scaling(patient, anthropometry.TRUNK_LENGTH * patient.height)[:3, :3] @ [x, y, share]
     return [trunk_axes(figure)[:3, :3] @ (hook * [1.0, side, 1.0]) for side in (1.0, -1.0)]
 
 
 def draw_ropes(
-    window: CommandBuffer, figure: ArticulatedFigure, joint: str, hooks: Sequence[np.ndarray], height: float, *, on_rail: bool
+    window: CommandBuffer,
+    figure: ArticulatedFigure,
+    joint: str,
+    hooks: Sequence[np.ndarray],
+    height: float,
+    *,
+    on_rail: bool,
 ) -> Element:
     """Draw vertical ropes from a harness to the bar of a mast or to rails, and the mast or the rails.
 
@@ -131,7 +139,7 @@ def draw_ropes(
     uppers = np.array([[x, y, height] for x, y, _ in ends])
     for number in range(len(hooks)):  # a mesh of 1 m along z, scaled to its length
         draw_mesh(window, f"{ROPES}/{number}", shapes.revolve(_ROPE, columns=8), MATERIALS["rope"])
-    draw = surroundings.draw_rails if on_rail else surroundings.draw_mast
+    draw = environment.draw_rails if on_rail else environment.draw_mast
     draw(window, uppers)
 
     def state(motion: Motion, frame: int) -> SceneState:
@@ -180,9 +188,9 @@ def draw_crutches(
     Returns the function that moves them. The forearm points along the shaft. ``joint``: joint to which the
     shoulders are fixed.
     """
-    aside = 0.5 * wearer.SHOULDER_BREADTH * patient.height
+    aside = 0.5 * anthropometry.SHOULDER_BREADTH * patient.height
     # Lengths from shoulder to elbow and from elbow to tip in the sagittal plane in [m].
-    upper = wearer.UPPER_ARM_LENGTH * patient.height
+    upper = anthropometry.UPPER_ARM_LENGTH * patient.height
     lower = crutches.length * patient.height - upper
     outside = _CRUTCH_TIP_OFFSET + max(placement.translation[1] for placement in figure.model.jointPlacements)
     arrows = {side: draw_arrow(window, f"{side}_crutch") for side in Side}

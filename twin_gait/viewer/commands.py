@@ -56,7 +56,13 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
 
 
 def draw_mesh(
-    window: CommandBuffer, path: str, shape: Shape, material: Material, *, casts: bool = False, shaded: bool = False
+    window: CommandBuffer,
+    path: str,
+    shape: Shape,
+    material: Material,
+    *,
+    casts: bool = False,
+    shaded: bool = False,
 ) -> None:
     """Draw a mesh; ``casts``: whether it casts a shadow; ``shaded``: whether it receives shadows."""
     window.send(set_object(path, shape, material))

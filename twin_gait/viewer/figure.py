@@ -8,7 +8,14 @@ import pinocchio as pin
 
 from twin_gait.viewer import shapes
 from twin_gait.viewer.arrows import LEVELS, arc_arrow
-from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, set_property, set_transform
+from twin_gait.viewer.commands import (
+    CommandBuffer,
+    Material,
+    SceneState,
+    draw_mesh,
+    set_property,
+    set_transform,
+)
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, LinkPart
 
@@ -122,7 +129,9 @@ class ArticulatedFigure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left, up = self.base[1, :3], self.base[2, :3]  # axes of the scene in the frame of the model
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        thick = shapes.load_packaged_mesh("motor_cap", np.eye(4)).vertices[:, 2].max()  # thickness for radius 1
+        thick = (
+            shapes.load_packaged_mesh("motor_cap", np.eye(4)).vertices[:, 2].max()
+        )  # thickness for radius 1
         middle = before.translation + (thick * radius + _ARC_GAP) * face
         placement = shapes.frame(axis, up, at=middle)
         paths = {}

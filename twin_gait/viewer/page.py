@@ -20,7 +20,7 @@ from twin_gait.measures.outcome import RunEvent
 from twin_gait.templates import make_template_environment
 from twin_gait.viewer.arrows import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.viewer.commands import rgb
-from twin_gait.viewer.surroundings import FLOOR
+from twin_gait.viewer.environment import FLOOR
 from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
@@ -72,7 +72,13 @@ CurveNames = Mapping[Side, Iterable[str]]  # names of the curves of each leg
 
 
 def page_data(
-    texts: PageTexts, *, mode: str, view: View, phases: Sequence[str] = (), shown: CurveNames | None = None, **mode_data: Any
+    texts: PageTexts,
+    *,
+    mode: str,
+    view: View,
+    phases: Sequence[str] = (),
+    shown: CurveNames | None = None,
+    **mode_data: Any,
 ) -> dict[str, Any]:
     """Return the data of a run or of a live scene for the scripts of the page.
 

@@ -65,7 +65,9 @@ def take_picture(page: str, path: Path, *, time: float = 0.0) -> None:
         log = Path(folder) / "said.txt"  # a file, because child processes of the browser may outlive it
         try:
             with log.open("wb") as stderr:
-                subprocess.run(command, stdout=subprocess.DEVNULL, stderr=stderr, timeout=BROWSER_TIMEOUT, check=False)
+                subprocess.run(
+                    command, stdout=subprocess.DEVNULL, stderr=stderr, timeout=BROWSER_TIMEOUT, check=False
+                )
         except (OSError, subprocess.TimeoutExpired) as error:
             reason = f"it does not start, or is not ready within {BROWSER_TIMEOUT:g} s"
             raise ViewerError(f"{browser} cannot draw the page: {reason}") from error

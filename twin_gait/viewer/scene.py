@@ -14,17 +14,17 @@ from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.palette import phase_colour
 from twin_gait.parameters.crutches import CrutchParameters
-from twin_gait.parameters.surroundings import ChairParameters
+from twin_gait.parameters.environment import ChairParameters
 from twin_gait.parameters.wearer import Patient
-from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer import environment, shapes
 from twin_gait.viewer.arrows import FORCE_ROOT, arc_state, arrow_state, draw_arrow
 from twin_gait.viewer.body import LEFT, draw_crutches, draw_harness, draw_ropes, draw_wearer
-from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, rgb, set_transform
+from twin_gait.viewer.commands import CommandBuffer, Material, SceneState, draw_mesh, rgb, set_transform
 from twin_gait.viewer.figure import ArticulatedFigure
 from twin_gait.viewer.motion import Element, Motion, PhaseSpells
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, load_visuals
-from twin_gait.vocabulary import JointName, Side, Environment
+from twin_gait.vocabulary import Environment, JointName, Side
 
 _IDLE = (0.55, 0.60, 0.66)  # caps of motors before a phase is known
 _CAP_SHARE = 0.16  # radius of a cap as a share of the segment length; it covers the motors of the device
@@ -59,7 +59,7 @@ class Scene:
 
     def __init__(self, window: CommandBuffer, model: pin.Model, urdf: Path, up_axis: str) -> None:
         """Start a scene with the figure of a model, which :class:`Figure` draws from its URDF."""
-        surroundings.set_studio(window)
+        environment.set_studio(window)
         self.figure = ArticulatedFigure(window, model, load_visuals(model, urdf), up_axis=up_axis)
         self.caps: dict[Side, list[str]] = {}  # paths of the coloured caps of the motors
         self.arrows: dict[Side, str] = {}  # path of the arrow of the ground force
@@ -213,17 +213,17 @@ def build_scene(window: CommandBuffer, model: LegModel, **setting: Unpack[SceneO
         _surround_bench_leg(window, scene, first, top, height)
         return scene
     if around is Environment.FLOOR:
-        surroundings.draw_floor(window, bottom - 0.02)
+        environment.draw_floor(window, bottom - 0.02)
         scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
         return scene
     if around is Environment.WALKWAY:
         assert model.forward_index is not None  # a walkway needs a model with a forward coordinate
-        scene.elements.append(surroundings.draw_walkway(window, model.forward_index))
+        scene.elements.append(environment.draw_walkway(window, model.forward_index))
     else:
-        pose = surroundings.belt_pose(setting.get("slope", 0.0))
+        pose = environment.belt_pose(setting.get("slope", 0.0))
         window.send(set_transform(FORCE_ROOT, pose))
         scene.ground = pose[:3, :3]
-        surroundings.draw_treadmill(window, setting.get("slope", 0.0))
+        environment.draw_treadmill(window, setting.get("slope", 0.0))
     for side, leg in model.legs.items():
         if leg.contact_frames:
             scene.arrows[side] = draw_arrow(window, str(side))
@@ -244,12 +244,14 @@ def build_urdf_scene(window: CommandBuffer, model: pin.Model, urdf: Path, *, up_
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float(np.linalg.norm(high - low)), 0.1)
     x, y, z = (0.5 * (low + high)).tolist()
-    surroundings.draw_floor(window, float(low[2]) - 0.01 * size, radius=max(1.0, 1.6 * size))
+    environment.draw_floor(window, float(low[2]) - 0.01 * size, radius=max(1.0, 1.6 * size))
     scene.view = View((x, y, z), width=1.1 * size, height=1.1 * size, direction=_FRONT_VIEW)
     return scene
 
 
-def _equip_walker(window: CommandBuffer, scene: Scene, patient: Patient, trunk: str, setting: SceneOptions) -> None:
+def _equip_walker(
+    window: CommandBuffer, scene: Scene, patient: Patient, trunk: str, setting: SceneOptions
+) -> None:
     """Draw harness, crutches and chair, and set the view from the foot of the treadmill to the bar."""
     low, high = -0.13, _BAR_ABOVE_HEAD + patient.height + 0.07
     scene.view = View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
@@ -262,13 +264,15 @@ def _equip_walker(window: CommandBuffer, scene: Scene, patient: Patient, trunk: 
         scene.elements.append(draw_crutches(window, scene.figure, crutches, patient, trunk))
         scene.view = replace(scene.view, target=(_CRUTCH_VIEW_SHIFT, *scene.view.target[1:]))
     if (chair := setting.get("chair")) is not None:
-        scene.elements.append(surroundings.draw_chair(window, chair))
+        scene.elements.append(environment.draw_chair(window, chair))
 
 
-def _surround_bench_leg(window: CommandBuffer, scene: Scene, side: Side, hip: np.ndarray, height: float) -> None:
+def _surround_bench_leg(
+    window: CommandBuffer, scene: Scene, side: Side, hip: np.ndarray, height: float
+) -> None:
     """Draw the bench with the leg clear of the floor and its column on the far side, and set the view."""
     floor, away = float(hip[2]) - 1.22 * height, -LEFT[side]
-    surroundings.draw_bench(window, floor, hip, far_side=away)
+    environment.draw_bench(window, floor, hip, far_side=away)
     x, y, z = RIGHT_SIDE
     scene.view = View(
         (float(hip[0]) + 0.10 * height, float(hip[1]), floor + 0.69 * height),

@@ -19,7 +19,13 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.joints import ALL_GUIDES
-from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, capture_stderr, visual_document
+from twin_gait.leg_model.urdf import (
+    PACKAGED_URDFS,
+    build_model,
+    capture_stderr,
+    packaged_urdf,
+    visual_document,
+)
 from twin_gait.leg_model.urdf_document import GIT_LFS_POINTER, UrdfWarning
 from twin_gait.viewer import shapes
 from twin_gait.viewer.shapes import Shape

@@ -40,7 +40,13 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters.crutches import ArmParameters
 
 PLANTED, SWINGING, LOWERING, PLANTED_BEHIND = 0, 1, 2, 3
-SITTING, LEANING, RISING, REACHING_BACK, SITTING_DOWN = 1.0, 2.0, 3.0, 4.0, 5.0  # perceived states of sitting on a chair
+SITTING, LEANING, RISING, REACHING_BACK, SITTING_DOWN = (
+    1.0,
+    2.0,
+    3.0,
+    4.0,
+    5.0,
+)  # perceived states of sitting on a chair
 
 
 @dataclass(slots=True)
@@ -124,7 +130,9 @@ def new_perception(delay: int, lean: float, chair: float = 0.0) -> Perception:
     return Perception(new_delay_line(delay, lean), rate, stepping, new_delay_line(delay, chair))
 
 
-def move_arm(policy: ArmPolicy, perception: Perception, arm: Arm, other: Arm, ahead: float, load: float) -> None:
+def move_arm(
+    policy: ArmPolicy, perception: Perception, arm: Arm, other: Arm, ahead: float, load: float
+) -> None:
     """Compute the action of a person with one arm in a tick.
 
     Args:
@@ -153,7 +161,10 @@ def move_arm(policy: ArmPolicy, perception: Perception, arm: Arm, other: Arm, ah
             return
         if ahead < policy.arms.lift_ahead:
             _lift(policy, perception, arm, policy.arms.reach)
-        elif _is_standing_still(policy, perception, arm, other) and abs(ahead - policy.stand_ahead) > policy.arms.stand_slack:
+        elif (
+            _is_standing_still(policy, perception, arm, other)
+            and abs(ahead - policy.stand_ahead) > policy.arms.stand_slack
+        ):
             _lift(policy, perception, arm, policy.arms.stand_reach)
 
 
@@ -182,7 +193,9 @@ def _is_standing_still(policy: ArmPolicy, sense: Perception, arm: Arm, other: Ar
     return other.phase == PLANTED and shortest > policy.still_ticks
 
 
-def _control_rear_crutch(policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm, ahead: float, load: float) -> None:
+def _control_rear_crutch(
+    policy: ArmPolicy, sense: Perception, arm: Arm, other: Arm, ahead: float, load: float
+) -> None:
     """Bring a crutch behind for a chair, rest the hand, push, hold on, or bring the crutch forwards again."""
     # One crutch behind is enough to sit down; the person leans on the other one.
     readies = sense.chair_state == LEANING or (sense.chair_state == REACHING_BACK and other.phase == PLANTED)
@@ -217,7 +230,9 @@ def _push_on_front_crutch(policy: ArmPolicy, sense: Perception, arm: Arm, other:
 def _push_forwards(policy: ArmPolicy, sense: Perception, arm: Arm, load: float) -> None:
     """Straighten the arm on a crutch behind until the hand feels no load, as the weight is over the feet."""
     habit, grip = policy.arms, arm.grip
-    grip.axial_force = clamp(-habit.axial_force_per_lean_rate * policy.weight * sense.lean_rate, 0.0, arm.push_limit)
+    grip.axial_force = clamp(
+        -habit.axial_force_per_lean_rate * policy.weight * sense.lean_rate, 0.0, arm.push_limit
+    )
     grip.shoulder_moment = -habit.shoulder_moment
     grip.stiffness, grip.damping = habit.stiffness, habit.damping
     if load >= habit.touch:
@@ -239,7 +254,10 @@ def _push_on_rear_crutch(policy: ArmPolicy, sense: Perception, arm: Arm) -> None
         return
     grip.stiffness, grip.damping = habit.stiffness, habit.damping
     if sense.chair_state == RISING or sense.chair_state == SITTING_DOWN:
-        grip.axial_force, grip.shoulder_moment = habit.chair_axial_force * policy.weight, -habit.chair_shoulder_moment
+        grip.axial_force, grip.shoulder_moment = (
+            habit.chair_axial_force * policy.weight,
+            -habit.chair_shoulder_moment,
+        )
         share = blend_share(arm.phase_ticks / policy.chair_ticks, BLEND_MINIMUM_JERK)
         wanted = habit.risen_length if sense.chair_state == RISING else habit.seated_length
         grip.length = blend(arm.first_length, wanted * policy.max_length, share)
@@ -271,4 +289,7 @@ def plant_crutch(policy: ArmPolicy, arm: Arm) -> None:
     grip.length = arm.length
     set_grip_angle(grip, grip.angle - arm.transverse_deflection / arm.length)
     grip.stiffness, grip.damping = policy.arms.stiffness, policy.arms.damping
-    grip.transverse_stiffness, grip.transverse_damping = policy.arms.transverse_stiffness, policy.arms.transverse_damping
+    grip.transverse_stiffness, grip.transverse_damping = (
+        policy.arms.transverse_stiffness,
+        policy.arms.transverse_damping,
+    )

@@ -19,9 +19,9 @@ from twin_gait.parameters.drives import (
     LimitParameters,
     SensorParameters,
 )
+from twin_gait.parameters.environment import StopParameters
 from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionLaw
 from twin_gait.parameters.quantities import require
-from twin_gait.parameters.surroundings import StopParameters
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.bench_control import DutyControl, TorqueControl
 from twin_gait.worlds.bench_leg import ImposedMotionParameters
@@ -31,7 +31,9 @@ STOP_ANGLE = math.radians(125.0)  # angle at which the fall ends (thesis, append
 LOWER_STOP = math.radians(-4.0)  # angle of the lower stop (thesis 2.4)
 TEMPERATURES = quantities.Range(-40.0, 100.0, reason="what greases of such gears bear")
 INDUCTANCES = quantities.Range(0.0, 0.1, exclusive_minimum=True, reason="a hundred times that of the motors")
-BANDWIDTHS = quantities.Range(0.0, 2e5, exclusive_minimum=True, reason="the rate of the fastest loops, in rad/s")
+BANDWIDTHS = quantities.Range(
+    0.0, 2e5, exclusive_minimum=True, reason="the rate of the fastest loops, in rad/s"
+)
 RIPPLES = quantities.Range(0.0, 1.0, reason="a share of the current")
 DUTY_COUNTS = quantities.integer_range(0, 2**24, "the finest timers")
 POLE_PAIRS = quantities.integer_range(1, 100, "eight times those of the motors")

@@ -11,8 +11,8 @@ from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Environment
-from twin_gait.worlds.world import Posture, Scenario, World, start_posture, posture_field
+from twin_gait.vocabulary import Environment, JointName, PelvisGuide, Side
+from twin_gait.worlds.world import Posture, Scenario, World, posture_field, start_posture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,9 @@ class ImposedMotionParameters(quantities.Parameters):
     frequency: Annotated[quantities.Frequency, quantities.POSITIVE] = 0.25
     stiffness: Annotated[quantities.RotaryStiffness, quantities.NOT_NEGATIVE] = 400.0
     damping: Annotated[quantities.RotaryDamping, quantities.NOT_NEGATIVE] = 40.0
-    release_time: Annotated[quantities.Time, quantities.NON_NEGATIVE_OR_INFINITE, quantities.Key("release")] = math.inf
+    release_time: Annotated[
+        quantities.Time, quantities.NON_NEGATIVE_OR_INFINITE, quantities.Key("release")
+    ] = math.inf
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ import numpy as np
 
 from twin_gait.core.plant import Brace, Plant
 from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.environment import BraceParameters
 from twin_gait.parameters.quantities import from_attributes
-from twin_gait.parameters.surroundings import BraceParameters
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import BracedModels, World, start_posture
 

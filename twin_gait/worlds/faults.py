@@ -71,7 +71,9 @@ class Fault:
 
     kind: FaultKind  # Kind of the fault.
     time: float  # Time at which it begins, in [s].
-    location: str = ""  # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
+    location: str = (
+        ""  # Affected part in the notation: ``left_knee``, ``left_foot``, or nothing for the supply.
+    )
     # Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in [V], according
     # to
     # the kind; None means the default of the kind.

@@ -12,18 +12,20 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.estimation import new_delay_line
 from twin_gait.core.plant import Harness, Plant, Trunk
 from twin_gait.gait.table import TICK
+from twin_gait.leg_model.anthropometry import SHOULDER_HEIGHT
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.leg_model.wearer import SHOULDER_HEIGHT
 from twin_gait.parameters import quantities
 from twin_gait.parameters.crutches import LEAN_ANGLES, ArmParameters, CrutchParameters
-from twin_gait.parameters.surroundings import ChairParameters, ContactParameters
-from twin_gait.vocabulary import PelvisGuide, Side, Environment
-from twin_gait.worlds.arm_policy import SITTING, new_policy, new_perception, plant_crutch
-from twin_gait.worlds.standing import FALL_SHARE, SeatedBalance, SplitStance, new_seat, level_feet
-from twin_gait.worlds.world import Adjustment, Posture, Walking, World, start_posture, posture_field
+from twin_gait.parameters.environment import ChairParameters, ContactParameters
+from twin_gait.vocabulary import Environment, PelvisGuide, Side
+from twin_gait.worlds.arm_policy import SITTING, new_perception, new_policy, plant_crutch
+from twin_gait.worlds.standing import FALL_SHARE, SeatedBalance, SplitStance, level_feet, new_seat
+from twin_gait.worlds.world import Adjustment, Posture, Walking, World, posture_field, start_posture
 
 SHANKS = quantities.Range(-0.5, 0.5, words="-0.5 to 0.5 rad (29 deg either way)")
-SPEEDS = quantities.Range(0.0, 2.0, exclusive_minimum=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)")
+SPEEDS = quantities.Range(
+    0.0, 2.0, exclusive_minimum=True, words="a speed above 0 and at most 2 m/s (7.2 km/h)"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +90,9 @@ class Overground(SplitStance):
     crutch_ahead: Annotated[Mapping[Side, quantities.Length], quantities.UnitInKeys()] = field(
         default_factory=lambda: {Side.LEFT: 0.35, Side.RIGHT: 0.3}
     )
-    fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, exclusive_minimum=True)] = math.radians(60.0)
+    fall_lean: Annotated[quantities.Angle, quantities.Range(0.0, math.pi, exclusive_minimum=True)] = (
+        math.radians(60.0)
+    )
     leading: Side = Side.LEFT
     leading_angles: Annotated[Posture, quantities.Key("leading_start")] = posture_field(26.0, 8.0)
     trailing_angles: Annotated[Posture, quantities.Key("trailing_start")] = posture_field(0.0, 10.0)
@@ -120,7 +124,9 @@ class Overground(SplitStance):
             quantities.require(seat is not None, "start", "standing, or a chair to sit on", self.start)
             assert seat is not None
             still = replace(seat)  # a copy, because the sums of a seat change
-            q = SeatedBalance(model, still, self.contact, plant, lean=self.lean, shank=self.shank).solve_posture()
+            q = SeatedBalance(
+                model, still, self.contact, plant, lean=self.lean, shank=self.shank
+            ).solve_posture()
         else:
             q = start_posture(model, self.postures(), ankle_rest)
             q[pitch] = self.lean
@@ -168,6 +174,6 @@ class Overground(SplitStance):
             start_v=np.zeros(len(q)),
             arms=tuple(arms),
             policy=policy,
-            sense=new_perception(delay, self.lean, SITTING if self.start == "sitting" else 0.0),
+            perception=new_perception(delay, self.lean, SITTING if self.start == "sitting" else 0.0),
             longest_reach=longest + crutches.slack,
         )

@@ -47,7 +47,9 @@ def find_world(kind: str) -> type[Scenario]:
         )
     world = load_plugin(brought[0])
     if not _is_world(world) or getattr(world, "kind", None) != kind:
-        raise ParameterError(f"{describe_entry_point(brought[0])}: expected a Scenario with the kind {kind}; repair it")
+        raise ParameterError(
+            f"{describe_entry_point(brought[0])}: expected a Scenario with the kind {kind}; repair it"
+        )
     found: type[Scenario] = world
     return found
 

@@ -8,10 +8,17 @@ from typing import Any, Self
 import numpy as np
 
 from twin_gait.core.contact import contact_normal_force
-from twin_gait.core.plant import Pad, Plant, Seat, pitching_moment, seat_force_on_buttocks, seat_force_on_thigh
+from twin_gait.core.plant import (
+    Pad,
+    Plant,
+    Seat,
+    pitching_moment,
+    seat_force_on_buttocks,
+    seat_force_on_thigh,
+)
 from twin_gait.leg_model.leg_model import LegModel
-from twin_gait.parameters.quantities import require, from_attributes
-from twin_gait.parameters.surroundings import ChairParameters, ContactParameters
+from twin_gait.parameters.environment import ChairParameters, ContactParameters
+from twin_gait.parameters.quantities import from_attributes, require
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.world import Posture, Scenario, World
 
@@ -140,7 +147,10 @@ def new_seat(model: LegModel, chair: ChairParameters) -> Seat:
         forward=chair.front,
         buttocks=Pad((1.0 - share) * chair.stiffness, chair.dissipation, chair.hip_height),
         thigh=Pad(
-            0.5 * share * chair.stiffness, chair.dissipation, chair.thigh_thickness, chair.thigh_position * thigh
+            0.5 * share * chair.stiffness,
+            chair.dissipation,
+            chair.thigh_thickness,
+            chair.thigh_position * thigh,
         ),
         hips=[model.index(side, JointName.HIP) for side in model.sides],
     )

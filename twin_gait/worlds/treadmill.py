@@ -8,11 +8,19 @@ from typing import Annotated, ClassVar
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Plant
 from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.environment import BeltProfile, ContactParameters, SupportParameters
 from twin_gait.parameters.quantities import KM_PER_H, Angle, Key, Range, Speed, Time, from_attributes
-from twin_gait.parameters.surroundings import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.vocabulary import PelvisGuide, Side, Environment
+from twin_gait.vocabulary import Environment, PelvisGuide, Side
 from twin_gait.worlds.standing import FALL_SHARE, SplitStance, level_feet
-from twin_gait.worlds.world import BELT_SPEED, Adjustment, Posture, Walking, World, start_posture, posture_field
+from twin_gait.worlds.world import (
+    BELT_SPEED,
+    Adjustment,
+    Posture,
+    Walking,
+    World,
+    posture_field,
+    start_posture,
+)
 
 STEEPEST = math.radians(10.0)  # [rad], steepest slope; treadmills rise to 15 % (8.5 deg) as a rule
 SPEEDS = Range(0.0, 2.0, exclusive_minimum=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")

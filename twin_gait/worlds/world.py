@@ -19,17 +19,17 @@ from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Seat, Trunk
 from twin_gait.leg_model.joints import LegJoints
 from twin_gait.leg_model.leg_model import LegModel
+from twin_gait.parameters.environment import ContactParameters
 from twin_gait.parameters.quantities import (
     Angle,
     Inline,
     Parameters,
     UnitInKeys,
     declarations,
-    require,
     from_attributes,
+    require,
 )
-from twin_gait.parameters.surroundings import ContactParameters
-from twin_gait.vocabulary import JointName, PelvisGuide, Side, Environment
+from twin_gait.vocabulary import Environment, JointName, PelvisGuide, Side
 from twin_gait.worlds.arm_policy import ArmPolicy, Perception
 
 
@@ -222,10 +222,10 @@ class Adjustment(NamedTuple):
         return cls(
             name=SUPPORT_SHARE,
             value=share,
-            place=path,
+            path=path,
             label="body-weight support",
-            least=0.0,
-            largest=1.0,
+            minimum=0.0,
+            maximum=1.0,
             step=0.01,
             help=f"Share of the weight of wearer and device that the {ropes}.",
         )

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from twin_gait.control.controller import Controller, ReferencePath, Plan, TickFunction, find_cycle_interval
+from twin_gait.control.controller import Controller, Plan, ReferencePath, TickFunction, find_cycle_interval
 from twin_gait.control.gait_controller import N_JOINTS_PER_LEG, ControllerState
 from twin_gait.parameters.quantities import NOT_NEGATIVE, SHARE, Angle, Inline, Parameters, PerAngle, Ratio
 from twin_gait.vocabulary import JointName

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from twin_gait.control.controller import Controller, ReferencePath, Plan, find_cycle_interval
+from twin_gait.control.controller import Controller, Plan, ReferencePath, find_cycle_interval
 from twin_gait.control.gait_controller import N_JOINTS_PER_LEG, ControllerState
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio

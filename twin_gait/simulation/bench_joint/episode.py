@@ -157,7 +157,9 @@ class BenchEpisode:
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
     # Of the bristles that some laws of friction have, at the start of the step, in [rad].
     deflection: float = 0.0
-    setpoint: JointSetpoint = field(default_factory=JointSetpoint)  # What the control of torques feeds forward, and its θ0.
+    setpoint: JointSetpoint = field(
+        default_factory=JointSetpoint
+    )  # What the control of torques feeds forward, and its θ0.
     command: Command = field(default_factory=Command)  # What it asks of the drive.
     torques: Torques = field(default_factory=Torques)
     time: float = 0.0  # Of the tick in [s].

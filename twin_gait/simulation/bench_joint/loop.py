@@ -20,9 +20,9 @@ from twin_gait.parameters.quantities import from_attributes
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.tick import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE, run_ticks
 from twin_gait.simulation.binding import kernel_functions
+from twin_gait.simulation.code_cache import CompiledLoop, Loop, OnCompile, cached_loop, source_key
 from twin_gait.simulation.compiled_engine import compiled_rows, run_ticks_at, text_of
 from twin_gait.simulation.episode import DIVERGED
-from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, cached_loop, source_key
 from twin_gait.simulation.record import to_array
 from twin_gait.simulation.run import RunStatus
 from twin_gait.worlds.bench_control import CosinePath, DutyControl, OldFrictionModel, TorqueControl

@@ -2,7 +2,12 @@
 
 from twin_gait.core.actuator import current_to_torque, voltage_limited_current
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import WITH_OTHER_FRICTION_LAWS, advance_deflection, friction_torque, gear_loss_torque
+from twin_gait.core.friction import (
+    WITH_OTHER_FRICTION_LAWS,
+    advance_deflection,
+    friction_torque,
+    gear_loss_torque,
+)
 from twin_gait.core.friction_models import load_and_temperature_torque, ripple_torque
 from twin_gait.core.motor_drive import (
     current_loop_step,

@@ -15,10 +15,10 @@ from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.core.motor_drive import inverter_voltage, six_step_current
 from twin_gait.gait.table import TICK
+from twin_gait.simulation.backend import log_row, noise_row, write_row
 from twin_gait.simulation.bench_joint.episode import ACCELEROMETER, DUTY, ENCODER, OPEN, BenchEpisode
 from twin_gait.simulation.bench_joint.mechanics import drive_winding, mechanical_step, present_accelerations
 from twin_gait.simulation.episode import DIVERGED, DIVERGED_VELOCITY
-from twin_gait.simulation.interface import log_row, noise_row, write_row
 from twin_gait.worlds.bench_control import cosine_path, transparency_duty
 
 # Places in the noise of a tick; the samples of the current follow, one for each period of the loop.

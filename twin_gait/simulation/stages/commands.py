@@ -3,8 +3,8 @@
 from twin_gait.control.joint_board import set_current
 from twin_gait.core.estimation import delayed_sample
 from twin_gait.core.faults import runaway_torque
+from twin_gait.simulation.build_flags import WITH_DELAY, WITH_NETWORK
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.structure import WITH_DELAY, WITH_NETWORK
 
 
 def add_runaway_torque(e: Episode, number: int, tick: int) -> None:

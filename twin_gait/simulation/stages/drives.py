@@ -4,8 +4,8 @@ from twin_gait.control.joint_board import store_drive_state
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
 from twin_gait.core.control_tick import drive_motor, target_current
 from twin_gait.core.faults import MOTOR_STUCK, NO_FAULT, dipped_bus_voltage, drive_fault, supply_drop
+from twin_gait.simulation.build_flags import WITH_FAULTS
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.structure import WITH_FAULTS
 
 
 def begin_power(e: Episode) -> None:

@@ -3,11 +3,24 @@
 from twin_gait.core.contact import MIN_NORMAL_FORCE
 from twin_gait.core.friction import WITH_OTHER_FRICTION_LAWS, advance_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, plant_torque
+from twin_gait.simulation.backend import dynamics, log_row, observe, vector_lanes, vector_map, write_row
+from twin_gait.simulation.build_flags import (
+    FRICTION_INDICES,
+    N_CRUTCHES,
+    N_POINTS_PER_FOOT,
+    WEARER_OFFSET,
+    WITH_RK4,
+    WITH_SEAT,
+)
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import dynamics, vector_lanes, log_row, observe, vector_map, write_row
+from twin_gait.simulation.stages.environment import (
+    accelerate_tips,
+    add_arm_forces,
+    add_trunk_forces,
+    tip_energy,
+    update_tip_anchors,
+)
 from twin_gait.simulation.stages.sensors import normal_force, point_force
-from twin_gait.simulation.stages.surroundings import update_tip_anchors, add_trunk_forces, accelerate_tips, add_arm_forces, tip_energy
-from twin_gait.simulation.structure import N_CRUTCHES, N_POINTS_PER_FOOT, WITH_RK4, WITH_SEAT, WEARER_OFFSET, FRICTION_INDICES
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -221,7 +234,9 @@ def _add_work(e: Episode, duration: float) -> None:
         for i in range(WEARER_OFFSET):
             for one in vector_lanes(e):
                 stages = one.integrator
-                one.work.brace += duration * one.braces[i].torque * (stages.v[i + WEARER_OFFSET] - stages.v[i])
+                one.work.brace += (
+                    duration * one.braces[i].torque * (stages.v[i + WEARER_OFFSET] - stages.v[i])
+                )
     if e.imposed_motion.index >= 0:
         for one in vector_lanes(e):
             motion = one.imposed_motion

@@ -14,8 +14,8 @@ from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import BUS_TRIP, DRIVE_TRIP, NO_TRIP
 from twin_gait.network.messages import CODES, COUNTS, MEASUREMENT, SETPOINT
-from twin_gait.simulation.episode import Episode, CanChannel
-from twin_gait.simulation.structure import WITH_CENTRAL_IMPEDANCE, N_POINTS_PER_FOOT
+from twin_gait.simulation.build_flags import N_POINTS_PER_FOOT, WITH_CENTRAL_IMPEDANCE
+from twin_gait.simulation.episode import CanChannel, Episode
 
 # Places of the numbers of a measurement and of a set point, and states of the latter.
 ANGLE, VELOCITY, CURRENT, FOOT_LOAD, CAUSE, COUNTER = map(

@@ -2,9 +2,9 @@
 
 from twin_gait.control.gait_controller import N_LEGS, required_posture
 from twin_gait.control.supervisor import NO_POSTURE
-from twin_gait.core.guards import NO_TRANSITION, update_debounce, evaluate_node
+from twin_gait.core.guards import NO_TRANSITION, evaluate_node, update_debounce
+from twin_gait.simulation.backend import switch_row, vector_lanes
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import vector_lanes, switch_row
 
 
 def note_switch(e: Episode, number: int, tick: int) -> None:

@@ -2,10 +2,18 @@
 
 from twin_gait.core.contact import resolve_along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
-from twin_gait.core.inertial import update_pitch_estimate, trunk_specific_force
+from twin_gait.core.inertial import trunk_specific_force, update_pitch_estimate
+from twin_gait.simulation.backend import contact_forces, noise_row
+from twin_gait.simulation.build_flags import (
+    FORWARD_INDEX,
+    N_POINTS_PER_FOOT,
+    PELVIS_INDEX,
+    PITCH_INDEX,
+    WITH_FAULTS,
+    WITH_INERTIAL_UNIT,
+    WITH_SLOPE,
+)
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import contact_forces, noise_row
-from twin_gait.simulation.structure import WITH_FAULTS, FORWARD_INDEX, WITH_INERTIAL_UNIT, PELVIS_INDEX, PITCH_INDEX, N_POINTS_PER_FOOT, WITH_SLOPE
 
 
 def read_encoder(e: Episode, number: int, tick: int) -> None:
@@ -49,8 +57,12 @@ def measure_pitch(e: Episode, tick: int) -> None:
     """Estimate the pitch of the trunk from the last accelerations, those of rest at the start."""
     unit, noise, first = e.trunk_unit, noise_row(e, tick), len(e.joints) + len(e.limbs)
     rate, a = e.v[PITCH_INDEX], e.a
-    ahead, up = trunk_specific_force(unit, e.q[PITCH_INDEX], rate, a[PITCH_INDEX], a[FORWARD_INDEX], a[PELVIS_INDEX], e.gravity)
-    update_pitch_estimate(unit, rate + noise[first], ahead + noise[first + 1], up + noise[first + 2], e.rates.period)
+    ahead, up = trunk_specific_force(
+        unit, e.q[PITCH_INDEX], rate, a[PITCH_INDEX], a[FORWARD_INDEX], a[PELVIS_INDEX], e.gravity
+    )
+    update_pitch_estimate(
+        unit, rate + noise[first], ahead + noise[first + 1], up + noise[first + 2], e.rates.period
+    )
 
 
 def normal_force(e: Episode, leg: int) -> float:

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from twin_gait.files import write_atomically, write_json
 from twin_gait.report.canvas import draw_mean_cycles, write_pictures
 from twin_gait.report.failures import failed_pictures
+from twin_gait.report.formatting import describe_wearer, format_table
 from twin_gait.report.pages import render
-from twin_gait.report.walk_words import format_table, describe_wearer
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import software_versions
-from twin_gait.studies.compare.comparing import Comparison, Interval
+from twin_gait.studies.compare.comparison import Comparison, Interval
 from twin_gait.vocabulary import JointName, Outcome
 from twin_gait.yaml12 import load_yaml
 
@@ -40,7 +40,9 @@ def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Measure
     text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
     groups = load_yaml(text)
     return {
-        group: {name: MeasureFormat(**row) for name, row in rows.items() if name.partition("_")[0] not in others}
+        group: {
+            name: MeasureFormat(**row) for name, row in rows.items() if name.partition("_")[0] not in others
+        }
         for group, rows in groups.items()
     }
 
@@ -61,7 +63,9 @@ def write_comparison(comparison: Comparison, wearer: str, target: Path, *, force
     """Write the folder of a comparison; it appears when it is complete."""
     with staged_directory(target, COMPARISON, force=force) as staging:
         pictures = write_pictures({PICTURE: partial(draw_comparison, comparison)}, staging)
-        write_atomically(staging / PAGE_FILE, render_comparison_page(comparison, wearer, pictures.written.get(PICTURE)))
+        write_atomically(
+            staging / PAGE_FILE, render_comparison_page(comparison, wearer, pictures.written.get(PICTURE))
+        )
         write_atomically(staging / RUNS_FILE, comparison.table.to_csv(index=False, lineterminator="\n"))
         summary = {**comparison_summary(comparison, wearer), **failed_pictures(pictures.failed)}
         write_json(staging / SUMMARY_FILE, summary)

@@ -17,29 +17,29 @@ from pydantic import ConfigDict, Field, model_validator
 from twin_gait.configuration import validation
 from twin_gait.configuration.experiments import (
     LoadedExperiment,
-    resolve_path,
     experiment_from_mapping,
     load_experiment,
     load_named_document,
+    resolve_path,
     resolved_document,
 )
 from twin_gait.configuration.validation import Count, Number, Strict, convert_with_context, validate
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import shipped_file
-from twin_gait.runs.own_files import FILES_FOLDER, StoredFile, referenced_files, stored_file
 from twin_gait.runs.summary import software_versions
-from twin_gait.simulation.problem import build_setup
+from twin_gait.runs.user_files import FILES_FOLDER, StoredFile, referenced_files, stored_file
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.studies.batch import (
     FILES,
-    SUMMARY_COLUMNS,
     REPLACEABLE_KEYS,
+    SUMMARY_COLUMNS,
     Named,
     Override,
     apply_override,
-    value_to_text,
-    named_file,
     attach_document,
+    named_file,
+    value_to_text,
 )
 from twin_gait.studies.jobs import sources_hash
 

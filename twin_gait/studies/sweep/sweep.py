@@ -25,9 +25,9 @@ from twin_gait.exceptions import JobError, ParameterFileError, RunDirectoryError
 from twin_gait.files import read_text, require_parquet, write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
-from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, sweep_figures, measure_values
-from twin_gait.runs.folders import FolderKind, check_target, try_lock, staged_directory
-from twin_gait.runs.own_files import store_files
+from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, measure_values, sweep_figures
+from twin_gait.runs.folders import FolderKind, check_target, staged_directory, try_lock
+from twin_gait.runs.user_files import store_files
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.jobs import Stop, WorkCallbacks, run_jobs
@@ -158,7 +158,9 @@ def run_sweep(
             _merge(directory, sweep)
         table = read_table(directory / TABLE_FILE)
         status = RunStatus.COMPLETED if len(table) == len(sweep.overrides) else RunStatus.INTERRUPTED
-        measured = {name: np.isfinite(measure_values(table, name)).any() for name in sweep.document["measures"]}
+        measured = {
+            name: np.isfinite(measure_values(table, name)).any() for name in sweep.document["measures"]
+        }
         summary = {
             "name": sweep.document["name"],
             "status": status,
@@ -207,7 +209,9 @@ def _run(
         pending,
         columns=batch.SUMMARY_LOG_COLUMNS,
         workers=workers,
-        on_results=lambda rows: _store_rows(directory, {pending[place][0]: flat for place, flat in rows.items()}),
+        on_results=lambda rows: _store_rows(
+            directory, {pending[place][0]: flat for place, flat in rows.items()}
+        ),
         episode_name=lambda place: f"{sweep.source}: episode {pending[place][0]}",
         **watch | {"progress": lambda number, _: report(len(done) + number, len(sweep.overrides))},
     )

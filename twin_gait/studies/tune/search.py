@@ -1,7 +1,7 @@
 r"""The search: damped least squares over all numbers of the table at once.
 
 A walk is :math:`r(x)`, numbers whose squares add up to its cost, including the deviations of the mean
-strides (:func:`twin_gait.studies.tune.parts.residuals`). In each generation every number of the table is
+strides (:func:`twin_gait.studies.tune.objective.residuals`). In each generation every number of the table is
 moved by itself, which gives the slopes J, and all numbers are moved together by the steps
 
 .. math::
@@ -99,7 +99,9 @@ class Descent:
                 found.append((damping, np.clip(point + part * step, 0.0, 1.0).tolist()))
         return found
 
-    def accept_step(self, point: list[float], cost: float, residuals: np.ndarray, damping: float | None) -> None:
+    def accept_step(
+        self, point: list[float], cost: float, residuals: np.ndarray, damping: float | None
+    ) -> None:
         """Continue from another point, for the gain of a step with some damping, or of a neighbour."""
         self.point, self.cost = point, cost
         if len(residuals) != len(self.residuals):

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
+from twin_gait.checking.published_ranges import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.sections import rounded
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard

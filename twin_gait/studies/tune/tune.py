@@ -15,9 +15,16 @@ from twin_gait.simulation.simulator import precompile
 from twin_gait.studies.batch import walking_wearer
 from twin_gait.studies.jobs import Stop
 from twin_gait.studies.tune import space, walks
-from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
+from twin_gait.studies.tune.objective import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
-from twin_gait.studies.tune.walks import build_cases, with_table, table_performance, table_from_document, walker, weighted_cost
+from twin_gait.studies.tune.walks import (
+    build_cases,
+    table_from_document,
+    table_performance,
+    walker,
+    weighted_cost,
+    with_table,
+)
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED
 
@@ -48,7 +55,9 @@ class TuningSettings(quantities.Parameters):
     """
 
     minutes: Annotated[quantities.Ratio, quantities.POSITIVE] = 3.0
-    generations: Annotated[int | None, quantities.integer_range(1, 100_000, "more than a week of search")] = None
+    generations: Annotated[int | None, quantities.integer_range(1, 100_000, "more than a week of search")] = (
+        None
+    )
     seed: Annotated[int, quantities.SEEDS] = 0
     thresholds: bool = True
     blending: bool = True
@@ -97,7 +106,12 @@ class Tuning:
     elapsed: float
 
     def __init__(
-        self, experiment: Experiment, settings: TuningSettings, workers: Workers, report: ReportFunction, stop: Stop | None
+        self,
+        experiment: Experiment,
+        settings: TuningSettings,
+        workers: Workers,
+        report: ReportFunction,
+        stop: Stop | None,
     ) -> None:
         """Initialise the tuning; nothing is simulated.
 
@@ -121,9 +135,7 @@ class Tuning:
         self._report_stage("compiling")
         for walked in self._robust_cases.values():  # here, because otherwise every worker would compile
             for quick, count in ((True, SEARCH_WALKS), (False, (FINALISTS + 1) * len(self._robust_cases))):
-                precompile(
-                    walker(walked, duration=settings.search_duration, quick=quick), count, on_compile
-                )
+                precompile(walker(walked, duration=settings.search_duration, quick=quick), count, on_compile)
         for done, generation in enumerate(self._search()):
             self.generations.append(generation)
             minutes = self._report_stage(f"search: generation {done + 1}")

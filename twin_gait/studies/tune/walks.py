@@ -6,7 +6,7 @@ from functools import reduce
 from pathlib import Path
 from typing import Any, Unpack
 
-from twin_gait.checking import exits, graph, leaving, stability
+from twin_gait.checking import exits, graph, stability, stuck_phases
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
@@ -19,13 +19,13 @@ from twin_gait.parameters.wearer import HEAVIEST_WEARER
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.batch import override_experiment, run_episodes, walking_wearer
 from twin_gait.studies.jobs import WorkCallbacks
-from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
+from twin_gait.studies.tune.objective import Rating, nominal_cost, rate_walk
 from twin_gait.studies.workers import Workers
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 from twin_gait.yaml12 import load_yaml
 
 # Rules of the check that can find an error and take less time than a walk; all others check the final table.
-QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *leaving.RULES, stability.unstable)
+QUICK_RULES: tuple[Rule, ...] = (*graph.RULES, *exits.RULES, *stuck_phases.RULES, stability.unstable)
 # Endings of the log columns from which the parts are computed, in addition to time and phases.
 LOG_COLUMNS = (
     *(*WALK_COLUMNS, "_crutch_normal_force_N"),
@@ -66,7 +66,9 @@ class TuningStopped(Exception):  # not an error, because the user requested it
 
 def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[WorkCallbacks]) -> list[Rating]:
     """Rate walks of :func:`walker`, each with its table and case, in their order; raise :class:`Stopped`."""
-    results = run_episodes(identity, rate_walk, walks, columns=LOG_COLUMNS, block=WIDTH, workers=workers, **watch)
+    results = run_episodes(
+        identity, rate_walk, walks, columns=LOG_COLUMNS, block=WIDTH, workers=workers, **watch
+    )
     if len(results) < len(walks):
         raise TuningStopped
     return results

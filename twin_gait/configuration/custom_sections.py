@@ -12,7 +12,7 @@ from twin_gait.configuration.sections import Section, register_section
 from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.sections import type_of as type_of
 from twin_gait.configuration.validation import Flag, Number, Strict
-from twin_gait.control.own_controller import UserController
+from twin_gait.control.user_controller import UserController
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard

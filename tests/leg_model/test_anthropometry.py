@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.leg_model.wearer import (
+from twin_gait.leg_model.anthropometry import (
     FEMUR_SIZES,
     SEGMENTS,
     TIBIA_RANGE,
@@ -18,8 +18,8 @@ from twin_gait.leg_model.wearer import (
     device_sizes,
     foot_line,
     segment_inertia,
-    wearer_segments,
     trunk_mass,
+    wearer_segments,
 )
 from twin_gait.parameters.wearer import Patient
 from twin_gait.vocabulary import SegmentModel, Sex

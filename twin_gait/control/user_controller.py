@@ -129,7 +129,9 @@ def _reject(record: UserController, problem: str) -> NoReturn:
 def _modules_of(controller: Controller) -> tuple[str, ...]:
     """Return the module of the class, and the user's modules of its bases and functions."""
     bases = (base.__module__ for base in _own_classes(type(controller)))
-    functions = (getattr(item, "__module__", None) or _PACKAGE for item in controller.tick_functions().values())
+    functions = (
+        getattr(item, "__module__", None) or _PACKAGE for item in controller.tick_functions().values()
+    )
     others = (name for name in (*bases, *functions) if name.partition(".")[0] != _PACKAGE)
     return tuple(dict.fromkeys((type(controller).__module__, *others)))
 

@@ -17,8 +17,8 @@ from twin_gait.cli import main
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.files import shipped_file
 from twin_gait.live.journal import Journal, LogChunk, complete
-from twin_gait.runs.own_files import FILES_FOLDER
-from twin_gait.simulation.problem import build_setup
+from twin_gait.runs.user_files import FILES_FOLDER
+from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.viewer.visuals import load_visuals
 
 MESH = "thigh.stl"

@@ -4,16 +4,35 @@ import math
 
 from twin_gait.control.gait_controller import WITH_SUPERVISOR, receive_walk_command
 from twin_gait.control.supervisor import NO_REQUEST
-from twin_gait.core.arms import Arm, anchored_friction_force, arm_force, anchor_position
+from twin_gait.core.arms import Arm, anchor_position, anchored_friction_force, arm_force
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import delayed_sample
-from twin_gait.core.plant import MechanicalStop, harness_pull, pitching_moment, seat_force_on_buttocks, seat_force_on_thigh
-from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, find_grid_interval, spastic_torque
-from twin_gait.simulation.episode import MIN_HIP_ANGLE, HIP_ANGLE_STEP, Episode
-from twin_gait.simulation.interface import noise_row
-from twin_gait.simulation.structure import WITH_ANKLES, N_CRUTCHES, FORWARD_INDEX, PELVIS_INDEX, PITCH_INDEX, WITH_SEAT, WEARER_OFFSET
+from twin_gait.core.plant import (
+    MechanicalStop,
+    harness_pull,
+    pitching_moment,
+    seat_force_on_buttocks,
+    seat_force_on_thigh,
+)
+from twin_gait.core.wearer_torques import (
+    find_grid_interval,
+    passive_hip_torque,
+    passive_knee_torque,
+    spastic_torque,
+)
+from twin_gait.simulation.backend import noise_row
+from twin_gait.simulation.build_flags import (
+    FORWARD_INDEX,
+    N_CRUTCHES,
+    PELVIS_INDEX,
+    PITCH_INDEX,
+    WEARER_OFFSET,
+    WITH_ANKLES,
+    WITH_SEAT,
+)
+from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE, Episode
 from twin_gait.worlds.arm_policy import REACHING_BACK, move_arm
 
 LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
@@ -115,11 +134,20 @@ def add_harness_force(e: Episode, q: list[float], v: list[float]) -> None:
 def add_seat_forces(e: Episode, q: list[float], v: list[float]) -> None:
     """Add the forces of the seat on buttocks and thighs to the torques."""
     seat = e.seat
-    forward, upward, moment = seat_force_on_buttocks(seat, q[FORWARD_INDEX], q[PELVIS_INDEX], v[FORWARD_INDEX], v[PELVIS_INDEX], v[PITCH_INDEX])
+    forward, upward, moment = seat_force_on_buttocks(
+        seat, q[FORWARD_INDEX], q[PELVIS_INDEX], v[FORWARD_INDEX], v[PELVIS_INDEX], v[PITCH_INDEX]
+    )
     for hip in seat.hips:
         sine, cosine = sine_cosine(q[hip] - q[PITCH_INDEX])
         fx, fz, lift = seat_force_on_thigh(
-            seat, sine, cosine, q[FORWARD_INDEX], q[PELVIS_INDEX], v[FORWARD_INDEX], v[PELVIS_INDEX], v[hip] - v[PITCH_INDEX]
+            seat,
+            sine,
+            cosine,
+            q[FORWARD_INDEX],
+            q[PELVIS_INDEX],
+            v[FORWARD_INDEX],
+            v[PELVIS_INDEX],
+            v[hip] - v[PITCH_INDEX],
         )
         e.torque[hip] += lift
         forward += fx

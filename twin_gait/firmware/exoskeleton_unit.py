@@ -18,9 +18,9 @@ from twin_gait.gait.signals import TIME
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_merged_functions
 from twin_gait.simulation.compiled_engine import CompiledEngine, assemble
-from twin_gait.simulation.problem import SimulationSetup, build_setup
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 from twin_gait.worlds.faults import FaultKind
 
 Progress: TypeAlias = Callable[[int, int], None]  # arguments: finished ticks and total number of ticks
@@ -90,7 +90,9 @@ def build_exoskeleton_unit(setup: SimulationSetup) -> ExoskeletonUnit:
         texts.append(write_control_inertia(bodies.control_bodies))
     kernel = "\n\n".join([*write_merged_functions("".join(texts)), *texts])
     names = {**structure, **setup.controller.tick_functions()}
-    return ExoskeletonUnit(units.Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel)
+    return ExoskeletonUnit(
+        units.Exoskeleton(settings, boards, episode.controller), inputs, outputs, names, kernel
+    )
 
 
 def trim(program: GuardProgram, padded: GuardProgram, debounces: Sequence[list[int]]) -> None:

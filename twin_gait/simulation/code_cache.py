@@ -27,7 +27,13 @@ from llvmlite import binding
 
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
-from twin_gait.simulation.compile_notes import Compilation, LoopVariant, compile_text, parse_variant, read_records
+from twin_gait.simulation.compile_notes import (
+    Compilation,
+    LoopVariant,
+    compile_text,
+    parse_variant,
+    read_records,
+)
 
 ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
 Loop = Callable[..., int]
@@ -227,7 +233,7 @@ def cached_loop(
     With functions of the user's it is compiled once in this process and not kept on disk, because the sources
     that they depend on are unknown.
 
-    ``key``: from :func:`twin_gait.simulation.keeping.source_key`. ``make``: compiles it.
+    ``key``: from :func:`twin_gait.simulation.code_cache.source_key`. ``make``: compiles it.
     ``on_compile``: called if it has to be compiled; without it the logger ``twin_gait`` warns of the wait.
     ``own``: functions of the user's.
     """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin_gait.core.guards import CompiledComparison, GuardProgram, is_above
-from twin_gait.firmware.linked import shift_time_thresholds
+from twin_gait.firmware.exoskeleton_unit import shift_time_thresholds
 from twin_gait.gait.signals import OTHER_TIME, all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.vocabulary import JointName
@@ -42,6 +42,8 @@ def test_no_tick_changes_its_side_of_a_threshold(factor, rng):
 
 def test_other_thresholds_stay():
     assert parted(ANGLE, 1.0, 0.0123).threshold == 0.0123
-    program = GuardProgram(0, [], [], [], [CompiledComparison(TIME, NAMES.index(OTHER_TIME), 1.0, -1.0, 0.0005)])
+    program = GuardProgram(
+        0, [], [], [], [CompiledComparison(TIME, NAMES.index(OTHER_TIME), 1.0, -1.0, 0.0005)]
+    )
     shift_time_thresholds(program, NAMES)
     assert program.comparisons[0].threshold == 0.0005

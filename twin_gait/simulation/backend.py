@@ -5,7 +5,7 @@ The steps import these names; :mod:`twin_gait.simulation.binding` puts the real 
 
 from collections.abc import Callable, Sequence
 
-from twin_gait.core.contact import Ground, ContactState
+from twin_gait.core.contact import ContactState, Ground
 from twin_gait.simulation.episode import Episode, Switch
 
 
@@ -35,7 +35,12 @@ def contact_forces(
 
 
 def observe(
-    q: list[float], v: list[float], a: list[float], bodies: list[float], gravity: float, points: list[ContactState]
+    q: list[float],
+    v: list[float],
+    a: list[float],
+    bodies: list[float],
+    gravity: float,
+    points: list[ContactState],
 ) -> tuple[float, float, float, float]:
     """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guides."""
     raise NotImplementedError

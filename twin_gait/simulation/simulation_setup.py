@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.control.controller import Controller, Plan, checked_setpoints, require_controller
-from twin_gait.control.own_controller import record_controller, restore_controller
+from twin_gait.control.user_controller import record_controller, restore_controller
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.faults import FaultRecord
 from twin_gait.core.guards import GuardProgram
@@ -128,11 +128,16 @@ def build_setup(experiment: Experiment, user_controller: Controller | None = Non
     require_controller(experiment.control.controller() if user_controller is None else user_controller)
     if given is not None:
         experiment = replace(experiment, controller=record_controller(given))
-    control_model, controller = experiment.build_control_model(), experiment.control.controller(user_controller)
+    control_model, controller = (
+        experiment.build_control_model(),
+        experiment.control.controller(user_controller),
+    )
     inertia = _inertia_of(control_model)
     plan = controller_plan(experiment, control_model.sides, inertia)
     begin = controller.initial_angles(plan)  # angles of the legs that it wants, whatever the scenario says
-    placed = replace(experiment, scenario=experiment.scenario.replace_postures(begin)) if begin else experiment
+    placed = (
+        replace(experiment, scenario=experiment.scenario.replace_postures(begin)) if begin else experiment
+    )
     world = placed.build_world()
     table = scaled_table(experiment, world)
     for side, phase in world.initial_phases.items():
@@ -208,7 +213,12 @@ def fault_records(setup: SimulationSetup) -> list[FaultRecord]:
     places = {(side, None): number for number, side in enumerate(setup.sides)}  # of feet
     places |= {(joint.side, joint.joint): number for number, joint in enumerate(setup.joints)}
     return [
-        FaultRecord(item.kind.code, places.get((item.side, item.joint), -1), to_ticks(item.time), float(item.magnitude_or_default))
+        FaultRecord(
+            item.kind.code,
+            places.get((item.side, item.joint), -1),
+            to_ticks(item.time),
+            float(item.magnitude_or_default),
+        )
         for item in setup.experiment.faults
     ]
 

@@ -16,14 +16,22 @@ from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.report.canvas import write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
-from twin_gait.report.tune import tuning_drawings, page
+from twin_gait.report.tune import page, tuning_drawings
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.summary import software_versions
 from twin_gait.simulation.simulator import simulate
 from twin_gait.studies.batch import walking_wearer
-from twin_gait.studies.tune.parts import EXCESS_THRESHOLD, EXCESS, ERROR_EXCESS_WEIGHT, WORST, Rating, nominal_cost, term_costs
-from twin_gait.studies.tune.tune import Finalist, TuningSettings, Tuning, tune
-from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, table_performance, table_from_document, walker
+from twin_gait.studies.tune.objective import (
+    ERROR_EXCESS_WEIGHT,
+    EXCESS,
+    EXCESS_THRESHOLD,
+    WORST,
+    Rating,
+    nominal_cost,
+    term_costs,
+)
+from twin_gait.studies.tune.tune import Finalist, Tuning, TuningSettings, tune
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, table_from_document, table_performance, walker
 from twin_gait.studies.workers import Workers
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE = "table.yaml", "tune.json", "report.html"

@@ -11,9 +11,16 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from twin_gait.parameters.surroundings import ChairParameters
+from twin_gait.parameters.environment import ChairParameters
 from twin_gait.viewer import shapes
-from twin_gait.viewer.commands import Material, SceneState, CommandBuffer, draw_mesh, set_property, set_transform
+from twin_gait.viewer.commands import (
+    CommandBuffer,
+    Material,
+    SceneState,
+    draw_mesh,
+    set_property,
+    set_transform,
+)
 from twin_gait.viewer.shapes import Shape
 from twin_gait.yaml12 import load_yaml
 
@@ -48,7 +55,9 @@ def set_studio(window: CommandBuffer) -> None:
         window.send(set_property(path, name, value))
 
 
-def draw_environment(window: CommandBuffer, name: str, *, placement: np.ndarray | None = None, floor: float = 0.0) -> None:
+def draw_environment(
+    window: CommandBuffer, name: str, *, placement: np.ndarray | None = None, floor: float = 0.0
+) -> None:
     """Draw the parts of a place of ``surroundings.yaml``.
 
     ``placement`` of the place in the scene, shape ``(4, 4)``; ``floor``: height of the floor in the frame of
@@ -57,7 +66,9 @@ def draw_environment(window: CommandBuffer, name: str, *, placement: np.ndarray 
     for part, drawn in _DRAWN["places"][name].items():
         solids = [_box(sides, drawn.get("edge", _EDGE), floor) for sides in drawn.get("boxes", ())]
         if "turned" in drawn:
-            solids.append(shapes.transform_mesh(shapes.revolve(drawn["turned"]), shapes.translation(drawn["at"])))
+            solids.append(
+                shapes.transform_mesh(shapes.revolve(drawn["turned"]), shapes.translation(drawn["at"]))
+            )
         whole, shaded = shapes.merge_meshes(solids), drawn.get("shaded", False)
         if placement is not None:
             whole = shapes.transform_mesh(whole, placement)

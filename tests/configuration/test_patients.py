@@ -17,8 +17,8 @@ from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml, experiment_document
 from twin_gait.configuration.experiments import (
     experiment_from_mapping,
-    load_named_document,
     list_patients,
+    load_named_document,
     presets,
     resolved_document,
 )

@@ -56,7 +56,9 @@ ERRORS = {
     for joint, row in _ROWS["errors"].items()
 }
 _CARRIED_ANKLE = replace(ERRORS[JointName.ANKLE], weight=0.25, excess=EXCESS)
-_OTHERS, _FREE = ([ObjectiveTerm(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk"))
+_OTHERS, _FREE = (
+    [ObjectiveTerm(name, **row) for name, row in _ROWS[kind].items()] for kind in ("walk", "free_trunk")
+)
 
 
 def objective_terms(joints: Sequence[str], *, free_trunk: bool = False) -> tuple[ObjectiveTerm, ...]:
@@ -230,7 +232,8 @@ def _excess_residuals(walk: Rating) -> list[float]:
     """Compute the roots of the cost of each part beyond ``AIM`` of its goal; 0 for undefined parts."""
     ratios = ((walk.values[part.name] or 0.0) / part.goal for part in walk.terms)
     return [
-        math.sqrt(part.excess) * max(0.0, ratio - EXCESS_THRESHOLD) for part, ratio in zip(walk.terms, ratios, strict=True)
+        math.sqrt(part.excess) * max(0.0, ratio - EXCESS_THRESHOLD)
+        for part, ratio in zip(walk.terms, ratios, strict=True)
     ]
 
 

@@ -118,7 +118,11 @@ def interval_of(values: pd.Series) -> Interval:
 
 
 def compare(
-    experiment: Experiment, controllers: Sequence[ComparedController], *, seeds: int = 1, **watch: Unpack[WorkCallbacks]
+    experiment: Experiment,
+    controllers: Sequence[ComparedController],
+    *,
+    seeds: int = 1,
+    **watch: Unpack[WorkCallbacks],
 ) -> Comparison | None:
     """Run every controller on every day; the days are the same for all controllers.
 

@@ -25,16 +25,29 @@ from twin_gait.network.dbc import load_messages
 from twin_gait.parameters.network import NetworkParameters
 from twin_gait.parameters.quantities import from_attributes
 from twin_gait.simulation import episode
-from twin_gait.simulation.problem import NEVER, SimulationSetup, fault_records, phase_timeout_ticks, to_ticks
 from twin_gait.simulation.record import ABSENT, Record, find_float, is_record
+from twin_gait.simulation.simulation_setup import (
+    NEVER,
+    SimulationSetup,
+    fault_records,
+    phase_timeout_ticks,
+    to_ticks,
+)
 from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN, JointName
-from twin_gait.worlds.arm_policy import LEANING, SITTING_DOWN, REACHING_BACK, RISING, SITTING
+from twin_gait.worlds.arm_policy import LEANING, REACHING_BACK, RISING, SITTING, SITTING_DOWN
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
 # What is felt of a chair, by phase.
-CHAIR_CODES = {SIT: SITTING, LEAN: LEANING, RISE: RISING, STRAIGHTEN: RISING, REACH_BACK: REACHING_BACK, LOWER: SITTING_DOWN}
+CHAIR_CODES = {
+    SIT: SITTING,
+    LEAN: LEANING,
+    RISE: RISING,
+    STRAIGHTEN: RISING,
+    REACH_BACK: REACHING_BACK,
+    LOWER: SITTING_DOWN,
+}
 _DELAY_PADDING = 32  # [ticks]; likewise delays of the bus
 
 
@@ -69,7 +82,9 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         torque=[0.0] * n,
         stages=episode.IntegratorBuffers(*([0.0] * n for _ in range(4))),
         bodies=body_values(bodies.bodies, bodies.points),
-        rates=SamplingConfig(TICK, setup.fast_gain, experiment.sensors.decimation, setup.table.blending.law.code),
+        rates=SamplingConfig(
+            TICK, setup.fast_gain, experiment.sensors.decimation, setup.table.blending.law.code
+        ),
         supply=_supply(setup),
         limits=build_limits(setup, setup.experiment.network),
         controller=_controller(setup, body_values(bodies.control_bodies)),
@@ -277,7 +292,9 @@ def _network(setup: SimulationSetup, parameters: NetworkParameters) -> episode.N
     def channels(kind: str) -> list[episode.CanChannel]:
         carried = [messages[f"{board}_{kind}"] for board in boards]
         places = [(frames.index(message), message.layout) for message in carried]
-        return [episode.CanChannel(*place, [episode.ReceivedFrame() for _ in range(room)]) for place in places]
+        return [
+            episode.CanChannel(*place, [episode.ReceivedFrame() for _ in range(room)]) for place in places
+        ]
 
     return episode.Network(
         bus=new_bus(parameters, frames, setup.experiment.seed, TICK),

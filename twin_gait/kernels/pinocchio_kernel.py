@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.core.contact import Ground, ContactState, ground_contact_force, sloped_contact_force
+from twin_gait.core.contact import ContactState, Ground, ground_contact_force, sloped_contact_force
 from twin_gait.leg_model.bodies import contact_points
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.leg_model import LegModel
@@ -87,7 +87,7 @@ class GroundContacts:
 
 
 class PinocchioKernel:
-    """The functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+    """The functions of a kernel; see :mod:`twin_gait.simulation.backend`."""
 
     def __init__(self, world: World, control_model: LegModel) -> None:
         """Take the models of a world and of its controller."""

@@ -93,7 +93,9 @@ def describe_strides(leg: Mapping[str, Any]) -> str:
     """Describe the strides of a leg of a summary: time, swing, double support; by phases without ground."""
     by = "_by_phase" if leg["strides"] is None else ""
     counted = leg[f"strides{by}_counted"]
-    text = f"{'in the air, by its phases ' if by else ''}{describe_stride_count(counted, leg[f'strides{by}'])}"
+    text = (
+        f"{'in the air, by its phases ' if by else ''}{describe_stride_count(counted, leg[f'strides{by}'])}"
+    )
     if counted:
         text += f" of {leg[f'stride_time{by}_mean_s']:.2f} s"
     if leg.get("swing_share") is not None:

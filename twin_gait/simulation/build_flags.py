@@ -8,18 +8,28 @@ from typing import TypeAlias
 from twin_gait.core import friction
 from twin_gait.experiment.experiment import IntegrationMethod
 from twin_gait.parameters.network import ImpedanceLocation
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 # Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
 # place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
 # coordinate of the device that of the wearer stands, 0 if they are one; crutches; whether there is a seat.
-N_POINTS_PER_FOOT, PELVIS_INDEX, FORWARD_INDEX, PITCH_INDEX, WEARER_OFFSET, N_CRUTCHES, WITH_SEAT = 0, -1, -1, -1, 0, 0, False
+N_POINTS_PER_FOOT, PELVIS_INDEX, FORWARD_INDEX, PITCH_INDEX, WEARER_OFFSET, N_CRUTCHES, WITH_SEAT = (
+    0,
+    -1,
+    -1,
+    -1,
+    0,
+    0,
+    False,
+)
 # Coordinates with friction by equation (3.1).
 FRICTION_INDICES: tuple[int, ...] = ()
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, commands come
 # late, the ground rises, boards and gait controller talk over a bus, the springs are in the gait controller,
 # and an inertial unit finds the pitch of the trunk.
-WITH_ANKLES = WITH_RK4 = WITH_FAULTS = WITH_WEARER = WITH_DELAY = WITH_SLOPE = WITH_NETWORK = WITH_CENTRAL_IMPEDANCE = WITH_INERTIAL_UNIT = False
+WITH_ANKLES = WITH_RK4 = WITH_FAULTS = WITH_WEARER = WITH_DELAY = WITH_SLOPE = WITH_NETWORK = (
+    WITH_CENTRAL_IMPEDANCE
+) = WITH_INERTIAL_UNIT = False
 
 # All of these, which conditions of a schedule may name.
 FLAGS = {name: value for name, value in globals().items() if name.isupper()}

@@ -27,7 +27,8 @@ class RequestResult(NamedTuple):
     @property
     def text(self) -> str:
         """In words: ``sit at 5.000 s: standing for 1.2 s, less than 3 s``."""
-        return f"{self.request} at {self.time:.3f} s: {self.rejection or f'{self.mode_before} to {self.mode_after}'}"
+        result = self.rejection or f"{self.mode_before} to {self.mode_after}"
+        return f"{self.request} at {self.time:.3f} s: {result}"
 
 
 def request_result(

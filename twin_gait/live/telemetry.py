@@ -20,7 +20,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import Event, Message, MessageRejected, Response, SetControl, SetControls
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.simulation.log import log_layout
-from twin_gait.simulation.problem import SimulationSetup
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 MOST_EVENTS = 1_000  # number of events that are stored for pages that are opened later
 MOST_BLOCKS = 800  # number of blocks that are stored for pages: eight seconds, as much as a page shows
