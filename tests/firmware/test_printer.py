@@ -385,7 +385,7 @@ def test_what_a_constant_rules_out_is_not_printed(device):
     unit = TranslationUnit(
         "demand", [gait_controller.compute_setpoint], {"controller": device.episode.controller}
     )
-    plain = print_units([unit], {**structure, "CONTROLLED": False}, shapes=[device.episode.limits])
+    plain = print_units([unit], {**structure, "WITH_CONTROLLER": False}, shapes=[device.episode.limits])
     assert "demand_setpoint" in plain.files["demand.c"]
     acted = print_units([unit], structure, shapes=[device.episode.limits])
     assert "demand_setpoint" not in acted.files["demand.c"]

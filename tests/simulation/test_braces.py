@@ -59,7 +59,7 @@ def without_motors(
     problem = build_setup(experiment)
     _, e, structure = assemble(problem)
     e.step, e.substeps, e.recording.on = step, 1, False
-    structure["RK4"] = method is IntegrationMethod.RK4
+    structure["WITH_RK4"] = method is IntegrationMethod.RK4
     kernel = PinocchioKernel(problem.world, problem.control_model).functions
     return e, specialize(integrate, {**structure, **kernel})
 

@@ -12,10 +12,10 @@ from twin_gait.simulation import code_cache
 from twin_gait.simulation.code_cache import CACHE_VARIABLE, CompiledLoop, cached_loop, source_key
 from twin_gait.simulation.compile_notes import Compilation, compile_text, parse_variant, read_records
 
-WALK = (
-    "run_at ('dtype', {'LEGS': 2, 'SHIFT': 0, 'SUPERVISED': False, 'WITH_FRICTION': (0, 1), 'FAULTY': False})"
+WALK = "run_at ('dtype', {'N_LEGS': 2, 'WEARER_OFFSET': 0, 'WITH_SUPERVISOR': False, 'FRICTION_INDICES': (0, 1), 'WITH_FAULTS': False})"
+BRACES = WALK.replace("'WEARER_OFFSET': 0", "'WEARER_OFFSET': 7").replace(
+    "'WITH_SUPERVISOR': False", "'WITH_SUPERVISOR': True"
 )
-BRACES = WALK.replace("'SHIFT': 0", "'SHIFT': 7").replace("'SUPERVISED': False", "'SUPERVISED': True")
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_each_compilation_is_logged_once_with_its_reason_and_the_measured_time(
     assert logged(caplog) == ["compiling the engine (first use on this machine)"]
     (record,) = cache.glob("*.json")
     document = json.loads(record.read_text())
-    assert 0.0 < document["seconds"] < 60.0 and document["flags"]["LEGS"] == "2"
+    assert 0.0 < document["seconds"] < 60.0 and document["flags"]["N_LEGS"] == "2"
     record.write_text(json.dumps({**document, "seconds": 12.4}))
     cached_loop(source_key(BRACES), make, None)
     assert logged(caplog) == ["compiling the engine (new combination: braces, modes; about 12 s)"]
@@ -79,16 +79,16 @@ def test_functions_of_the_user_are_neither_kept_nor_recorded(
     ("text", "expected"),
     [
         (BRACES, "new combination: braces, modes; about 10 s"),
-        (WALK.replace("'SHIFT': 0", "'SHIFT': 7"), "new combination: braces; about 10 s"),
-        (BRACES.replace("'LEGS': 2", "'LEGS': 1"), "new combination: one leg, braces, modes; about 10 s"),
-        (WALK.replace("'FAULTY': False", "'NEW_FLAG': 1"), "new combination: new flag; about 10 s"),
+        (WALK.replace("'WEARER_OFFSET': 0", "'WEARER_OFFSET': 7"), "new combination: braces; about 10 s"),
+        (BRACES.replace("'N_LEGS': 2", "'N_LEGS': 1"), "new combination: one leg, braces, modes; about 10 s"),
+        (WALK.replace("'WITH_FAULTS': False", "'NEW_FLAG': 1"), "new combination: new flag; about 10 s"),
         (WALK.replace("'dtype'", "'other'"), "new combination: model or log columns; about 10 s"),
         (WALK.replace("run_at", "in lanes"), "first use on this machine"),
     ],
 )
 def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> None:
     walk = parse_variant(WALK)
-    stairs = {**walk.flags, "LEGS": "3", "SLOPED": "True", "SHIFT": "9"}
+    stairs = {**walk.flags, "N_LEGS": "3", "WITH_SLOPE": "True", "WEARER_OFFSET": "9"}
     records = [Compilation("run_at", stairs, "now", 30.0), Compilation("run_at", walk.flags, "now", 8.0)]
     records.append(Compilation("run_at", walk.flags, "old", 10.0))
     assert f"({expected})" in compile_text(parse_variant(text), "now", records, has_user_code=False)

@@ -163,7 +163,7 @@ def test_setpoints_alone_cost_no_tick_and_take_the_place_of_the_modes():
     run = simulate(bench("control.mode=position"), controller=Soft())
     assert set(run.log["right_hip_stiffness_Nm_per_rad"]) == {10.0}
     problem = build_setup(bench(), Soft())
-    assert not assemble(problem)[2]["CONTROLLED"] and not problem.controller.tick_functions()
+    assert not assemble(problem)[2]["WITH_CONTROLLER"] and not problem.controller.tick_functions()
 
 
 # ------------------------------------------------------------------ what is refused

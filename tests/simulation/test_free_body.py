@@ -219,7 +219,7 @@ def stiff_body(lean: float) -> tuple[SimulationSetup, Episode, Callable[[Episode
     free |= {model.index(side, JointName.ANKLE) for side in model.sides}
     e.plant = [Plant() if place in free else locked_at(e.q[place]) for place in range(model.nv)]
     e.a = [0.0] * model.nv
-    return problem, e, specialize(integrate, {**structure, **kernel_names(kernel), "WITH_FRICTION": ()})
+    return problem, e, specialize(integrate, {**structure, **kernel_names(kernel), "FRICTION_INDICES": ()})
 
 
 def _tilt(model: LegModel, side: Side, q: list[float], ankle: int, angle: float) -> float:

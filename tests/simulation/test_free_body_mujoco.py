@@ -45,7 +45,7 @@ def started(high: float, *changes: str) -> tuple[SimulationSetup, Episode, Calla
     e.q[model.pelvis_index] += high
     e.v[model.forward_index], e.v[model.pitch_index] = 0.3, 0.5
     kernel = PinocchioKernel(problem.world, problem.control_model).functions
-    return problem, e, specialize(integrate, {**structure, **kernel, "WITH_FRICTION": ()})
+    return problem, e, specialize(integrate, {**structure, **kernel, "FRICTION_INDICES": ()})
 
 
 class Body:

@@ -80,7 +80,7 @@ def stepping(law: Law, *, rk4: bool, **names: Any) -> Callable[[Episode, int], N
         return 0.0
 
     function: Callable[[Episode, int], None] = specialize(
-        evaluated_and_integrated, {"RK4": rk4, "dynamics": dynamics, **names}
+        evaluated_and_integrated, {"WITH_RK4": rk4, "dynamics": dynamics, **names}
     )
     return function
 
@@ -128,7 +128,7 @@ def bounce(free: Episode, rk4: bool, step: float, dissipation: float, phase: flo
         return force * v[0]
 
     e = started(free, [phase * 0.5 * step, 0.0], [-0.5, 0.0], step)
-    advance = specialize(evaluated_and_integrated, {"RK4": rk4, "dynamics": dynamics})
+    advance = specialize(evaluated_and_integrated, {"WITH_RK4": rk4, "dynamics": dynamics})
     while e.q[0] <= 0.0 or e.v[0] <= 0.0:
         advance(e, 0)
     return e.v[0] / 0.5, e.work.contact

@@ -115,7 +115,7 @@ def test_level_ground_has_a_kernel_that_knows_no_slope():
     assert "slope" not in write_kernel(level[0])
     assert "slope_sine" in write_kernel(sloped[0])
     assert kernel_key(level[0]) != kernel_key(sloped[0])
-    assert (level[2]["SLOPED"], sloped[2]["SLOPED"]) == (False, True)
+    assert (level[2]["WITH_SLOPE"], sloped[2]["WITH_SLOPE"]) == (False, True)
 
 
 @pytest.mark.parametrize("setting", ["slope_deg=10.1", "slope_rad=-0.2"])

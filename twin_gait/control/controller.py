@@ -142,7 +142,7 @@ class Controller:
 
     def build_flags(self) -> dict[str, int]:
         """Return the build flags of a loop by name; code that they rule out is not compiled."""
-        return {"CONTROLLED": self.tick is not None}
+        return {"WITH_CONTROLLER": self.tick is not None}
 
     def tick_functions(self) -> dict[str, TickFunction]:
         """Return the functions that a loop is specialized for, by name."""

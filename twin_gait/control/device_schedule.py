@@ -47,7 +47,8 @@ from twin_gait.core.schedule import joints, legs, scalar_branch, scalar_steps, v
 
 # Build flags that conditions of this schedule may use.
 FLAGS = {
-    name: getattr(gait_controller, name) for name in ("LEGS", "INERTIA_WANTED", "CONTROLLED", "SUPERVISED")
+    name: getattr(gait_controller, name)
+    for name in ("N_LEGS", "WITH_INERTIA_COMPENSATION", "WITH_CONTROLLER", "WITH_SUPERVISOR")
 }
 
 
@@ -167,7 +168,7 @@ MONITOR_DRIVES = when("watching", joints(monitor_drive))
 # Gait controller: the monitor.
 MONITOR = when("watching", monitor_supply, legs(monitor_leg), scalar_branch(has_cause, trip_on_causes))
 # Gait controller: the operating modes.
-SUPERVISE = when("SUPERVISED", scalar_steps(run_supervisor, legs(apply_posture)))
+SUPERVISE = when("WITH_SUPERVISOR", scalar_steps(run_supervisor, legs(apply_posture)))
 # Gait controller: the state machines of both legs on one snapshot, and the blending of their parameters.
 STATE_MACHINES = vector_branch(
     has_not_tripped,
@@ -178,10 +179,10 @@ STATE_MACHINES = vector_branch(
 # Gait controller: torques of the model.
 FEED_FORWARD = (
     vector_branch(needs_gravity, joints(set_model_angle), compute_gravity),
-    when("INERTIA_WANTED", joints(estimate_acceleration), compute_inertia),
+    when("WITH_INERTIA_COMPENSATION", joints(estimate_acceleration), compute_inertia),
 )
 # Gait controller: the controller that changes the demands.
-CHANGE = when("CONTROLLED", scalar_branch(has_not_tripped, run_controller))
+CHANGE = when("WITH_CONTROLLER", scalar_branch(has_not_tripped, run_controller))
 DECIDE = (MONITOR, SUPERVISE, STATE_MACHINES, *FEED_FORWARD, CHANGE)
 # Board and gait controller, joint after joint: a trip on one command takes effect before the next command.
 HOLD = scalar_branch(is_implausible, hold_on_implausible_command)

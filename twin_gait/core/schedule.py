@@ -71,8 +71,8 @@ def legs(*steps: Any) -> ForEach:
 
 
 def feet(*steps: Any) -> ForEach:
-    """Group steps that run over the soles."""
-    return ForEach("soles", steps)
+    """Group steps that run over the feet."""
+    return ForEach("feet", steps)
 
 
 def limbs(*steps: Any) -> ForEach:

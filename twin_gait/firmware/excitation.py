@@ -32,7 +32,7 @@ def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterat
     settings, bounds = unit.settings, unit.state.bounds
     rows = BoardInputs(bounds, settings.rates.period, dtype)
     deaf = rows.rows_at_speed(0.3 * bounds.highest_speed, rows.middle, 16)
-    deaf["heard"] = False
+    deaf["received"] = False
     yield deaf
     if repeated:
         return
@@ -45,10 +45,10 @@ def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterat
         yield rows.rows_at_rest(3, target=side * limits.torque)
     yield from rows.command_lag_rows()
     silent = rows.rows_at_rest(limits.controller_timeout + limits.lowering_ticks + 9, speed=0.1)
-    silent["demand"]["gravity"], silent["heard"][4:] = 5.0, False
+    silent["setpoint"]["gravity"], silent["received"][4:] = 5.0, False
     yield silent
     held = rows.rows_at_rest(9, speed=0.2)
-    held["demand"]["held"], held["demand"]["damping"] = True, 40.0
+    held["setpoint"]["held"], held["setpoint"]["damping"] = True, 40.0
     yield held
     yield rows.random_motion_rows(np.random.default_rng(SEED))
 
@@ -67,7 +67,7 @@ class BoardInputs:
         """Return rows with angles in [rad], and the voltage of a motor that turns with them."""
         rows = np.zeros(len(angles), self.dtype)
         speed = np.diff(angles, prepend=angles[:1]) / self.period
-        rows["angle"], rows["current"], rows["heard"] = angles, current, True
+        rows["angle"], rows["current"], rows["received"] = angles, current, True
         rows["voltage"] = self.bounds.emf_constant * speed + self.bounds.model_resistance * current
         return rows
 
@@ -79,7 +79,7 @@ class BoardInputs:
         rows = self.rows_along(np.full(ticks + 2, self.middle))
         rows["current"][2:], rows["current_deviation"][2:] = current, deviation
         rows["voltage"][2:] = self.bounds.emf_constant * speed + self.bounds.model_resistance * current
-        rows["demand"]["target"][2:] = target
+        rows["setpoint"]["target"][2:] = target
         return rows
 
     def rows_at_speed(self, speed: float, end: float, ticks: int = 120) -> Rows:
@@ -123,8 +123,8 @@ class BoardInputs:
         speed = 0.6 * bounds.highest_speed
         for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
             rows = self.rows_at_speed(speed, self.middle, 220)
-            rows["demand"]["stiffness"] = side * bounds.command_deviation / (speed * self.period)
-            rows["demand"]["equilibrium"] = rows["angle"]
+            rows["setpoint"]["stiffness"] = side * bounds.command_deviation / (speed * self.period)
+            rows["setpoint"]["equilibrium"] = rows["angle"]
             yield rows
 
     def random_motion_rows(self, random: np.random.Generator, ticks: int = 1500) -> Rows:
@@ -142,8 +142,8 @@ class BoardInputs:
             ("gravity", 9.0),
             ("inertia", 9.0),
         ):
-            rows["demand"][name] = np.repeat(random.uniform(0.0, most, ticks // 50), 50)
-        rows["demand"]["equilibrium"] = self.middle
+            rows["setpoint"][name] = np.repeat(random.uniform(0.0, most, ticks // 50), 50)
+        rows["setpoint"]["equilibrium"] = self.middle
         return rows
 
 
@@ -153,40 +153,40 @@ def controller_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
     supply, per_leg = state.supply, len(state.joints) // len(state.legs)
     for side in (1.0 - THRESHOLD_MARGIN, 1.0 + THRESHOLD_MARGIN):
         low = standing_rows(supply.low_ticks + 4, state, dtype)
-        low["surroundings"]["bus_voltage"][2:] = supply.least_voltage * side
+        low["direct"]["bus_voltage"][2:] = supply.least_voltage * side
         yield low
         for number, leg in enumerate(state.legs):
             frozen = standing_rows(limits.frozen_load_ticks + 6, state, dtype)
-            frozen["surroundings"]["loads"][:, number] = 0.5
+            frozen["direct"]["loads"][:, number] = 0.5
             frozen["measurements"]["motor_speed"][:, number * per_leg] = leg.frozen_speed * side
             yield frozen
     for number in range(len(state.joints)):
         silent = standing_rows(limits.board_silence + 6, state, dtype)
-        silent["heard"][2:, number] = False
+        silent["received"][2:, number] = False
         yield silent
     deaf = standing_rows(limits.board_silence + 6, state, dtype)
-    deaf["heard"] = False
+    deaf["received"] = False
     yield deaf
     tripped = standing_rows(limits.lowering_ticks + 50, state, dtype)
     tripped["measurements"]["cause"][40:, 0] = SPEED_TRIP
     tripped["measurements"]["angle"] = tripped["measurements"]["last_angle"] = 0.3
     yield tripped
     late = standing_rows(limits.phase_ticks + 3, state, dtype)
-    late["measurements"]["angle"], late["surroundings"]["loads"] = closing_angles(state, 1.0), math.nan
+    late["measurements"]["angle"], late["direct"]["loads"] = closing_angles(state, 1.0), math.nan
     yield late
 
 
 def standing_rows(ticks: int, state: Any, dtype: np.dtype[Any]) -> Rows:
     """Return rows of the gait controller or the exoskeleton with joints at their first equilibrium angles."""
     rows, per_leg = np.zeros(ticks, dtype), len(state.joints) // len(state.legs)
-    around = rows["surroundings"]
+    around = rows["direct"]
     around["bus_voltage"], around["loads"] = state.supply.voltage, 0.4
     if "boards" in field_names(rows):
         around["loads"][::2] *= 1.0 + 1e-6  # A constant load at a moving hip is a cause of a trip.
     for name in {"walk", "step"} & set(field_names(device_inputs(rows))):
         device_inputs(rows)[name] = 1.0
-    if "heard" in field_names(rows):
-        rows["heard"] = True
+    if "received" in field_names(rows):
+        rows["received"] = True
         for number, joint in enumerate(state.joints):
             phase = state.legs[number // per_leg].phase
             rows["measurements"]["angle"][:, number] = joint.setpoints[phase].equilibrium
@@ -218,8 +218,8 @@ def codec_rows(messages: Sequence[CanMessage], dtype: np.dtype[Any]) -> Rows:
 
 def device_inputs(rows: Rows) -> np.ndarray:
     """Return the signals of the whole device; records without a field if the unit reads none."""
-    around = rows["surroundings"]
-    return around["common"] if "common" in field_names(around) else around[[]]
+    around = rows["direct"]
+    return around["device_signals"] if "device_signals" in field_names(around) else around[[]]
 
 
 def field_names(rows: np.ndarray) -> tuple[str, ...]:

@@ -33,25 +33,25 @@ DRIVES = {
     "boards.voltage": "joints.voltage",
     "boards.current": "joints.current",
     "boards.current_deviation": "joints.current_deviation",
-    "surroundings.bus_voltage": "supply.bus_voltage",
+    "direct.bus_voltage": "supply.bus_voltage",
 }
 # Inputs that are valid after the sensors have been read.
 SENSORS = {
     "boards.angle": "joints.board.encoder.angle",
-    "surroundings.loads": "soles.load",
-    "surroundings.common": "controller.common",
-    "surroundings.request": "controller.supervisor.request",
+    "direct.loads": "feet.load",
+    "direct.device_signals": "controller.device_signals",
+    "direct.request": "controller.supervisor.request",
 }
 # Outputs of the unit, and their fields in the record of an engine, valid at the end of a tick.
 OUTPUT_FIELDS = {
-    "demands": "joints.board.demand",
+    "setpoints": "joints.board.setpoint",
     "commands": "joints.board.command",
     "decision.phases": "controller.legs.phase",
     "decision.transitions": "controller.legs.chosen",
     "decision.trip_cause": "controller.trip.cause",
     "decision.trip_part": "controller.trip.part",
     "decision.mode": "controller.supervisor.mode",
-    "decision.refused": "controller.supervisor.refused",
+    "decision.rejected": "controller.supervisor.rejected",
 }
 
 
@@ -86,7 +86,7 @@ def build_exoskeleton_unit(setup: SimulationSetup) -> ExoskeletonUnit:
     demands, commands = [JointSetpoint() for _ in range(joints)], [Command() for _ in range(joints)]
     outputs = units.ExoskeletonOutputs(demands, commands, units.Decision([0] * legs, [0] * legs))
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
-    if structure["INERTIA_WANTED"]:
+    if structure["WITH_INERTIA_COMPENSATION"]:
         texts.append(write_control_inertia(bodies.control_bodies))
     kernel = "\n\n".join([*write_merged_functions("".join(texts)), *texts])
     names = {**structure, **setup.controller.tick_functions()}
@@ -127,13 +127,15 @@ class RunVectors(NamedTuple):
 
     def csv(self, joints: Sequence[str]) -> str:
         """Format one line per tick for runner.c: its inputs, then the expected outputs."""
-        boards, around = self.inputs["boards"], self.inputs["surroundings"]
+        boards, around = self.inputs["boards"], self.inputs["direct"]
         commands, decision = self.outputs["commands"], self.outputs["decision"]
         read = ("angle", "voltage", "current", "current_deviation")
         columns = {f"{joint}_{name}": boards[name][:, k] for k, joint in enumerate(joints) for name in read}
         columns |= {f"foot_{side}_load": load for side, load in enumerate(around["loads"].T)}
         columns["bus_voltage"] = around["bus_voltage"]
-        columns |= {name: around["common"][name] for name in around["common"].dtype.fields or ()}
+        columns |= {
+            name: around["device_signals"][name] for name in around["device_signals"].dtype.fields or ()
+        }
         if self.run.experiment.modes is not None:
             columns["request"] = around["request"]
         for k, joint in enumerate(joints):

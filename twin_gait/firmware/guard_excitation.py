@@ -58,7 +58,7 @@ class Guards:
                 while ticks > 0 and not tripped:
                     rows.append(self._hold(phases))
                     if requests and self.random.random() < 0.2:
-                        rows[-1]["surroundings"]["request"][0] = self.random.integers(0, requests + 1)
+                        rows[-1]["direct"]["request"][0] = self.random.integers(0, requests + 1)
                     outputs.append(self.unit.exchange(rows[-1]))
                     decision = outputs[-1]["decision"][-1]
                     phases, tripped = decision["phases"].tolist(), bool(decision["trip_cause"])
@@ -134,7 +134,7 @@ class Guards:
             measured = rows["measurements"]
             measured["angle"] = measured["last_angle"] = angles
             measured["velocity"] = own[:, 1:joints:PER_JOINT].ravel()
-        rows["surroundings"]["loads"] *= np.abs(own[:, joints]) / 0.4
+        rows["direct"]["loads"] *= np.abs(own[:, joints]) / 0.4
         for name, value in zip(("trunk_pitch", "walk", "step"), values[behind:], strict=True):
             if name in field_names(device_inputs(rows)):
                 device_inputs(rows)[name] = value
@@ -161,7 +161,7 @@ def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) ->
                 for place, other in enumerate(used):
                     rows["boards"][:, place] = one if place == number else other.rows_at_rest(len(one) - 2)
                 if used is resting:
-                    rows["surroundings"]["loads"] = math.nan
+                    rows["direct"]["loads"] = math.nan
                     for name in field_names(device_inputs(rows)):
                         device_inputs(rows)[name] = 0.0
                 with unit:
@@ -171,8 +171,8 @@ def exoskeleton_episodes(sample: Any, dtype: np.dtype[Any], unit: PythonUnit) ->
         rows = standing_rows(len(turning), state, dtype)
         for place, other in enumerate(boards):
             rows["boards"][:, place] = turning if place == 0 else other.rows_at_rest(len(rows) - 2)
-        rows["surroundings"]["loads"] = 0.4
-        rows["surroundings"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
+        rows["direct"]["loads"] = 0.4
+        rows["direct"]["bus_voltage"][-state.supply.low_ticks :] = side * state.supply.least_voltage
         with unit:
             yield rows, unit.exchange(rows)
     yield from Guards(unit, state, dtype, boards).episodes(EXOSKELETON_TICKS, 0)

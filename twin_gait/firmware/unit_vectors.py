@@ -44,15 +44,15 @@ def walks_of(project: Project, sample: UnitSample, walks: Sequence[RunVectors]) 
         if sample.name == EXOSKELETON:
             rows, answers = require_fields(read, given), require_fields(answered, taken)
         elif sample.name == GAIT_CONTROLLER:
-            rows["heard"] = True
-            _copy(rows, surroundings=read["surroundings"], measurements=walk.measurements)
-            _copy(answers, decision=answered["decision"], demands=answered["demands"])
+            rows["received"] = True
+            _copy(rows, direct=read["direct"], measurements=walk.measurements)
+            _copy(answers, decision=answered["decision"], setpoints=answered["setpoints"])
         else:
             place = project.joints.index(sample.init.removeprefix(f"{JOINT_BOARD}_"))
-            own, measured, rows["heard"] = read["boards"][:, place], walk.measurements[:, place], True
+            own, measured, rows["received"] = read["boards"][:, place], walk.measurements[:, place], True
             for name in ("angle", "voltage", "current", "current_deviation"):
                 rows[name] = own[name]
-            _copy(rows, demand=answered["demands"][:, place])
+            _copy(rows, setpoint=answered["setpoints"][:, place])
             _copy(answers, command=answered["commands"][:, place], measurement=measured)
             tripped = np.flatnonzero(measured["cause"] != NO_TRIP)
             end = tripped[0] if len(tripped) else len(rows)

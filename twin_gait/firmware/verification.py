@@ -323,11 +323,11 @@ def _apply_outputs(engine: CompiledEngine, answer: np.void, tick: int) -> None:
     """Copy demands, commands, phases and trip of a unit's outputs in a tick to the record of an engine."""
     e, decision = engine.episode, answer["decision"]
     board, trip, recording = e["joints"]["board"], e["controller"]["trip"], e["recording"]
-    for name in ("demand", "command"):
+    for name in ("setpoint", "command"):
         assign_fields_by_name(board[name], answer[f"{name}s"], zero_unassigned=False)
     if "mode" in (decision.dtype.fields or ()):
         supervisor = e["controller"]["supervisor"]
-        supervisor["mode"], supervisor["refused"] = decision["mode"], decision["refused"]
+        supervisor["mode"], supervisor["rejected"] = decision["mode"], decision["rejected"]
     if trip["tick"] >= 0:
         return
     for number, (leg, phase) in enumerate(zip(e["controller"]["legs"], decision["phases"], strict=True)):

@@ -13,10 +13,10 @@ WIDTH = 32
 SHARED = frozenset(
     "episode.step episode.substeps episode.watching episode.ankles episode.passive rates.period "
     "rates.decimation rates.blend_law recording.on recording.log recording.first_row effort_line.delay "
-    "joints.place joints.control_place limbs.place encoder.window friction.law imposed_motion.place "
+    "joints.index joints.model_index limbs.index encoder.window friction.law imposed_motion.index "
     "program.n_transitions program.minimum_ticks nodes.operation nodes.operand comparisons.signal_a "
     "comparisons.signal_b transitions.source transitions.target transitions.first_node "
-    "transitions.end_node transitions.debounce_ticks transitions.time_out_ticks".split()
+    "transitions.end_node transitions.debounce_ticks transitions.timeout_ticks".split()
 )
 
 

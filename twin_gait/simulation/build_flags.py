@@ -42,31 +42,34 @@ def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
     experiment, model, control = setup.experiment, setup.world.model, setup.experiment.control
     legs = len(setup.sides)
     return {
-        "LEGS": legs,
-        "JOINTS_PER_LEG": setup.joints_per_leg,
-        "POINTS_PER_FOOT": n_points // legs,
-        "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
-        "FORWARD": -1 if model.forward_index is None else model.forward_index,
-        "PITCH": -1 if model.pitch_index is None else model.pitch_index,
-        "CRUTCHES": len(setup.world.arms),
-        "SEATED": setup.world.seat is not None,
-        "SHIFT": setup.world.wearer_offset,
-        "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "OTHER_LAWS": any(plant.friction.law > friction.ROTATIONAL for plant in setup.world.plant),
-        "WITH_FRICTION": tuple(
+        "N_LEGS": legs,
+        "N_JOINTS_PER_LEG": setup.joints_per_leg,
+        "N_POINTS_PER_FOOT": n_points // legs,
+        "PELVIS_INDEX": -1 if model.pelvis_index is None else model.pelvis_index,
+        "FORWARD_INDEX": -1 if model.forward_index is None else model.forward_index,
+        "PITCH_INDEX": -1 if model.pitch_index is None else model.pitch_index,
+        "N_CRUTCHES": len(setup.world.arms),
+        "WITH_SEAT": setup.world.seat is not None,
+        "WEARER_OFFSET": setup.world.wearer_offset,
+        "WITH_ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
+        "WITH_OTHER_FRICTION_LAWS": any(
+            plant.friction.law > friction.ROTATIONAL for plant in setup.world.plant
+        ),
+        "FRICTION_INDICES": tuple(
             place
             for place, plant in enumerate(setup.world.plant)
             if plant.friction.law == friction.ROTATIONAL
         ),
-        "RK4": experiment.resolved_integration.method is IntegrationMethod.RK4,
-        "FAULTY": bool(experiment.faults),
-        "SUPERVISED": experiment.modes is not None,
-        "INERTIA_WANTED": control.inertia_compensation > 0.0,
-        "WEARER": bool(setup.limbs[0].moments),
+        "WITH_RK4": experiment.resolved_integration.method is IntegrationMethod.RK4,
+        "WITH_FAULTS": bool(experiment.faults),
+        "WITH_SUPERVISOR": experiment.modes is not None,
+        "WITH_INERTIA_COMPENSATION": control.inertia_compensation > 0.0,
+        "WITH_WEARER": bool(setup.limbs[0].moments),
         **setup.controller.build_flags(),
-        "DELAYED": control.delay_ticks > 0,
-        "SLOPED": setup.world.slope != 0.0,
-        "NETWORKED": experiment.network is not None,
-        "INERTIAL": setup.inertial,
-        "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedanceLocation.CCU,
+        "WITH_DELAY": control.delay_ticks > 0,
+        "WITH_SLOPE": setup.world.slope != 0.0,
+        "WITH_NETWORK": experiment.network is not None,
+        "WITH_INERTIAL_UNIT": setup.inertial,
+        "WITH_CENTRAL_IMPEDANCE": experiment.network is not None
+        and experiment.network.impedance is ImpedanceLocation.CCU,
     }

@@ -13,25 +13,25 @@ MOST_WORDS = 5  # of a combination
 _FLAG = re.compile(r"'([A-Z][A-Z0-9_]*)': (-?\d+|True|False|\([\d, ]*\))")
 _OFF = {"False", "0", "-1", "()"}
 _KINDS = {
-    "run_at": "the engine",
+    "run_ticks_at": "the engine",
     "in lanes": "the engine for many runs at once",
-    "run_part": "the plant for a controller of your own",
+    "run_plant_part": "the plant for a controller of your own",
     "bench": "the joint bench",
 }
 # Build flags in words; a flag that is not listed is written as it is named.
 _WORDS = {
-    "SHIFT": "braces", "SUPERVISED": "modes", "NETWORKED": "network", "CENTRAL": "impedance over the network",
-    "CONTROLLED": "control mode other than impedance", "OTHER_LAWS": "LuGre or asymmetric friction",
-    "WITH_FRICTION": "other joints with friction",
-    "ANKLES": "ankles", "CRUTCHES": "crutches", "SEATED": "chair", "FAULTY": "faults",
-    "WEARER": "moments of the wearer", "DELAYED": "delayed commands", "SLOPED": "slope",
-    "INERTIAL": "inertial unit", "INERTIA_WANTED": "inertia compensation", "RK4": "Runge-Kutta integration",
-    "PELVIS": "moving pelvis", "FORWARD": "fore-aft motion", "PITCH": "free trunk",
-    "POINTS_PER_FOOT": "ground contact",
+    "WEARER_OFFSET": "braces", "WITH_SUPERVISOR": "modes", "WITH_NETWORK": "network", "WITH_CENTRAL_IMPEDANCE": "impedance over the network",
+    "WITH_CONTROLLER": "control mode other than impedance", "WITH_OTHER_FRICTION_LAWS": "LuGre or asymmetric friction",
+    "FRICTION_INDICES": "other joints with friction",
+    "WITH_ANKLES": "ankles", "N_CRUTCHES": "crutches", "WITH_SEAT": "chair", "WITH_FAULTS": "faults",
+    "WITH_WEARER": "moments of the wearer", "WITH_DELAY": "delayed commands", "WITH_SLOPE": "slope",
+    "WITH_INERTIAL_UNIT": "inertial unit", "WITH_INERTIA_COMPENSATION": "inertia compensation", "WITH_RK4": "Runge-Kutta integration",
+    "PELVIS_INDEX": "moving pelvis", "FORWARD_INDEX": "fore-aft motion", "PITCH_INDEX": "free trunk",
+    "N_POINTS_PER_FOOT": "ground contact",
 }  # fmt: skip
 _COUNTS = {
-    ("LEGS", "1"): "one leg", ("LEGS", "2"): "two legs",
-    ("JOINTS_PER_LEG", "2"): "no powered ankle", ("JOINTS_PER_LEG", "3"): "powered ankle",
+    ("N_LEGS", "1"): "one leg", ("N_LEGS", "2"): "two legs",
+    ("N_JOINTS_PER_LEG", "2"): "no powered ankle", ("N_JOINTS_PER_LEG", "3"): "powered ankle",
 }  # fmt: skip
 
 

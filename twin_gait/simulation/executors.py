@@ -1,7 +1,7 @@
 """Executors of a schedule: driver functions that run its steps, written as text and bound like every step.
 
 A scalar driver runs one episode: compiled, in plain Python over Pinocchio or MuJoCo, or printed as C. A
-driver in lanes runs a block of episodes, each step in a loop over ``lanes(e)``; neighbouring steps share one.
+driver in lanes runs a block of episodes, each step in a loop over ``vector_lanes(e)``; neighbouring steps share one.
 Build flags stay global names in the text, so that binding replaces them and the compiler removes what they
 rule out.
 """
@@ -66,7 +66,7 @@ def lane_driver(
     writer = _Writer(names)
     lines = list(writer.in_lanes(schedule, "    "))
     lines += [] if result is None else [*writer.any_of(result, "    "), f"    return {writer.flag}"]
-    writer.scope |= {"lanes": vector_lanes, "each": scalar_lanes}
+    writer.scope |= {"vector_lanes": vector_lanes, "scalar_lanes": scalar_lanes}
     return writer.made(name, "(e, tick)", "Run steps of a block of episodes.", lines, __name__)
 
 
@@ -148,10 +148,10 @@ class _Writer:
                 case ScalarBranch(test):
                     yield from self.any_of(test, pad)
                     yield f"{pad}if {self.flag}:"
-                    yield f"{inner}for one in each(e):"
+                    yield f"{inner}for one in scalar_lanes(e):"
                     yield from self.scalar((item,), f"{inner}    ", "one")
                 case ScalarSteps(single_steps):
-                    yield f"{pad}for one in each(e):"
+                    yield f"{pad}for one in scalar_lanes(e):"
                     yield from self.scalar(single_steps, inner, "one")
                 case BlockStep(function):
                     yield f"{pad}{self.call(function, 'e')}"
@@ -167,14 +167,14 @@ class _Writer:
     def loop(self, items: list[Any], pad: str) -> Iterator[str]:
         """Yield a loop over the lanes with the items that share it."""
         if items:
-            yield f"{pad}for one in lanes(e):"
+            yield f"{pad}for one in vector_lanes(e):"
             yield from self.scalar(tuple(items), f"{pad}    ", "one")
 
     def any_of(self, test: Step, pad: str) -> Iterator[str]:
         """Yield a loop over the lanes that sets a flag if a test holds for any of them."""
         self.flags += 1
         yield f"{pad}{self.flag} = False"
-        yield f"{pad}for one in lanes(e):"
+        yield f"{pad}for one in vector_lanes(e):"
         yield f"{pad}    {self.flag} |= {self.call(test, 'one')}"
 
     def branches(

@@ -103,7 +103,7 @@ def block_key(engine: EpisodeEngine) -> Hashable | None:
     """
     if not isinstance(engine, CompiledEngine):
         return None
-    if engine.user_functions or engine.build_flags["OTHER_LAWS"]:
+    if engine.user_functions or engine.build_flags["WITH_OTHER_FRICTION_LAWS"]:
         return None
     words = engine.store.view(np.int64)
     return engine.loop, words[shared_words(engine.store.dtype)].tobytes()

@@ -161,7 +161,7 @@ def lane_names(episode: np.dtype[Any], width: int, noises: int) -> dict[str, Any
     found = {item.__name__: jit(item, pipeline=LanePipeline) for item in (log_row, noise_row)}
     return {
         "episode_at": block_at(episode),
-        "lanes": lane_iterator(True),
-        "each": lane_iterator(False),
+        "vector_lanes": lane_iterator(True),
+        "scalar_lanes": lane_iterator(False),
         **found,
     }

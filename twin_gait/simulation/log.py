@@ -20,7 +20,7 @@ LOG_SCHEMA_VERSION = 3
 UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
 # How a unit is written at the end of a name.
 SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
-CODE_COLUMNS = ("safety_state", "trip_cause", "mode", "request", "refused")  # columns without a unit
+CODE_COLUMNS = ("safety_state", "trip_cause", "mode", "request", "rejected")  # columns without a unit
 
 
 class ColumnGroup:
@@ -41,49 +41,58 @@ PHASE = ColumnGroup(phase=("e.controller.legs[n].phase", ""))
 
 # Of a controlled joint; torques act on the joint, positive in flexion.
 JOINT = ColumnGroup(
-    "joint, asked, demand, place = "
-    "e.joints[n], e.joints[n].board.command, e.joints[n].board.demand, e.joints[n].place",
-    angle_rad=("e.q[place]", "true angle; of the device, if braces bind the wearer to it"),
-    velocity_rad_per_s=("e.v[place]", "true velocity"),
+    "joint, command, setpoint, index = "
+    "e.joints[n], e.joints[n].board.command, e.joints[n].board.setpoint, e.joints[n].index",
+    angle_rad=("e.q[index]", "true angle; of the device, if braces bind the wearer to it"),
+    velocity_rad_per_s=("e.v[index]", "true velocity"),
     measured_angle_rad=("joint.board.encoder.angle", "encoder angle"),
     velocity_fast_rad_per_s=("joint.board.encoder.velocity_fast", "first-order, for damper and guards"),
     velocity_slow_rad_per_s=("joint.board.encoder.velocity_slow", "averaged, for friction compensation"),
-    impedance_torque_Nm=("asked.impedance", "of spring and damper, with a runaway; in the hold of the brake"),
-    friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
-    gravity_compensation_torque_Nm=("demand.gravity", "share of the gravity torque that is given"),
-    inertia_compensation_torque_Nm=("demand.inertia", "share of the inertia torque that is given"),
-    target_torque_Nm=("demand.target", "added to the command"),
-    motor_command_torque_Nm=("asked.torque", "sum of the five, before limits"),
-    motor_torque_Nm=("e.motor[place]", "of the motor times the gear ratio, before the losses of the gear"),
-    friction_torque_Nm=("e.plant[place].friction_torque", "of motor and gear, with its losses under load"),
-    stop_torque_Nm=("e.plant[place].stop_torque", "of the mechanical stops"),
-    patient_torque_Nm=("joint.outside", "of the wearer, a push or an imposed motion: sum of the next three"),
-    voluntary_torque_Nm=("e.voluntary[place + SHIFT]", "of the wearer's voluntary effort"),
-    passive_torque_Nm=("e.passive_moment[place + SHIFT]", "of the wearer's tissue and stretch reflex"),
-    push_torque_Nm=("joint.pushed", "of a push or an imposed motion"),
-    target_current_A=("asked.target_current", "that the drive is asked for"),
+    impedance_torque_Nm=(
+        "command.impedance",
+        "of spring and damper, with a runaway; in the hold of the brake",
+    ),
+    friction_compensation_torque_Nm=("command.friction", "G times the friction of the model"),
+    gravity_compensation_torque_Nm=("setpoint.gravity", "share of the gravity torque that is given"),
+    inertia_compensation_torque_Nm=("setpoint.inertia", "share of the inertia torque that is given"),
+    target_torque_Nm=("setpoint.target", "added to the command"),
+    motor_command_torque_Nm=("command.torque", "sum of the five, before limits"),
+    motor_torque_Nm=("e.motor[index]", "of the motor times the gear ratio, before the losses of the gear"),
+    friction_torque_Nm=("e.plant[index].friction_torque", "of motor and gear, with its losses under load"),
+    stop_torque_Nm=("e.plant[index].stop_torque", "of the mechanical stops"),
+    external_torque_Nm=(
+        "joint.external_torque",
+        "of the wearer, a push or an imposed motion: sum of the next three",
+    ),
+    voluntary_torque_Nm=("e.voluntary[index + WEARER_OFFSET]", "of the wearer's voluntary effort"),
+    passive_torque_Nm=(
+        "e.passive_moment[index + WEARER_OFFSET]",
+        "of the wearer's tissue and stretch reflex",
+    ),
+    disturbance_torque_Nm=("joint.disturbance_torque", "of a push or an imposed motion"),
+    target_current_A=("command.target_current", "that the drive is asked for"),
     measured_current_A=("joint.current", "that flows"),
-    stiffness_Nm_per_rad=("demand.stiffness", "k of the impedance, blended"),
-    damping_Nms_per_rad=("demand.damping", "b of the impedance, blended"),
-    equilibrium_rad=("demand.equilibrium", "θ0 of the impedance, blended"),
-    friction_compensation_gain=("demand.gain", "G of the friction compensation, blended"),
+    stiffness_Nm_per_rad=("setpoint.stiffness", "k of the impedance, blended"),
+    damping_Nms_per_rad=("setpoint.damping", "b of the impedance, blended"),
+    equilibrium_rad=("setpoint.equilibrium", "θ0 of the impedance, blended"),
+    friction_compensation_gain=("setpoint.gain", "G of the friction compensation, blended"),
 )
 # Of a joint that is not controlled, and one more of an ankle that is.
 PASSIVE = ColumnGroup(
-    "place = e.passive[n]",
+    "index = e.passive[n]",
     angle_rad=JOINT.columns["angle_rad"],
     velocity_rad_per_s=JOINT.columns["velocity_rad_per_s"],
-    orthosis_torque_Nm=("e.plant[place].spring_torque", "of the orthosis on the ankle"),
+    orthosis_torque_Nm=("e.plant[index].spring_torque", "of the orthosis on the ankle"),
 )
-ANKLE = ColumnGroup("place = e.ankles[n]", orthosis_torque_Nm=PASSIVE.columns["orthosis_torque_Nm"])
+ANKLE = ColumnGroup("index = e.ankles[n]", orthosis_torque_Nm=PASSIVE.columns["orthosis_torque_Nm"])
 
 # Of a foot on the ground.
 FOOT = ColumnGroup(
-    "sole = e.soles[n]",
-    normal_force_N=("sole.normal", "of the ground, at right angles to it"),
-    friction_force_N=("sole.friction", "of the ground, along it, forwards positive"),
-    clearance_m=("sole.clearance", "height of the lowest point of the sole over the ground"),
-    pressure_place=("sole.pressure_place", "centre of pressure, 0 at first to 1 at last point; 0 in the air"),
+    "foot = e.feet[n]",
+    normal_force_N=("foot.normal", "of the ground, at right angles to it"),
+    friction_force_N=("foot.friction", "of the ground, along it, forwards positive"),
+    clearance_m=("foot.clearance", "height of the lowest point of the sole over the ground"),
+    cop_ratio=("foot.cop_ratio", "centre of pressure, 0 at first to 1 at last point; 0 in the air"),
 )
 
 GROUND = ColumnGroup(
@@ -91,39 +100,45 @@ GROUND = ColumnGroup(
 )
 
 PELVIS = ColumnGroup(
-    "hung = e.plant[PELVIS + SHIFT]",
-    pelvis_height_m=("e.q[PELVIS]", "above the belt"),
-    pelvis_velocity_m_per_s=("e.v[PELVIS]", "upwards"),
-    support_force_N=("hung.spring_torque + hung.stop_torque", "of body-weight support and harness, upwards"),
+    "support = e.plant[PELVIS_INDEX + WEARER_OFFSET]",
+    pelvis_height_m=("e.q[PELVIS_INDEX]", "above the belt"),
+    pelvis_velocity_m_per_s=("e.v[PELVIS_INDEX]", "upwards"),
+    support_force_N=(
+        "support.spring_torque + support.stop_torque",
+        "of body-weight support and harness, upwards",
+    ),
     guide_force_N=("e.guide_force", "forward force of the guide; of harness, arms, seat on a free pelvis"),
     guide_moment_Nm=("e.guide_moment", "pitching moment of the guide; of harness, arms, seat"),
 )
 # Of a pelvis that moves fore-aft, and of a trunk that is free.
 FORWARD = ColumnGroup(
-    pelvis_forward_m=("e.q[FORWARD]", "in front of where the harness lets it rest"),
-    pelvis_forward_velocity_m_per_s=("e.v[FORWARD]", "of it"),
+    pelvis_forward_m=("e.q[FORWARD_INDEX]", "in front of where the harness lets it rest"),
+    pelvis_forward_velocity_m_per_s=("e.v[FORWARD_INDEX]", "of it"),
 )
 TRUNK = ColumnGroup(
-    trunk_pitch_rad=("e.q[PITCH]", "of pelvis and trunk from upright, forwards positive"),
-    trunk_pitch_velocity_rad_per_s=("e.v[PITCH]", "of it"),
-    measured_trunk_pitch_rad=("e.controller.common.trunk_pitch", "as the gait controller has it"),
+    trunk_pitch_rad=("e.q[PITCH_INDEX]", "of pelvis and trunk from upright, forwards positive"),
+    trunk_pitch_velocity_rad_per_s=("e.v[PITCH_INDEX]", "of it"),
+    measured_trunk_pitch_rad=("e.controller.device_signals.trunk_pitch", "as the gait controller has it"),
 )
 
 # Of an arm and its crutch, and of a seat.
 CRUTCH = ColumnGroup(
     "arm, tip = e.arms[n], e.arms[n].tip",
-    crutch_forward_m=("e.q[arm.place]", "place of the tip"),
-    crutch_height_m=("e.q[arm.place + 1]", "of the tip over the ground"),
+    crutch_forward_m=("e.q[arm.index]", "place of the tip"),
+    crutch_height_m=("e.q[arm.index + 1]", "of the tip over the ground"),
     crutch_normal_force_N=("tip.upward", "of the ground on the tip, upwards"),
     crutch_friction_force_N=("tip.forward", "of the ground on the tip, forwards positive"),
-    arm_push_N=("arm.push", "of the arm along the line from shoulder to tip, away from the shoulder"),
+    arm_axial_force_N=(
+        "arm.axial_force",
+        "of the arm along the line from shoulder to tip, away from the shoulder",
+    ),
     shoulder_moment_Nm=("arm.moment", "of the shoulder, which turns the crutch forwards"),
     arm_power_W=("arm.power", "that the arm gives to trunk and crutch"),
 )
 SEAT = ColumnGroup(
     seat_force_N=("e.seat.normal", "of the seat on buttocks and thighs, upwards"),
     seat_friction_force_N=("e.seat.friction", "of the seat on them, forwards positive"),
-    seat_forward_m=("e.seat.forward", "place of its front edge"),
+    seat_forward_m=("e.seat.front_edge", "place of its front edge"),
 )
 
 ENERGY = ColumnGroup(
@@ -134,14 +149,14 @@ ENERGY = ColumnGroup(
 )
 # Done on the leg since the start, by source; kinetic plus potential energy changes by their sum.
 WORK = ColumnGroup(
-    motor_work_J=("e.works.motor", "of the motors"),
-    friction_work_J=("e.works.friction", "of friction in motors and gears"),
-    stop_work_J=("e.works.stop", "of the mechanical stops"),
-    spring_work_J=("e.works.spring", "of orthosis, support and harness"),
-    contact_work_J=("e.works.contact", "of ground and seat"),
-    patient_work_J=("e.works.patient", "of the wearer, a push or an imposed motion"),
+    motor_work_J=("e.work.motor", "of the motors"),
+    friction_work_J=("e.work.friction", "of friction in motors and gears"),
+    stop_work_J=("e.work.stop", "of the mechanical stops"),
+    spring_work_J=("e.work.spring", "of orthosis, support and harness"),
+    contact_work_J=("e.work.contact", "of ground and seat"),
+    external_work_J=("e.work.external", "of the wearer, a push or an imposed motion"),
 )
-BRACE_WORK = ColumnGroup(brace_work_J=("e.works.brace", "of the braces"))
+BRACE_WORK = ColumnGroup(brace_work_J=("e.work.brace", "of the braces"))
 MONITOR = ColumnGroup(
     safety_state=("1.0 if e.controller.trip.tick >= 0 else 0.0", "0 watching, 1 hold"),
     trip_cause=("e.controller.trip.cause", "of twin_gait.control.safety.TripCause, 0 without a trip"),
@@ -149,27 +164,27 @@ MONITOR = ColumnGroup(
 
 # Of a joint between device and wearer, of the pelvis between them, and of one that moves fore-aft.
 BRACE = ColumnGroup(
-    "place = e.braced[n]",
-    wearer_angle_rad=("e.q[place + SHIFT]", "the wearer's own angle"),
-    wearer_velocity_rad_per_s=("e.v[place + SHIFT]", "of it"),
-    brace_torque_Nm=("e.braces[place].torque", "of the device on the wearer"),
+    "index = e.braced[n]",
+    wearer_angle_rad=("e.q[index + WEARER_OFFSET]", "the wearer's own angle"),
+    wearer_velocity_rad_per_s=("e.v[index + WEARER_OFFSET]", "of it"),
+    brace_torque_Nm=("e.braces[index].torque", "of the device on the wearer"),
 )
 PELVIS_BRACE = ColumnGroup(
-    wearer_pelvis_height_m=("e.q[PELVIS + SHIFT]", "of the wearer's own pelvis"),
-    wearer_pelvis_velocity_m_per_s=("e.v[PELVIS + SHIFT]", "of it"),
-    pelvis_brace_force_N=("e.braces[PELVIS].torque", "of the device on the wearer, upwards"),
+    wearer_pelvis_height_m=("e.q[PELVIS_INDEX + WEARER_OFFSET]", "of the wearer's own pelvis"),
+    wearer_pelvis_velocity_m_per_s=("e.v[PELVIS_INDEX + WEARER_OFFSET]", "of it"),
+    pelvis_brace_force_N=("e.braces[PELVIS_INDEX].torque", "of the device on the wearer, upwards"),
 )
 FORWARD_BRACE = ColumnGroup(
-    wearer_pelvis_forward_m=("e.q[FORWARD + SHIFT]", "of the wearer's own pelvis"),
-    wearer_pelvis_forward_velocity_m_per_s=("e.v[FORWARD + SHIFT]", "of it"),
-    pelvis_forward_brace_force_N=("e.braces[FORWARD].torque", "of the device on the wearer, forwards"),
+    wearer_pelvis_forward_m=("e.q[FORWARD_INDEX + WEARER_OFFSET]", "of the wearer's own pelvis"),
+    wearer_pelvis_forward_velocity_m_per_s=("e.v[FORWARD_INDEX + WEARER_OFFSET]", "of it"),
+    pelvis_forward_brace_force_N=("e.braces[FORWARD_INDEX].torque", "of the device on the wearer, forwards"),
 )
 # Of the operating modes; codes are places in their table.
 SUPERVISOR = ColumnGroup(
     "supervisor = e.controller.supervisor",
     mode=("supervisor.mode", "operating mode, counted from 0"),
     request=("supervisor.request", "made in this tick, counted from 1; 0 for none"),
-    refused=("supervisor.refused", "the same where nothing has answered it"),
+    rejected=("supervisor.rejected", "the same where nothing has answered it"),
 )
 
 

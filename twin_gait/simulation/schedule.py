@@ -30,16 +30,16 @@ SENSE = (
     *replace_steps(
         device.MEASURE, {device.measure_position: (sensors.read_encoder, device.measure_position)}
     ),
-    when("POINTS_PER_FOOT > 0", sensors.compute_contact_forces, feet(sensors.read_load)),
-    when("INERTIAL", sensors.measure_pitch),
+    when("N_POINTS_PER_FOOT > 0", sensors.compute_contact_forces, feet(sensors.read_load)),
+    when("WITH_INERTIAL_UNIT", sensors.measure_pitch),
     sensors.read_trunk,
 )
 
 RECEIVE = (
     when(
-        "NETWORKED and tick > 0",
+        "WITH_NETWORK and tick > 0",
         scalar_steps(network.reboot, joints(network.receive_measurement)),
-        otherwise=(joints(write_measurement), when("POINTS_PER_FOOT > 0", feet(network.receive_foot_load))),
+        otherwise=(joints(write_measurement), when("N_POINTS_PER_FOOT > 0", feet(network.receive_foot_load))),
     ),
     network.receive_bus_voltage,
 )
@@ -58,12 +58,12 @@ CONTROL = (
         device.COMMAND,
         {
             device.copy_setpoint_to_board: when(
-                "NETWORKED", network.receive_setpoint, otherwise=(device.copy_setpoint_to_board,)
+                "WITH_NETWORK", network.receive_setpoint, otherwise=(device.copy_setpoint_to_board,)
             ),
-            check_command: (when("FAULTY", commands.add_runaway_torque), check_command),
+            check_command: (when("WITH_FAULTS", commands.add_runaway_torque), check_command),
             # Over a bus, which is slow, the joint is held alone.
             device.HOLD: when(
-                "NETWORKED", scalar_branch(device.is_implausible, reject_command), otherwise=(device.HOLD,)
+                "WITH_NETWORK", scalar_branch(device.is_implausible, reject_command), otherwise=(device.HOLD,)
             ),
             device.command_current: commands.set_drive,
         },
@@ -75,20 +75,20 @@ ACT = (
     joints(drives.drive),
     drives.draw_power,
     when(
-        "NETWORKED",
+        "WITH_NETWORK",
         scalar_steps(joints(network.send_frames), network.carry_frames, joints(network.store_frames)),
     ),
-    when("WEARER", limbs(environment.reset_external_torque)),
+    when("WITH_WEARER", limbs(environment.reset_external_torque)),
     joints(environment.push),
-    when("WEARER", legs(environment.add_wearer_torques)),
-    when("CRUTCHES > 0", scalar_steps(environment.update_arms)),
-    when("SEATED", environment.place_chair),
+    when("WITH_WEARER", legs(environment.add_wearer_torques)),
+    when("N_CRUTCHES > 0", scalar_steps(environment.update_arms)),
+    when("WITH_SEAT", environment.place_chair),
     environment.lock_harness,
     when(
         "recording",
         BlockStep(motion.evaluate),
         joints(motion.sum_external_torque),
-        when("POINTS_PER_FOOT > 0", feet(motion.sum_ground_forces)),
+        when("N_POINTS_PER_FOOT > 0", feet(motion.sum_ground_forces)),
         motion.observe_energies,
         motion.write_log,
     ),
@@ -139,7 +139,7 @@ NAMES = ScheduleNames(
     counts={
         "joints": "len({e}.joints)",
         "legs": "len({e}.controller.legs)",
-        "soles": "len({e}.soles)",
+        "feet": "len({e}.feet)",
         "limbs": "len({e}.limbs)",
     },
     fields={
@@ -151,13 +151,13 @@ NAMES = ScheduleNames(
     flags={**device.FLAGS, **build_flags.FLAGS},
 )
 sense = scalar_driver("sense", SENSE, NAMES)
-control = scalar_driver("think", CONTROL, NAMES)
+control = scalar_driver("control", CONTROL, NAMES)
 act = scalar_driver("act", ACT, NAMES, result=update_status)
 # What the drivers are replaced by in the loop over a block of episodes.
 LANE_DRIVERS = {
     "sense": lane_driver("sense", SENSE, NAMES),
-    "think": lane_driver(
-        "think",
+    "control": lane_driver(
+        "control",
         replace_steps(CONTROL, {device.choose_transition: BlockStep(phases.choose_transitions)}),
         NAMES,
     ),

@@ -127,7 +127,7 @@ def _compile_vectorized(item: MergedFunction) -> Any:
 def vector_map(
     typing: Any, e: Any, indices: Any, staged: Any, read_arguments: Any, law: Any, write_result: Any
 ) -> Any:
-    """What :func:`twin_gait.simulation.backend.side_by_side` is bound to for one episode."""
+    """What :func:`twin_gait.simulation.backend.vector_map` is bound to for one episode."""
     taken = _law(typing, read_arguments.dispatcher, (e, types.int64, staged))
     ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
     given = _law(typing, write_result.dispatcher, (e, types.int64, ruled[1].return_type))
@@ -148,7 +148,7 @@ def vector_map(
 
 def vector_functions(kernel: Mapping[str, Any]) -> dict[str, Any]:
     """What a loop of one episode is bound to so that laws for several things at once become vectors."""
-    found = {"side_by_side": vector_map}
+    found = {"vector_map": vector_map}
     for item in MERGED_FUNCTIONS:
         each = _compile_vectorized(item)
         found.update({name: each for name in kernel if name.rpartition("_")[0] == item.name})

@@ -113,7 +113,7 @@ class Assistance(Controller):
     def __init__(self, parameters: AssistanceParameters, other: Controller) -> None:
         """Take the shares from ``parameters``, and everything not defined here from the other controller."""
         self.parameters, self.other = parameters, other
-        for name in ("by_phases", "refusal", "setpoints", "start", "walk"):
+        for name in ("phase_driven", "check_joints", "setpoints", "initial_angles", "reference_path"):
             setattr(self, name, getattr(other, name))
         adaptive = "control.assistance.adaptive: true is not printed; set false, and a share"
         self.unprinted_reason = other.unprinted_reason or (adaptive if parameters.adaptive else "")
@@ -135,7 +135,11 @@ class Assistance(Controller):
     def build_flags(self) -> dict[str, int]:
         """Return the build flags, including whether the shares adapt."""
         acts = self.other.tick is not None
-        return {**super().build_flags(), "ADAPTS": self.parameters.adaptive, "ASSISTED_ACTS": acts}
+        return {
+            **super().build_flags(),
+            "WITH_ADAPTATION": self.parameters.adaptive,
+            "WITH_ASSISTED_TICK": acts,
+        }
 
     def tick_functions(self) -> dict[str, TickFunction]:
         """Return the functions, including the tick of the other controller."""

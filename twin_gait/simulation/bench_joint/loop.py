@@ -102,7 +102,7 @@ def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Lo
 
 def bench_loop_names(other_laws: bool) -> dict[str, Any]:
     """What the rooms of a test are bound to, beside the rows of its log and its noise."""
-    return {"OTHER_LAWS": other_laws, **kernel_functions(record.LAYOUT.writer, {"TICK": TICK})}
+    return {"WITH_OTHER_FRICTION_LAWS": other_laws, **kernel_functions(record.LAYOUT.writer, {"TICK": TICK})}
 
 
 def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
