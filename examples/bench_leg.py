@@ -35,7 +35,7 @@ rows = []
 for gain in (0.0, 0.2, 0.4):
     log = simulate(load_experiment("bench_leg", settings(gain)).experiment).log
     period = log[log["time_s"] >= 4.0]
-    torque = period["right_knee_patient_torque_Nm"].to_numpy()
+    torque = period["right_knee_external_torque_Nm"].to_numpy()
     power = torque * period["right_knee_velocity_rad_per_s"].to_numpy()
     row = {
         "G": gain,

@@ -43,7 +43,7 @@ MEASURES = {
     "loading peak": "loading_peak",
     "trough": "trough",
     "push-off peak": "push_off_peak",
-    "least load": "least_load",
+    "least load": "min_load",
     "braking [N s]": "braking_impulse_Ns",
     "propulsion [N s]": "propulsion_impulse_Ns",
     "belt [W]": "belt_power_W",

@@ -84,7 +84,7 @@ def of_walk(run: Run) -> dict[str, float]:
         "knee_rmse_deg": max(side["rmse_knee_by_contact_deg"] for side in sides),
         "clearance_mm": 1e3 * min(side["walk"]["clearance_m"] for side in sides),
         "load_peak": max(side["walk"]["load_peak"] for side in sides),
-        "least_load": min(side["walk"]["least_load"] for side in sides),
+        "min_load": min(side["walk"]["min_load"] for side in sides),
         "braking_peak": min(side["walk"]["braking_peak"] for side in sides),
         "fore_aft_force_N": sum(side["walk"]["fore_aft_force_N"] for side in sides),
         "saturated_percent": 100.0 * max(joint["saturated_share"] for joint in joints),

@@ -145,7 +145,7 @@ def sits(run: Run) -> bool:
 
 def pushes(run: Run) -> np.ndarray:
     """Push of both arms along the crutches over the weight: shape ``(rows,)``."""
-    arms = sum(run.log[f"{side}_arm_push_N"].to_numpy() for side in run.sides)
+    arms = sum(run.log[f"{side}_arm_axial_force_N"].to_numpy() for side in run.sides)
     return np.maximum(arms, 0.0) / run.body_weight
 
 

@@ -45,12 +45,12 @@ def guards() -> st.SearchStrategy[Guard]:
 
 @st.composite
 def transitions(draw: st.DrawFn, source: str) -> Transition:
-    kind = draw(st.sampled_from(["guard", "guard", "guard", "both", "time_out"]))
+    kind = draw(st.sampled_from(["guard", "guard", "guard", "both", "timeout"]))
     return Transition(
         source=source,
         target=draw(st.sampled_from([name for name in PHASES if name != source])),
         cause=draw(st.sampled_from(["one", "two", "three"])),
-        guard=AllOf(guards=()) if kind == "time_out" else draw(guards()),
+        guard=AllOf(guards=()) if kind == "timeout" else draw(guards()),
         debounce_ticks=draw(st.sampled_from([1, 1, 1, 2, 3, 7])),
         timeout_ticks=None if kind == "guard" else draw(st.integers(12, 40)),
     )

@@ -67,7 +67,7 @@ class SeatedMujocoKernel(MujocoKernel):
         below = data.xpos[pelvis] - [0.0, 0.0, chair.hip_height]
         power += self._press(pelvis, below, (1.0 - share) * chair.stiffness)
         for thigh in self._thighs:
-            local = [-chair.thigh_thickness, 0.0, -chair.thigh_place * self._femur]
+            local = [-chair.thigh_thickness, 0.0, -chair.thigh_position * self._femur]
             place = data.xpos[thigh] + data.xmat[thigh].reshape(3, 3) @ local
             power += self._press(thigh, place, 0.5 * share * chair.stiffness)
         a[:] = self._legs.accelerate(torque).tolist()

@@ -80,6 +80,6 @@ def _crutch(side: Side, strides: np.ndarray) -> dict[str, np.ndarray]:
         f"{side}_crutch_height_m": np.where(stands, -0.004, 0.06 * np.sin(math.pi * swing)),
         f"{side}_crutch_normal_force_N": np.where(stands, LOAD * np.sin(1.5 * math.pi * share), 0.0),
         f"{side}_crutch_friction_force_N": np.where(stands, -0.1 * LOAD * np.sin(1.5 * math.pi * share), 0.0),
-        f"{side}_arm_push_N": np.where(stands, LOAD, 0.0),
+        f"{side}_arm_axial_force_N": np.where(stands, LOAD, 0.0),
         f"{side}_arm_power_W": np.full(len(strides), 12.0),
     }

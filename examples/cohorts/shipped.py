@@ -23,7 +23,7 @@ def experiment_of(name: str, support: float, duration: float) -> Experiment:
 
 def wearer_peak(run: Run, joint: JointName) -> float:
     """Return the highest torque of effort and passive moments at either joint in [N m]; no push acts here."""
-    return max(float(run.log[f"{side}_{joint}_patient_torque_Nm"].abs().max()) for side in Side)
+    return max(float(run.log[f"{side}_{joint}_external_torque_Nm"].abs().max()) for side in Side)
 
 
 def wearer_power(run: Run, joint: JointName) -> float:
@@ -32,7 +32,7 @@ def wearer_power(run: Run, joint: JointName) -> float:
     The wearer is one body with the device, and no push acts here.
     """
     names = [f"{side}_{joint}" for side in Side]
-    torques = run.log[[f"{name}_patient_torque_Nm" for name in names]].to_numpy()
+    torques = run.log[[f"{name}_external_torque_Nm" for name in names]].to_numpy()
     velocities = run.log[[f"{name}_velocity_rad_per_s" for name in names]].to_numpy()
     return float((torques * velocities).sum(axis=1).mean())
 

@@ -128,7 +128,7 @@ class Replay(Controller):
     def tick(memory: Torques, device: Any, tick: int, period: float) -> None:
         """Demand those of this tick."""
         for number in range(len(device.joints)):
-            device.joints[number].demand.target = memory.rows[tick][number]
+            device.joints[number].setpoint.target = memory.rows[tick][number]
 
 
 @dataclass(frozen=True)

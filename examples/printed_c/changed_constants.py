@@ -149,7 +149,7 @@ class Unit:
         poisons = range(len(POISONS)) if "_at_start" in change.table else ()
         if poisons and not any(self.notices(place, poison) for poison in poisons):
             return OVERWRITTEN
-        if change.field in ("time_out_ticks", "tick") and f".{change.field} = -{change.old}" in change.entry:
+        if change.field in ("timeout_ticks", "tick") and f".{change.field} = -{change.old}" in change.entry:
             return NONE
         if change.field == "signal_b" and ".factor_b = REAL(0.0)" in change.entry:
             return ONE_SIGNAL
@@ -184,7 +184,7 @@ class Unit:
         rules = list(zip(*map(self._numbers, ("source", "debounce_ticks")), strict=True))
         if change.field == "debounce_ticks":  # With a guard that is always open, of no results.
             (first,), (end,), (time_out,) = (
-                self._numbers(name, change.entry) for name in ("first_node", "end_node", "time_out_ticks")
+                self._numbers(name, change.entry) for name in ("first_node", "end_node", "timeout_ticks")
             )
             nodes = list(zip(*map(self._numbers, ("operation", "operand")), strict=True))
             return nodes[int(first) : int(end)] == [(2.0, 0.0)] and int(change.new) <= time_out

@@ -137,10 +137,10 @@ PLANTED: dict[str, tuple[str, str | None, str, Callable[[Mapping], None]]] = {
         "trap", "late_stance", "error", condition(LATE, "hip.angle_deg < -2.8", "hip.angle_deg < -40"),
     ),
     "swing without a time-out": (
-        "missing_time_out", FLEXION, "warning", lambda d: remove(d, "time_out", FLEXION),
+        "missing_timeout", FLEXION, "warning", lambda d: remove(d, "timeout", FLEXION),
     ),
     "swing whose time-out comes as late as none": (
-        "missing_time_out", FLEXION, "warning", change("time_out", FLEXION, after_s=1000),
+        "missing_timeout", FLEXION, "warning", change("timeout", FLEXION, after_s=1000),
     ),
     "way back": (
         "undeclared_cycle", FLEXION, "error", lambda d: add(d, FLEXION, "late_stance", "hip.angle_deg < -9"),
@@ -361,7 +361,7 @@ def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path
     assert case.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")} | {"trunk": ANY_ANGLE}
     found = check(case)
     assert counts(found)["errors"] == 0
-    assert {item.phase for item in found if item.rule == "missing_time_out"} == set(case.table.phases)
+    assert {item.phase for item in found if item.rule == "missing_timeout"} == set(case.table.phases)
     # It knows nothing of another leg, which then may swing too.
     assert [str(item.severity) for item in found if item.rule == "both_in_swing"][:1] == ["warning"]
 

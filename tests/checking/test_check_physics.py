@@ -101,7 +101,7 @@ def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
     assert finding.counterexample["knee.angle_deg"] == pytest.approx(38.0, abs=0.1)
     run = simulate(load_experiment("bench_leg", [planted, "duration_s=4"]).experiment)
-    assert {item.cause for item in run.switches if item.source == "swing_flexion"} == {"time_out"}
+    assert {item.cause for item in run.switches if item.source == "swing_flexion"} == {"timeout"}
 
 
 def test_a_spring_too_soft_for_the_friction_is_an_error():

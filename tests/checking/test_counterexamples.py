@@ -174,7 +174,7 @@ def random_table(seed: int) -> GaitTable:
     transitions = []
     for index in range(10):
         source, target = (str(name) for name in generator.choice(PHASES, size=2, replace=False))
-        times = {"time_out_ticks": int(generator.integers(100, 900))} if generator.random() < 0.2 else {}
+        times = {"timeout_ticks": int(generator.integers(100, 900))} if generator.random() < 0.2 else {}
         only_time = bool(times) and generator.random() < 0.7
         transitions.append(
             Transition(
@@ -463,7 +463,7 @@ def leaving(text: str, **changes: Any) -> Transition:
     return Transition(source="a", target="b", cause="go", guard=guard(text), **changes)
 
 
-TIME_OUT = Transition(source="a", target="b", cause="time_out", timeout_ticks=500)
+TIME_OUT = Transition(source="a", target="b", cause="timeout", timeout_ticks=500)
 
 
 @pytest.mark.parametrize(
@@ -477,8 +477,8 @@ TIME_OUT = Transition(source="a", target="b", cause="time_out", timeout_ticks=50
         ("time_in_phase_s < 0.1", {"debounce_ticks": 99}, True, True),
         ("time_in_phase_s < 0.1", {"debounce_ticks": 100}, True, False),
         ("time_in_phase_s > 0.5", {}, False, False),
-        ("hip.angle_deg > 5", {"time_out_ticks": 501}, False, False),
-        ("hip.angle_deg > 5", {"time_out_ticks": 500}, True, True),
+        ("hip.angle_deg > 5", {"timeout_ticks": 501}, False, False),
+        ("hip.angle_deg > 5", {"timeout_ticks": 500}, True, True),
     ],
 )
 def test_time_out_and_debounce_bound_what_an_exit_can_do(

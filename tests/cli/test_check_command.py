@@ -184,8 +184,8 @@ phases:
 transitions:
   - {from: stance, to: swing, cause: lift, all: ["hip.angle_deg < -2"]}
   - {from: swing, to: stance, cause: land, all: ["hip.angle_deg > 20"]}
-  - {from: stance, to: swing, cause: time_out, after_s: 2}
-  - {from: swing, to: stance, cause: time_out, after_s: 1}
+  - {from: stance, to: swing, cause: timeout, after_s: 2}
+  - {from: swing, to: stance, cause: timeout, after_s: 1}
 """
 
 

@@ -303,7 +303,7 @@ def test_a_diverging_run_keeps_its_log_marked_and_exits_1(tmp_path):
 
 
 LIMP_KNEE = "table.phases.middle_stance.knee.stiffness_Nm_per_deg=0.01"
-FALLS = ["--set", LIMP_KNEE, "--set", "scenario.support={share: 0, catch_stiffness_N_per_m: 0}"]
+FALLS = ["--set", LIMP_KNEE, "--set", "scenario.support={share: 0, lock_stiffness_N_per_m: 0}"]
 
 
 def test_a_fall_is_a_result_unless_asked_otherwise(tmp_path):

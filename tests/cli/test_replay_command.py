@@ -117,7 +117,7 @@ def test_healthy_walking_goes_through_the_table(capsys):
     assert run("replay", "koopman@1.5", "--table", FIVE_PHASES) == 0
     printed = capsys.readouterr().out
     assert printed.count("7 strides of 1.75 s, 7 with a whole cycle of the table") == 2
-    assert "time_out" not in printed
+    assert "timeout" not in printed
 
 
 def test_a_table_of_ones_own_is_read_from_its_file(tmp_path, capsys):

@@ -61,7 +61,7 @@ transitions:
     any: ["hip.angle_deg < -2", {all: ["hip.angle_deg < 0", "foot.load_bw > 0.2"]}]
   - {from: late_stance, to: swing_flexion, cause: trailing_limb, debounce_ms: 5, all: ["hip.angle_deg < -8"]}
   - {from: swing_flexion, to: swing_extension, cause: clearance, all: ["knee.angle_deg > 40"]}
-  - {from: swing_flexion, to: swing_extension, cause: time_out, after_s: 1.0}
+  - {from: swing_flexion, to: swing_extension, cause: timeout, after_s: 1.0}
   - {from: swing_extension, to: early_stance, cause: limb_extended, all: ["knee.angle_deg < 10"]}
 sides:
   left:
@@ -132,7 +132,7 @@ def test_the_rest_of_the_table_is_read(tmp_path: Path) -> None:
 def test_transitions_keep_their_order_and_their_conditions(tmp_path: Path) -> None:
     table = load_text(TABLE, tmp_path)
     assert [item.cause for item in table.transitions] == [
-        "loaded", "hip_extension", "trailing_limb", "clearance", "time_out", "limb_extended",
+        "loaded", "hip_extension", "trailing_limb", "clearance", "timeout", "limb_extended",
     ]  # fmt: skip
 
     def guard(text: str) -> Any:
@@ -173,7 +173,7 @@ joints: [ankle]
 phases: {{stance: {{ankle: {joint}}}, swing: {{ankle: {joint}}}}}
 transitions:
   - {{from: stance, to: swing, cause: push_off, all: ["ankle.angle_deg < -10"]}}
-  - {{from: swing, to: stance, cause: time_out, after_s: 0.4}}
+  - {{from: swing, to: stance, cause: timeout, after_s: 0.4}}
 """
     table = load_text(text, tmp_path)
     assert table.joints == ("ankle",)
@@ -670,7 +670,7 @@ extends: treadmill
 transitions:
   - {from: late_stance, to: early_stance, cause: stumble, all: ["hip.angle_deg > 40"]}
   - {from: middle_stance, to: late_stance, cause: hip_extension, all: ["hip.angle_deg < -1.25"]}
-  - {from: swing_extension, to: early_stance, cause: time_out, remove: true}
+  - {from: swing_extension, to: early_stance, cause: timeout, remove: true}
 """
 
 
@@ -688,7 +688,7 @@ def test_a_transition_with_the_same_from_to_and_cause_takes_the_place_of_the_inh
     tmp_path: Path,
 ) -> None:
     base, table = load_gait_table("treadmill"), changed(tmp_path)
-    expected = [name for name in names(base) if name != ("swing_extension", "early_stance", "time_out")]
+    expected = [name for name in names(base) if name != ("swing_extension", "early_stance", "timeout")]
     assert names(table) == [*expected, ("late_stance", "early_stance", "stumble")]
     place = names(base).index(("middle_stance", "late_stance", "hip_extension"))
     assert str(table.transitions[place].guard) == "hip.angle_deg < -1.25"
@@ -702,7 +702,7 @@ def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> Non
     changed(tmp_path)
     path = tmp_path / "above.yaml"
     path.write_text(CHANGED.replace("treadmill", "mine.yaml").replace("-1.25", "-1.5").replace(
-        "{from: swing_extension, to: early_stance, cause: time_out, remove: true}",
+        "{from: swing_extension, to: early_stance, cause: timeout, remove: true}",
         "{from: late_stance, to: early_stance, cause: stumble2, all: [\"hip.angle_deg > 50\"]}",
     ), encoding="utf-8")  # fmt: skip
     table = load_gait_table(path)
@@ -715,7 +715,7 @@ def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("old", "new", "key", "explained"),
     [
-        ("cause: time_out, remove", "cause: tired, remove", "transitions[2]",
+        ("cause: timeout, remove", "cause: tired, remove", "transitions[2]",
          "treadmill has no swing_extension → early_stance (tired)"),
         ("remove: true", "remove: maybe", "transitions[2].remove", "maybe"),
         ("remove: true", "remove: true, after_s: 1", "transitions[2]", "after_s"),

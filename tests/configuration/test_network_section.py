@@ -52,7 +52,7 @@ def test_values_are_converted_to_si_and_survive_being_written_and_read(tmp_path:
         "  error_share: 0.01\n"
         "  bus_off_recovery: false\n"
         "  impedance: ccu\n"
-        "  board_silence_ms: 10\n"
+        "  board_timeout_ms: 10\n"
         f"  outages: [{', '.join(OUTAGES)}]\n"
     )
     loaded = load_experiment(path)
@@ -122,7 +122,7 @@ def test_an_outage_that_makes_no_sense_is_refused(text: str, problem: str) -> No
         ("network.phase_us.left_hip=5000", "network: phase of left_hip: expected 0 s to the cycle"),
         ("network.phase_us.left_ankle=5", "network.phase_us.left_ankle: unknown key"),
         ("network.clock_drift_ppm.left_hip=20000", "clock_drift_ppm.left_hip: expected a number from -10000"),
-        ("network.board_silence_ms=0", "network.board_silence_ms: expected a number above 0"),
+        ("network.board_timeout_ms=0", "network.board_timeout_ms: expected a number above 0"),
         ("network.impedance=cpu", "network.impedance: input should be 'board' or 'ccu', got 'cpu'"),
         ("network.dbc=none.dbc", "none.dbc: no such DBC file"),
         ("network.outages=['boot:ccu@3s']", "network.outages[0]: outage 'boot:ccu@3s': expected KIND"),

@@ -255,7 +255,7 @@ def test_gear_that_loses_alike_both_ways_is_what_an_identification_of_loaded_joi
     velocity, load = np.meshgrid(np.linspace(-2.0, 2.0, 41), np.linspace(-50.0, 50.0, 11))
     eta = 0.85
     cold = np.full_like(velocity, REFERENCE_TEMPERATURE)
-    term = array_laws.conditioned_torque(
+    term = array_laws.load_and_temperature_torque(
         velocity, load, cold, 0.0, 0.5 * (1.0 / eta - eta), 0.0, 0.0, 0.0, 0.02
     )
     ours = [

@@ -56,8 +56,8 @@ def test_a_page_gets_number_and_table(insert, tmp_path):
         "G = <!-- value fit gain.hip.1 .2f -->0.46<!-- / -->.\n"
         "<!-- table fit rows -->\n| k | ends |\n| --- | --- |\n| 1.5 | rest |\n| 2 |  |\n<!-- / -->\n"
     )
-    assert insert.with_results(page) == expected
-    assert insert.with_results(expected) == expected
+    assert insert.insert_results(page) == expected
+    assert insert.insert_results(expected) == expected
 
 
 def test_the_readme_is_one_of_the_pages(insert, tmp_path, monkeypatch):
@@ -75,13 +75,13 @@ def test_the_readme_is_one_of_the_pages(insert, tmp_path, monkeypatch):
 
 def test_results_that_are_missing_are_named(insert):
     with raises(ValueError, "fit"):
-        insert.with_results("<!-- value fit ratio -->1<!-- / -->")
+        insert.insert_results("<!-- value fit ratio -->1<!-- / -->")
 
 
 def test_results_of_the_quick_form_are_not_quoted(insert, tmp_path):
     keep(tmp_path / "benchmarks" / "results" / "engines", quick=True, ratio=2.0)
     with raises(ValueError, "engines", "--quick"):
-        insert.with_results("<!-- value engines ratio -->1<!-- / -->")
+        insert.insert_results("<!-- value engines ratio -->1<!-- / -->")
 
 
 def test_no_line_begins_with_a_quoted_number():

@@ -71,11 +71,11 @@ def test_a_row_counts_who_walks_and_a_sentence_names_who_does_not() -> None:
 def test_powers_of_a_wearer_add_up_to_their_work() -> None:
     """Against the work that the engine integrates; powers are sampled once a tick."""
     run = simulate(experiment_of("healthy", 0.6, 0.3))
-    work = run.log["patient_work_J"].iloc[-1]
+    work = run.log["external_work_J"].iloc[-1]
     assert abs(work) > 0.1
     assert sum(wearer_power(run, joint) for joint in JOINTS) * run.duration == pytest.approx(work, rel=0.02)
     assert wearer_peak(run, JOINTS[0]) == max(
-        run.log[f"{side}_hip_patient_torque_Nm"].abs().max() for side in Side
+        run.log[f"{side}_hip_external_torque_Nm"].abs().max() for side in Side
     )
     assert pair([0.5, None], ".1f", 100.0) == "50.0, –"
 

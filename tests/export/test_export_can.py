@@ -188,13 +188,13 @@ def test_a_board_that_the_bus_leaves_alone_tells_so():
             "bench_leg", ["engine=pinocchio", "duration_s=1", "network.outages=[silence:right_knee@0.5s]"]
         ).experiment
     )
-    assert str(run.trip.cause) == "bus_silence" and str(run.trip.joint) == "knee"
+    assert str(run.trip.cause) == "bus_timeout" and str(run.trip.joint) == "knee"
     last = {item.identifier: item.data for item in run_frames(run, MESSAGES)}
     told = {
         name: DATABASE.decode_message(identifier, last[identifier])["trip_cause"]
         for name, identifier in (("gait_state", 0x281), ("right_knee", 0x184), ("right_hip", 0x183))
     }
-    assert told == {"gait_state": "bus_silence", "right_knee": "bus_silence", "right_hip": "none"}
+    assert told == {"gait_state": "bus_timeout", "right_knee": "bus_timeout", "right_hip": "none"}
 
 
 # ------------------------------------------------------------------------------- the command

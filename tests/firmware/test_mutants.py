@@ -20,8 +20,8 @@ BOARD = (
 )
 NOTICED = {
     "joint_board": f"{BOARD} controller_silence highest_command command_deviation command_gain",
-    "gait_controller": "phase_ticks frozen_load_ticks board_silence lowering_ticks hold_damping stiffness "
-    "damping threshold least_voltage low_ticks frozen_speed time_out_ticks debounce_ticks operation "
+    "gait_controller": "phase_ticks frozen_load_ticks board_timeout lowering_ticks hold_damping stiffness "
+    "damping threshold least_voltage low_ticks frozen_speed timeout_ticks debounce_ticks operation "
     "n_transitions",
     "exoskeleton": f"{BOARD} stiffness damping frozen_speed",
     "can_codec": "identifier length half start mask sign missing scale offset lowest highest",

@@ -280,7 +280,7 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
         "heard": episode.controller.common,
         "measurement": episode.controller.joints[0].measurement,
         "command": episode.joints[0].board.command,
-        "demand": episode.controller.joints[0].demand,
+        "demand": episode.controller.joints[0].setpoint,
     }
 
     def argument(name: str) -> Any:

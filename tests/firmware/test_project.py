@@ -204,12 +204,12 @@ def fuzz(project: Project, folder: Path, count: int, *more: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
 def test_a_million_wild_inputs_do_nothing_undefined(treadmill, tmp_path, more):
-    treadmill.write_linked(tmp_path)
+    treadmill.write_sources(tmp_path)
     fuzz(treadmill, tmp_path, 1_000_000, *more)
 
 
 def test_wild_inputs_do_nothing_undefined(treadmill, tmp_path):
-    treadmill.write_linked(tmp_path)
+    treadmill.write_sources(tmp_path)
     fuzz(treadmill, tmp_path, 50_000)
 
 
@@ -223,7 +223,7 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
     before.
     """
     require_tools("gcc")
-    library, linked = CLibrary(treadmill.program), treadmill.linked
+    library, linked = CLibrary(treadmill.program), treadmill.exoskeleton
     settings, joints = linked.record.settings, range(len(linked.record.boards))
     whole = library.structure(deep_copy(linked.record))
     boards = [
@@ -233,7 +233,7 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
     inputs, outputs = deep_copy(linked.inputs), deep_copy(linked.outputs)
     found = [units.JointBoardOutputs() for _ in joints]
     heard = units.GaitControllerInputs(inputs.surroundings, [item.measurement for item in found], [True] * 4)
-    told = units.GaitControllerOutputs(deep_copy(outputs.decision), [item.demand for item in inputs.boards])
+    told = units.GaitControllerOutputs(deep_copy(outputs.decision), [item.setpoint for item in inputs.boards])
     phases, same, errors = set(), 0, []
     walk = replace(treadmill.problem.experiment, duration=2.5)
     for tick, row in enumerate(record_vectors(walk).inputs):
@@ -252,7 +252,7 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
         phases.add(told.decision.phases[0])
         for number, command in enumerate(outputs.commands):
             demand, given = told.setpoints[number], found[number].command
-            heeded = whole.boards[number].demand
+            heeded = whole.boards[number].setpoint
             for name in ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target"):
                 assert getattr(heeded, name) == getattr(demand, name), (tick, number, name)
             if bits(demand) == before[number]:
@@ -267,7 +267,7 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
 
 def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_apart(treadmill):
     require_tools("gcc")
-    library, linked = CLibrary(treadmill.program), treadmill.linked
+    library, linked = CLibrary(treadmill.program), treadmill.exoskeleton
     settings = linked.record.settings
     wild = deep_copy(linked.record)
     for joint in wild.controller.joints:
@@ -278,7 +278,7 @@ def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_a
     inputs.surroundings.bus_voltage = 28.8
     library.call("exoskeleton_step", whole, inputs, outputs)
     assert outputs.decision.trip_cause == COMMAND_TRIP
-    assert [board.demand.damping for board in whole.boards] == [settings.limits.hold_damping] * 4
+    assert [board.setpoint.damping for board in whole.boards] == [settings.limits.hold_damping] * 4
     board = library.structure(units.JointBoard(settings, deep_copy(linked.record.boards[0])))
     demand = units.JointSetpoint(target=1e4, gravity=float("nan"))
     apart, found = (
@@ -286,7 +286,7 @@ def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_a
         units.JointBoardOutputs(),
     )
     library.call("joint_board_step", board, apart, found)
-    assert board.state.demand.damping == settings.limits.hold_damping
+    assert board.state.setpoint.damping == settings.limits.hold_damping
     assert found.command.target_current == 0.0  # no weight is carried that is no number
     library.call("joint_board_step", board, apart, found)
     assert found.measurement.cause == COMMAND_TRIP
@@ -338,8 +338,8 @@ def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmil
         assert found.measurement.cause == NO_TRIP and found.command.target_current > 0.5
         read.received = False
     library.call("joint_board_step", board, read, found)
-    assert found.measurement.cause == BUS_TRIP and board.state.demand.stiffness == 0.0
-    linked = treadmill.linked
+    assert found.measurement.cause == BUS_TRIP and board.state.setpoint.stiffness == 0.0
+    linked = treadmill.exoskeleton
     central = library.structure(
         units.GaitController(linked.record.settings, deep_copy(linked.record.controller))
     )

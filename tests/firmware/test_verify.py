@@ -49,7 +49,7 @@ def bench(project, tmp_path_factory) -> VerificationBuild:
     """Builds, and vectors with each fault."""
     require_tools("gcc")
     vectors = [record_vectors(case) for case in cases_of(project.problem.experiment)]
-    return VerificationBuild(project, vectors, project.write_linked(tmp_path_factory.mktemp("bench")))
+    return VerificationBuild(project, vectors, project.write_sources(tmp_path_factory.mktemp("bench")))
 
 
 def assert_proven(checks: list[tuple[bool | None, dict[str, Any]]]) -> None:
@@ -162,7 +162,7 @@ def test_a_wrong_c_is_found(bench, tmp_path, name):
     files = {**project.program.files, "exoskeleton.c": text.replace(good, bad)}
     wrong = replace(project, program=project.program._replace(files=files))
     passed, figures = verifying.host_in_double(
-        VerificationBuild(wrong, bench.vectors, wrong.write_linked(tmp_path))
+        VerificationBuild(wrong, bench.vectors, wrong.write_sources(tmp_path))
     )
     assert passed is False and figures["differing"] > 100
 

@@ -104,10 +104,10 @@ def test_minimum_duration_counts_from_the_entry() -> None:
 
 @pytest.mark.parametrize("after", [1, 7, 1000])
 def test_time_out_fires_at_its_tick_and_not_before(after: int) -> None:
-    fsm = machine(transition("stance", "swing", time_out_ticks=after, cause="time_out"))
+    fsm = machine(transition("stance", "swing", time_out_ticks=after, cause="timeout"))
     assert switches(fsm, [0.0] * (after - 1)) == []
     assert switches(fsm, [0.0], first_tick=after) == [
-        PhaseSwitch(after, Side.LEFT, "stance", "swing", "time_out", 0)
+        PhaseSwitch(after, Side.LEFT, "stance", "swing", "timeout", 0)
     ]
 
 

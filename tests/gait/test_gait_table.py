@@ -172,7 +172,7 @@ def test_differences_of_one_side_leave_the_other_alone() -> None:
 @pytest.mark.parametrize(
     "entry",
     [
-        {"time_out_ticks": 10**30},
+        {"timeout_ticks": 10**30},
         {"condition": "hip.angle_deg > 1", "debounce_ticks": 10**30},
     ],
     ids=["time-out", "debounce"],

@@ -291,7 +291,7 @@ def test_the_kit_shows_every_transition_of_what_ships(name):
     [
         ("lean", {"debounce_ticks": 199}),
         ("closed", {"debounce_ticks": 501}),
-        ("asked", {"time_out_ticks": 2999}),
+        ("asked", {"timeout_ticks": 2999}),
     ],
 )
 def test_the_kit_finds_a_machine_that_is_a_tick_early_or_late(cause, change):

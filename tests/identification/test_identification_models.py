@@ -92,12 +92,12 @@ def test_old_model_of_twin_at_one_over_forty_is_tanh_of_one():
 
 def test_conditioned_friction_falls_with_warmth_and_grows_with_load():
     w, one = np.array([5.0]), np.ones(1)
-    base = array_laws.conditioned_torque(w, 0 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
+    base = array_laws.load_and_temperature_torque(w, 0 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
     assert_allclose(base, 13.0)
     assert_allclose(
-        array_laws.conditioned_torque(w, -10 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01) - base, 1.0
+        array_laws.load_and_temperature_torque(w, -10 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01) - base, 1.0
     )
-    warm = array_laws.conditioned_torque(w, 0 * one, 35 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
+    warm = array_laws.load_and_temperature_torque(w, 0 * one, 35 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
     assert_allclose(warm - base, -0.2 - 2.5)
 
 

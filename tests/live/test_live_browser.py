@@ -789,7 +789,7 @@ def posture(model: Any, row: pd.Series) -> np.ndarray:
 
 
 def test_push_is_read_back_from_the_torque_of_the_wearer(session) -> None:
-    torque = session["log"]["right_hip_patient_torque_Nm"].to_numpy()
+    torque = session["log"]["right_hip_external_torque_Nm"].to_numpy()
     began = change(session, "push")
     pushed = np.flatnonzero(torque)
     assert (pushed[0], pushed[-1]) == (began, began + 299)

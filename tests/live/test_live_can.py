@@ -251,13 +251,13 @@ def test_a_bus_that_fails_is_told_once_and_the_link_goes_on(rig, monkeypatch):
     rows = rows_of(rig.panel, 0, 10)
     with monkeypatch.context() as patch:
         patch.setattr(rig.link._bus, "send", fail)
-        rig.link.take(rows)
+        rig.link.add_block(rows)
         rig.wait_for(lambda: rig.book.serial)
         time.sleep(0.1)
     assert [event.text for event in rig.book.after(0)] == ["the CAN bus fails, frames are lost: cable cut"]
     heard = []
     for first in (10, 20):
-        rig.link.take(rows_of(rig.panel, first, first + 10))
+        rig.link.add_block(rows_of(rig.panel, first, first + 10))
         rig.wait_for(lambda: rig.bus.recv(0.0))
         heard.append(1)
         while rig.bus.recv(0.1):
@@ -301,12 +301,12 @@ def test_frames_go_out_at_their_cycle_in_order_and_find_their_time_again_after_a
     listener.start()
     began = time.monotonic()
     for first in range(0, 200, 10):
-        rig.link.take(rows_of(rig.panel, first, first + 10))
+        rig.link.add_block(rows_of(rig.panel, first, first + 10))
         time.sleep(max(0.0, began + (first + 10) * 1e-3 - time.monotonic()))
     time.sleep(0.5)  # a pause
     again = time.monotonic()
     for first in range(200, 400, 10):
-        rig.link.take(rows_of(rig.panel, first, first + 10))
+        rig.link.add_block(rows_of(rig.panel, first, first + 10))
         time.sleep(max(0.0, again + (first - 190) * 1e-3 - time.monotonic()))
     listener.join()
     expected = simulate(load_experiment("bench_leg", ["duration_s=0.4"]).experiment)

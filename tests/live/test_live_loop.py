@@ -599,7 +599,7 @@ def test_thresholds_reach_the_guards(bench_panel, bench_problem):
     rig = Rig(bench_problem, script, longest=9000)
     rig.loop.walk()
     switches = rig.takes[0].switches
-    assert {item.cause for item in switches if item.tick < 6000} == {"time_out"}
+    assert {item.cause for item in switches if item.tick < 6000} == {"timeout"}
     assert "clearance" in {item.cause for item in switches if item.tick > 6000}
 
 
@@ -722,7 +722,7 @@ def test_changes_are_applied_with_their_tick_and_logged(finished):
     _, said, folder = finished
     assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == ["applied"] * 5
     log = read_stored_run(folder / "run").run.log
-    pushed = np.flatnonzero(log["right_knee_patient_torque_Nm"] == -6.0)
+    pushed = np.flatnonzero(log["right_knee_external_torque_Nm"] == -6.0)
     assert pushed[0] == said["push"].tick and len(pushed) == 200
     assert np.flatnonzero(log["safety_state"])[0] == said["stop"].tick
     events = read_stored_run(folder / "run").run.experiment.events

@@ -55,7 +55,7 @@ class Told(LivePageServer):
 
     def hear(self, panel: Any, text: str) -> None:
         self.heard.append(text)
-        panel.tell({"kind": "heard", "text": text})
+        panel.send({"kind": "heard", "text": text})
 
     async def stop(self) -> bool:
         self.stops += 1

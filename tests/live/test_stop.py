@@ -29,7 +29,7 @@ BELT = Belt(cruise=0.42, start=2.0, stop=10.0, ramp=1.0, delay=0.2, stop_ramp=0.
 EVEN = Belt(cruise=0.42, stop_ramp=0.5)
 STOPS, STRIDE = 40, 2100  # ticks of a stride of the default walk
 SETTLED = 1000  # ticks after which a loaded foot rests
-RUNS_ON = ("scenario.stop_ramp_s=null", "scenario.support.catch_stiffness_N_per_m=0")
+RUNS_ON = ("scenario.stop_ramp_s=null", "scenario.support.lock_stiffness_N_per_m=0")
 
 
 # ---------------------------------------------------------------------- the belt
@@ -155,7 +155,7 @@ def test_the_harness_is_a_spring_that_only_pulls_up_and_the_energy_is_accounted_
     log, trip, support = run.log, run.trip.tick, run.experiment.scenario.support
     height, velocity = log["pelvis_height_m"].to_numpy(), log["pelvis_velocity_m_per_s"].to_numpy()
     depth = np.where(np.arange(len(log)) >= trip, height[trip] - height, 0.0).clip(0.0)
-    caught = support.catch_stiffness * depth * (1.0 - support.catch_dissipation * velocity).clip(0.0)
+    caught = support.lock_stiffness * depth * (1.0 - support.lock_dissipation * velocity).clip(0.0)
     carried = support.share * run.body_weight - support.damping * velocity
     assert_allclose(log["support_force_N"], carried + caught, atol=1e-9)
     assert caught.max() > 0.05 * run.body_weight and caught.min() == 0.0
@@ -177,9 +177,9 @@ def test_a_start_after_a_stop_is_the_first_walk_again_bit_for_bit(walk):
 
 
 def test_parameters_are_read_checked_and_written():
-    settings = ["scenario.stop_ramp_s=0.8", "scenario.support.catch_stiffness_N_per_m=5000"]
+    settings = ["scenario.stop_ramp_s=0.8", "scenario.support.lock_stiffness_N_per_m=5000"]
     experiment = load_experiment("treadmill", settings).experiment
-    assert experiment.scenario.stop_ramp == 0.8 and experiment.scenario.support.catch_stiffness == 5000.0
+    assert experiment.scenario.stop_ramp == 0.8 and experiment.scenario.support.lock_stiffness == 5000.0
     on = replace(experiment, scenario=replace(experiment.scenario, stop_ramp=math.inf))
     for item, told in ((experiment, 0.8), (on, None)):
         assert experiment_document(item)["scenario"]["stop_ramp_s"] == told
@@ -190,12 +190,12 @@ def test_parameters_are_read_checked_and_written():
     [
         ("stop_ramp_s=0", ("scenario.stop_ramp_s", "0", "3600")),
         (
-            "support.catch_stiffness_N_per_m=-1",
-            ("scenario.support.catch_stiffness_N_per_m", "0", "-1"),
+            "support.lock_stiffness_N_per_m=-1",
+            ("scenario.support.lock_stiffness_N_per_m", "0", "-1"),
         ),
         (
-            "support.catch_dissipation_s_per_m=-1",
-            ("scenario.support.catch_dissipation_s_per_m", "0", "-1"),
+            "support.lock_dissipation_s_per_m=-1",
+            ("scenario.support.lock_dissipation_s_per_m", "0", "-1"),
         ),
     ],
 )

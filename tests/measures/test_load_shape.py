@@ -82,8 +82,8 @@ def test_numbers_are_extrema_of_the_curve_at_every_position_of_three_peaks() -> 
 def test_least_loads_are_there_without_two_peaks() -> None:
     found = load_measures(bumps((33, 1.1), (50, 1.0)))
     assert math.isnan(found["trough"])
-    assert found["least_load"] == pytest.approx(0.7, abs=1e-3)
-    assert found["least_midstance_load"] == pytest.approx(0.7, abs=1e-2)
+    assert found["min_load"] == pytest.approx(0.7, abs=1e-3)
+    assert found["min_midstance_load"] == pytest.approx(0.7, abs=1e-2)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -51,7 +51,7 @@ def walk_log(*, slip: float = 0.0) -> pd.DataFrame:
         log[f"{side}_phase"] = np.where(place < SWING_BEGINS, *PHASES)
         log[f"{side}_foot_normal_force_N"] = load
         log[f"{side}_foot_friction_force_N"] = braking
-        log[f"{side}_foot_pressure_place"] = np.where(stance, place / STANCE, 0.0)
+        log[f"{side}_foot_cop_ratio"] = np.where(stance, place / STANCE, 0.0)
         log[f"{side}_foot_clearance_m"] = np.where(stance, -0.005, 0.02)
         turn = 2.0 * math.pi * place / STRIDE
         log[f"{side}_hip_angle_rad"] = 0.2 + 0.3 * np.cos(turn)
@@ -92,7 +92,7 @@ def test_every_measure_of_a_walk_written_by_hand() -> None:
     assert left["clearance_m"] == pytest.approx(0.02)
     assert left["swing_entry"] == pytest.approx(0.6)
     assert left["swing_load_N"] == pytest.approx(float(stance_load(np.array(900.0))))
-    assert left["pressure_crossing"] == pytest.approx(0.34)
+    assert left["cop_crossing"] == pytest.approx(0.34)
     assert left["belt_power_W"] == pytest.approx(0.4 * 8.0 / 1.5)
     assert (left["hip_motor_power_W"], left["knee_motor_power_W"]) == pytest.approx((5.0, -2.0))
     powers = [left[f"{source}_power_W"] for source in ("voluntary", "passive", "push")]
@@ -102,11 +102,11 @@ def test_every_measure_of_a_walk_written_by_hand() -> None:
 def test_least_load_finds_a_foot_that_bounces_in_weight_acceptance() -> None:
     log = walk_log()
     # It rises from 6 % on, 90 ticks after heel strike.
-    assert measured(log)[Side.LEFT]["least_load"] == pytest.approx(1.0 + 0.2 * math.cos(4.0 * math.pi * 0.16))
+    assert measured(log)[Side.LEFT]["min_load"] == pytest.approx(1.0 + 0.2 * math.cos(4.0 * math.pi * 0.16))
     place = (np.arange(len(log)) - 600) % STRIDE
     log.loc[(place >= 150) & (place < 250), "left_foot_normal_force_N"] = 0.05 * CARRIED
     left = measured(log)[Side.LEFT]
-    assert left["least_load"] == pytest.approx(0.05)
+    assert left["min_load"] == pytest.approx(0.05)
     assert left["trough"] == pytest.approx(0.8, abs=1e-3)  # from 18 % on
 
 
@@ -153,7 +153,7 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     powers = [power[f"{source}_W"] for source in ("voluntary", "passive", "push")]
     assert powers == pytest.approx([10.0, -8.0, 2.0])
     assert power["guide_force_N"] == pytest.approx(20.0)
-    assert power["guide_W"] == 0.0 and not power["carried_by_belt"]
+    assert power["guide_W"] == 0.0 and not power["belt_driven"]
     braced = log.assign(pelvis_forward_velocity_m_per_s=0.1, wearer_pelvis_forward_velocity_m_per_s=0.2)
     assert walk_power(braced, measured(log).values(), bounds, WALKWAY)["guide_W"] == pytest.approx(4.0)
     assert is_belt_driven(10.0, SPEED, 3.9, CARRIED)  # 4 W

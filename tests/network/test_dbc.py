@@ -159,7 +159,7 @@ def test_the_ranges_hold_the_joints_of_the_device():
 
 def test_codes_are_those_of_the_program():
     causes = {str(item): item.code for item in TripCause}
-    state, heard = MESSAGES["gait_state"].codes, {"bus_silence": 16}  # which no board tells of itself
+    state, heard = MESSAGES["gait_state"].codes, {"bus_timeout": 16}  # which no board tells of itself
     assert MESSAGES["left_hip_measurement"].codes["trip_cause"] | heard == causes
     assert state["trip_cause"] == causes
     assert state["safety_state"] == {str(item): item.code for item in SafetyState}

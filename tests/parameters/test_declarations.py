@@ -159,7 +159,7 @@ def test_a_field_that_is_read_by_hand_is_known() -> None:
         "Patient.conditions",
         "PhaseParameters.joints",
         "Transition.guard",
-        "Transition.time_out_ticks",
+        "Transition.timeout_ticks",
     }
 
 

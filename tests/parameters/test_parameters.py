@@ -94,7 +94,7 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (BenchSetup, "mass", -0.1),
     (Campaign, "cycles", 0),
     (Transition, "debounce_ticks", 0),
-    (Transition, "time_out_ticks", 0),
+    (Transition, "timeout_ticks", 0),
 ]
 REQUIRED: dict[Any, dict[str, Any]] = {
     ActuatorParameters: {"torque_constant": 0.07, "resistance": 0.3},
@@ -105,8 +105,8 @@ REQUIRED: dict[Any, dict[str, Any]] = {
     Transition: {
         "source": "late_stance",
         "target": "swing_flexion",
-        "cause": "time_out",
-        "time_out_ticks": 9,
+        "cause": "timeout",
+        "timeout_ticks": 9,
     },
 }
 

@@ -257,7 +257,7 @@ def test_slower_walking_needs_a_table_whose_steps_shorten_with_the_speed():
     # As it is written no swing begins; with the law that it states swings end by their time-out.
     assert not any(switch.cause == "trailing_limb" for switch in replay(walk, written).switches)
     stated = scale_table(written, carried_mass=None, speed=0.5 / 3.6)
-    assert any(switch.cause == "time_out" for switch in replay(walk, stated).switches)
+    assert any(switch.cause == "timeout" for switch in replay(walk, stated).switches)
 
 
 def test_faster_walking_passes_through_the_table_of_the_bench_too():

@@ -55,7 +55,7 @@ def nested_table() -> GaitTable:
         transition("stance", "swing", AllOf(guards=(either,)), cause="either", debounce_ticks=3),
         transition("stance", "swing", near, cause="near_and_late", time_out_ticks=40),
         transition("stance", "swing", guard("other.phase in [swing]"), cause="other", debounce_ticks=9),
-        transition("stance", "swing", None, cause="time_out", time_out_ticks=300),
+        transition("stance", "swing", None, cause="timeout", time_out_ticks=300),
         transition("swing", "stance", back, cause="back", debounce_ticks=2),
     )
     phases = {"stance": phase(minimum_ticks=20), "swing": phase()}
@@ -285,7 +285,7 @@ def test_a_time_on_its_threshold_is_possible() -> None:
     longer, shorter = guard("time_in_phase_s > 0.05"), guard("time_in_phase_s < 0.05")
     exits = (
         transition("stance", "swing", AnyOf(guards=(longer, shorter)), cause="early"),
-        transition("stance", "swing", None, cause="time_out", time_out_ticks=50),
+        transition("stance", "swing", None, cause="timeout", time_out_ticks=50),
     )
     logic = PhaseLogic(two_phase_table(*exits), "stance")
     assert logic.conditions == (longer, shorter, MinimumTime(50))

@@ -54,7 +54,7 @@ class Springs(Postures, Controller):
 
     @staticmethod
     def tick(memory, device, tick, period):
-        device.joints[0].demand.target = 2.0
+        device.joints[0].setpoint.target = 2.0
 """
 
 

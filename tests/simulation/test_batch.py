@@ -27,7 +27,7 @@ OVERRIDES: list[dict[str, Any]] = [
 OVERRIDES[FALLING] = {
     "patient.mass_kg": 68.0,
     "scenario.support.share": 0.0,
-    "scenario.support.catch_stiffness_N_per_m": 0.0,
+    "scenario.support.lock_stiffness_N_per_m": 0.0,
     "table.phases.middle_stance.knee.stiffness_Nm_per_deg": 0.01,  # the leg that carries alone
 }
 

@@ -162,7 +162,7 @@ def test_what_the_device_does_on_the_wearer_moves_him_and_is_missing_in_the_devi
     on_device = sum(columns(f"{name}_torque_Nm") for name in ("motor", "friction", "stop")) - brace
     sides = (
         (world.braces.device, "", on_device),
-        (world.braces.wearer, "wearer_", brace + columns("patient_torque_Nm")),
+        (world.braces.wearer, "wearer_", brace + columns("external_torque_Nm")),
     )
     for model, prefix, torque in sides:
         q, v = columns(f"{prefix}angle_rad"), columns(f"{prefix}velocity_rad_per_s")

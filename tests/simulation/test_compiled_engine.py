@@ -277,7 +277,7 @@ def test_engines_pass_the_same_phases_with_quantised_sensors():
 
 
 def test_a_fall_and_a_divergence_end_the_compiled_run_too():
-    fall = ["duration_s=4", "scenario.support={share: 0, catch_stiffness_N_per_m: 0}", "engine=compiled"]
+    fall = ["duration_s=4", "scenario.support={share: 0, lock_stiffness_N_per_m: 0}", "engine=compiled"]
     limp = "table.phases.middle_stance.knee.stiffness_Nm_per_deg=0.01"
     assert simulate(load_experiment("treadmill", [*fall, limp]).experiment).status == "fell"
     stiff = ["duration_s=1", "plant.stops.stiffness_Nm_per_rad=1e7", "engine=compiled"]

@@ -64,7 +64,7 @@ def test_keys_become_parameters_in_si():
         "control.assistance={hip: 0.5, knee: 0.6, adaptive: true, forgetting: 0.8}",
         "control.assistance.gain_per_rad=2",
         "control.assistance.least=0.1",
-        "control.assistance.allowance_deg=3",
+        "control.assistance.error_deadband_deg=3",
     ).control
     assert control.mode == "position"
     assert_allclose([control.path.stiffness[joint] for joint in ("hip", "knee")], np.degrees([5.0, 6.0]))

@@ -53,7 +53,7 @@ class FadingHelp(Controller):
             if leg.phase == 0 and leg.entry_tick == tick > 0:
                 memory.left[number] = max(0.8, 0.9 * memory.left[number])
             for place in range(per_leg * number, per_leg * (number + 1)):
-                device.joints[place].demand.stiffness *= memory.left[number]
+                device.joints[place].setpoint.stiffness *= memory.left[number]
 
 
 @pytest.mark.slow
@@ -82,9 +82,9 @@ class Weaker(Controller):
     def tick(memory, device, tick, period):
         before, share = find_cycle_interval(tick * period, 101)
         for joint in device.joints:
-            joint.demand.stiffness *= 0.5
-            joint.demand.gain = 0.0
-            joint.demand.target = 0.01 * (before + share)
+            joint.setpoint.stiffness *= 0.5
+            joint.setpoint.gain = 0.0
+            joint.setpoint.target = 0.01 * (before + share)
 
 
 def test_a_controller_of_ones_own_acts_in_both_engines():
@@ -117,7 +117,7 @@ def test_a_controller_that_is_compiled_by_its_writer_is_compiled_once():
 
 def halve(memory, device, tick, period):
     for joint in device.joints:
-        joint.demand.stiffness *= 0.5
+        joint.setpoint.stiffness *= 0.5
 
 
 class Counts:
@@ -147,7 +147,7 @@ def test_a_tick_of_bytecode_that_numba_does_not_know_steps_through_python():
     def imports(memory, device, tick, period):
         import math
 
-        device.joints[0].demand.target = math.sin(0.01 * tick)
+        device.joints[0].setpoint.target = math.sin(0.01 * tick)
 
     with pytest.warns(SlowControllerWarning):
         run = simulate(bench("duration_s=0.05"), controller=controller_with(imports))
@@ -178,11 +178,11 @@ def answers(memory, device, tick, period):
 
 
 def text(memory, device, tick, period):
-    device.joints[0].demand.stiffness = "soft"
+    device.joints[0].setpoint.stiffness = "soft"
 
 
 def complex_number(memory, device, tick, period):
-    device.joints[0].demand.target = 1j
+    device.joints[0].setpoint.target = 1j
 
 
 class Draws:
@@ -309,11 +309,11 @@ def test_a_float_that_a_called_function_would_cut_is_refused():
 
 def divides(memory, device, tick, period):
     joint = device.joints[0]
-    joint.demand.target = 1.0 / (joint.demand.gain - joint.demand.gain)
+    joint.setpoint.target = 1.0 / (joint.setpoint.gain - joint.setpoint.gain)
 
 
 def counts_too_far(memory, device, tick, period):
-    device.joints[9].demand.target = 1.0
+    device.joints[9].setpoint.target = 1.0
 
 
 @pytest.mark.parametrize("tick", [divides, counts_too_far])
@@ -325,7 +325,7 @@ def test_a_controller_that_raises_in_compiled_code_is_named(tick):
 @pytest.mark.filterwarnings("ignore::twin_gait.simulation.simulator.SlowControllerWarning")
 def test_a_field_that_is_not_there_is_pythons_own_error():
     def misspells(memory, device, tick, period):
-        device.joints[0].demand.stifness = 1.0
+        device.joints[0].setpoint.stifness = 1.0
 
     with raises(AttributeError, "Demand", "stifness"):
         simulate(bench("duration_s=0.1"), controller=controller_with(misspells))
@@ -334,7 +334,7 @@ def test_a_field_that_is_not_there_is_pythons_own_error():
 @pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
 def test_a_controller_that_demands_no_number_trips(engine):
     def breaks(memory, device, tick, period):
-        device.joints[0].demand.target = 1e300 * 1e300 * 0.0 if tick >= 100 else 0.0
+        device.joints[0].setpoint.target = 1e300 * 1e300 * 0.0 if tick >= 100 else 0.0
 
     run = simulate(bench("duration_s=0.3", f"engine={engine}"), controller=controller_with(breaks))
     assert run.trip == (100, TripCause.COMMAND, Side.RIGHT, JointName.HIP)

@@ -165,10 +165,10 @@ def test_the_arms_work_is_the_patients_and_the_ropes_is_a_springs():
         tip = np.array([log[f"{side}_crutch_forward_m"], log[f"{side}_crutch_height_m"]])
         away = tip - hips - shoulder
         length, angle = np.hypot(*away), np.arctan2(away[0], -away[1]) + pitch
-        for effort, way in (("arm_push_N", length), ("shoulder_moment_Nm", angle)):
+        for effort, way in (("arm_axial_force_N", length), ("shoulder_moment_Nm", angle)):
             force = log[f"{side}_{effort}"].to_numpy()
             done += 0.5 * (force[1:] + force[:-1]) * np.diff(way)
-    work = log["patient_work_J"].to_numpy()
+    work = log["external_work_J"].to_numpy()
     done[:20], work = 0.0, work - work[20]  # the first ticks, in which all soles land, are too short for this
     assert_allclose(np.cumsum(done)[20:], work[21:], atol=0.01 * np.abs(np.diff(work)).sum())
     assert np.abs(work).max() > 1.0
@@ -279,8 +279,8 @@ def test_who_leans_too_far_or_cannot_reach_the_crutch_has_fallen(changes, told):
 
 def test_at_a_trip_the_rope_locks_where_the_trunk_is():
     """From then on the pull is that of a one-sided spring and damper from the height at the trip."""
-    rope = "scenario.harness={share: 0.1, catch_stiffness_N_per_m: 2e4, catch_dissipation_s_per_m: 1}"
-    trip = "control.safety.phase_time_out_s=0.06"
+    rope = "scenario.harness={share: 0.1, lock_stiffness_N_per_m: 2e4, lock_dissipation_s_per_m: 1}"
+    trip = "control.safety.phase_timeout_s=0.06"
     engine = ReferenceEngine(problem_of(EULER, NO_CRUTCHES, "duration_s=0.2", rope, trip))
     run = engine.run()
     log = {name: run.log[name].to_numpy() for name in run.log}

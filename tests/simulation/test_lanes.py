@@ -54,12 +54,12 @@ def unlike_problem(number: int, preset: str, *settings: str) -> SimulationSetup:
     if walking or any(item.startswith("patient") for item in settings):
         own += [f"patient.mass_kg={rng.uniform(50, 100)}", f"patient.height_m={rng.uniform(1.6, 1.9)}"]
     if preset == "overground":
-        own.append(f"scenario.arms.turn_Nm={rng.uniform(0.0, 10.0)}")
+        own.append(f"scenario.arms.shoulder_moment_Nm={rng.uniform(0.0, 10.0)}")
     elif walking and number % 6 == 4:  # falls
-        own += ["scenario.support={share: 0, catch_stiffness_N_per_m: 0}"]
+        own += ["scenario.support={share: 0, lock_stiffness_N_per_m: 0}"]
         own += ["table.phases.middle_stance.knee.stiffness_Nm_per_deg=0.01"]
     if number % 6 == 1:  # trips
-        own.append(f"control.safety.phase_time_out_s={rng.uniform(0.05, 0.4):.3f}")
+        own.append(f"control.safety.phase_timeout_s={rng.uniform(0.05, 0.4):.3f}")
     if faulty:
         kind = ("encoder_missing", "encoder_drift", "motor_dead", "supply_dip")[number % 4]
         place = "" if kind == "supply_dip" else f":right_{('hip', 'knee')[number % 2]}"
@@ -266,9 +266,9 @@ def test_every_shared_field_is_there_and_alike_in_all_who_share_a_block(uncompil
 
 RUNS: dict[str, tuple[str, ...]] = {
     "bench_leg": ("bench_leg",),
-    "bench_leg, trip": ("bench_leg", "control.safety.phase_time_out_s=0.2"),
+    "bench_leg, trip": ("bench_leg", "control.safety.phase_timeout_s=0.2"),
     "treadmill": ("treadmill",),
-    "treadmill, trip": ("treadmill", "control.safety.phase_time_out_s=0.2"),
+    "treadmill, trip": ("treadmill", "control.safety.phase_timeout_s=0.2"),
     "treadmill_start_stop": ("treadmill_start_stop", "scenario.belt.start_s=0.2"),
 }
 

@@ -72,7 +72,7 @@ def test_a_column_is_declared_with_one_unit_and_one_meaning() -> None:
             assert name.endswith(f"_{SUFFIXES[unit]}") if unit in SUFFIXES else unit in ("1", "code", "name")
     assert [name for name in known if unit_of(name) == "1" and name != "phase"] == [
         "friction_compensation_gain",
-        "pressure_place",
+        "cop_ratio",
     ]
 
 

@@ -431,7 +431,7 @@ def test_in_the_tick_of_a_wrong_command_joints_before_it_walk_and_those_after_it
     for number, joint in enumerate(e.controller.joints):
         joint.target = 3.0 + number
         e.joints[number].board.watched.motor_speed = 0.2
-        e.controller.model.gravity_torque[joint.control_place] = 10.0 + number
+        e.controller.model.gravity_torque[joint.model_index] = 10.0 + number
     e.controller.joints[1].target = math.nan
     ask(e, 100)
     braked = -e.limits.hold_damping * 0.2

@@ -264,7 +264,7 @@ def test_a_board_that_is_cut_off_holds_its_joint_and_lets_it_down_and_the_others
 
 def test_a_board_in_the_hold_says_so_and_nobody_walks_on():
     """The gait controller is off the bus for longer than boards bear, shorter than it bears itself."""
-    network = "{board_silence_ms: 5, ccu_silence_ms: 100, outages: ['silence:ccu@1s=12ms']}"
+    network = "{board_timeout_ms: 5, ccu_timeout_ms: 100, outages: ['silence:ccu@1s=12ms']}"
     run = walk(network, "duration_s=1.5")
     damping = columns(run, "damping_Nms_per_rad")
     hold = run.experiment.control.safety.hold_damping
@@ -357,8 +357,8 @@ def test_the_summary_says_what_the_bus_carried():
 @pytest.mark.parametrize(
     ("setting", "rule"),
     [
-        ("network={bit_rate_kbit_per_s: 500}", "traffic_on_the_bus"),
-        ("control.safety.hold_damping_Nms_per_rad=300", "values_on_the_bus"),
+        ("network={bit_rate_kbit_per_s: 500}", "bus_traffic"),
+        ("control.safety.hold_damping_Nms_per_rad=300", "bus_value_range"),
     ],
 )
 def test_check_refuses_what_the_bus_does_not_carry(setting, rule):

@@ -37,7 +37,7 @@ def test_without_arms_the_same_walk_falls_at_once_and_the_summary_says_so(walk):
 def test_arms_stay_within_their_limits_and_their_use_is_what_the_log_has(walk):
     limits = walk.experiment.scenario.crutches
     for side in walk.sides:
-        push = walk.log[f"{side}_arm_push_N"]
+        push = walk.log[f"{side}_arm_axial_force_N"]
         assert push.max() <= limits.push_limit
         assert walk.log[f"{side}_shoulder_moment_Nm"].abs().max() <= limits.moment_limit
         use = crutch_use(walk.log, side, 1e-3, walk.body_weight)
@@ -52,7 +52,7 @@ def test_arms_stay_within_their_limits_and_their_use_is_what_the_log_has(walk):
 def test_the_work_of_the_arms_is_that_of_the_wearer(walk):
     power = sum(walk.log[f"{side}_arm_power_W"].to_numpy() for side in walk.sides)
     work = np.cumsum(power) * 1e-3
-    assert np.abs(work - walk.log["patient_work_J"].to_numpy()).max() < 0.02 * np.ptp(work)
+    assert np.abs(work - walk.log["external_work_J"].to_numpy()).max() < 0.02 * np.ptp(work)
 
 
 def test_the_wearer_stands_where_nothing_tells_the_legs_to_step(walk):

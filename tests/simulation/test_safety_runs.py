@@ -165,12 +165,12 @@ def test_a_drive_that_does_not_obey_is_cut_off():
 @pytest.mark.parametrize(
     ("cause", "setting"),
     [
-        ("phase_time_out", "phase_time_out_s=0.3"),
+        ("phase_timeout", "phase_timeout_s=0.3"),
         ("winding_heat", "thermal_time_constant_s=0.2"),
         ("torque", "torque_time_s=0.05"),
         ("joint_speed", "speed_share=0.4"),
         ("joint_range", "stopping_deceleration_rad_per_s2=1.0"),
-        ("supply", "least_voltage_share=0.99"),
+        ("supply", "min_voltage_share=0.99"),
         ("command", "highest_command_Nm=61"),
         ("command_against_setpoint", "command_deviation_Nm=0.3"),
         ("encoder_against_model", "model_deviation_rad=1e-4"),

@@ -40,7 +40,7 @@ def test_a_change_fades_in_by_the_minimum_jerk_law_from_its_tick_on_and_nothing_
 def test_a_push_and_a_stop_act_in_their_ticks():
     push = "{time_s: 0.305, push: {joint: right_knee, torque_Nm: 7.5, duration_ms: 123}}"
     run = simulate(bench(f"[{push}, {{time_s: 0.9, stop: true}}]"))
-    pushed = np.flatnonzero(run.log["right_knee_patient_torque_Nm"])
+    pushed = np.flatnonzero(run.log["right_knee_external_torque_Nm"])
     assert pushed.tolist() == list(range(305, 428))
     assert run.trip is not None and (run.trip.tick, run.trip.location) == (900, "operator")
     assert np.flatnonzero(run.log["safety_state"])[0] == 900

@@ -92,4 +92,4 @@ def test_a_guard_on_the_guided_trunk_is_read_by_the_engines():
     plain = simulate(load_experiment("treadmill", ["duration_s=1.2"]).experiment)
     upright, bent = (simulate(walk(f"trunk.pitch_deg {text}")) for text in ("< 5", "> 5"))
     assert upright.log.equals(plain.log) and len(plain.switches) > 2
-    assert [item.cause for item in bent.switches] == ["time_out"] * len(bent.switches)
+    assert [item.cause for item in bent.switches] == ["timeout"] * len(bent.switches)

@@ -54,7 +54,7 @@ def test_steps_through_the_five_phases_in_order(stepping):
 
 
 def test_no_time_out_moves_the_leg(stepping):
-    assert {item.cause for item in stepping.switches}.isdisjoint({"time_out"})
+    assert {item.cause for item in stepping.switches}.isdisjoint({"timeout"})
 
 
 def test_torque_parts_of_every_row_sum_to_the_command(stepping):
@@ -166,7 +166,7 @@ def mean_hand_power(log, joint: str = "knee") -> float:
     """Work of the hand per time over whole periods: what the person has to spend."""
     whole = log[log["time_s"] >= 4.0]
     return float(
-        (whole[f"right_{joint}_patient_torque_Nm"] * whole[f"right_{joint}_velocity_rad_per_s"]).mean()
+        (whole[f"right_{joint}_external_torque_Nm"] * whole[f"right_{joint}_velocity_rad_per_s"]).mean()
     )
 
 

@@ -197,7 +197,7 @@ def test_he_starts_walks_and_stands_again_without_a_fall(settings, stop):
 
 def test_no_phase_ends_by_its_time_out():
     run = walk(*commands(1.0, 7.0, 11.0))
-    assert not targets(run, "time_out")
+    assert not targets(run, "timeout")
 
 
 def test_strides_are_counted_while_the_belt_runs_evenly():

@@ -184,10 +184,10 @@ def test_a_push_is_in_the_log_for_just_its_ticks_and_moves_the_joint(bench):
     run.push(1, 7.5, 123)
     for each in (plain, run):
         each.advance(400)
-    pushed = column(run, "right_knee_patient_torque_Nm")
+    pushed = column(run, "right_knee_external_torque_Nm")
     assert np.flatnonzero(pushed).tolist() == list(range(305, 428))
     assert set(pushed[305:428].tolist()) == {7.5}
-    assert column(run, "right_knee_push_torque_Nm").tolist() == pushed.tolist()
+    assert column(run, "right_knee_disturbance_torque_Nm").tolist() == pushed.tolist()
     assert not column(run, "right_knee_voluntary_torque_Nm").any()
     # The tick after the first with the push: the torque over the inertia, by the leg's own mass matrix.
     model = bench.world.model
@@ -210,7 +210,7 @@ def test_the_work_of_a_push_is_counted(bench):
     run.advance(400)
     velocity = column(run, "right_hip_velocity_rad_per_s")
     work = 12.0 * np.trapezoid(velocity[100:301], dx=1e-3)
-    assert column(run, "patient_work_J")[-1] == pytest.approx(work, rel=1e-4)
+    assert column(run, "external_work_J")[-1] == pytest.approx(work, rel=1e-4)
 
 
 def test_belt_and_support_change_what_the_feet_feel(treadmill):

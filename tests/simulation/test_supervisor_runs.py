@@ -97,7 +97,7 @@ def test_an_early_request_for_the_chair_says_how_long_the_wearer_has_stood():
     early, late = done.request_results
     assert early.rejection == "standing for 2.999 s, less than 3 s"
     told = f"sit at 2.999 s: {early.rejection}"
-    assert summarise_run(done)["requests_refused"] == told
+    assert summarise_run(done)["requests_rejected"] == told
     assert f"  refused: {told}" in report(summarise_run(done))
     assert late.mode_after == "sit_down" and late.time == 3.0
 
@@ -125,7 +125,7 @@ def test_a_step_is_asked_for_and_taken_once():
 
 
 def test_waiting_for_a_step_is_no_time_out_of_a_phase():
-    limit = "control.safety.phase_time_out_s=1"
+    limit = "control.safety.phase_timeout_s=1"
     assert run(*STAYING, limit, requests="walk@0.1s", seconds=2.5).trip is None
 
 

@@ -40,7 +40,7 @@ from twin_gait.studies.batch import (
 PLACES = ("left_hip", "left_knee", "right_hip", "right_knee")
 FALLING = {
     "scenario.support.share": 0.0,
-    "scenario.support.catch_stiffness_N_per_m": 0.0,
+    "scenario.support.lock_stiffness_N_per_m": 0.0,
     "table.phases.early_stance.knee.stiffness_Nm_per_deg": 0.01,
 }
 

@@ -57,7 +57,7 @@ def bench(*settings: str) -> Run:
 
 
 def torque(log: pd.DataFrame, joint: str) -> np.ndarray:
-    return log[f"right_{joint}_patient_torque_Nm"].to_numpy()
+    return log[f"right_{joint}_external_torque_Nm"].to_numpy()
 
 
 def angles(log: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
@@ -197,7 +197,7 @@ def test_noise_of_the_effort_is_drawn_from_the_seed():
     settings = (EAGER, "patient.effort_noise=0.2", "duration_s=0.1")
     first, again, other = (bench(*settings, f"seed={seed}") for seed in (3, 3, 4))
     same_log(first, again)
-    assert (first.log["right_hip_patient_torque_Nm"] != other.log["right_hip_patient_torque_Nm"]).any()
+    assert (first.log["right_hip_external_torque_Nm"] != other.log["right_hip_external_torque_Nm"]).any()
 
 
 def test_noise_of_the_effort_leaves_that_of_the_sensors_alone_and_has_the_size_asked_for():
@@ -222,7 +222,7 @@ def test_energy_of_the_leg_changes_by_the_work_of_all_sources_with_an_active_wea
     log = run.log
     energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
     work = log[[f"{name}_work_J" for name in WORK_SOURCES]].to_numpy().sum(axis=1)
-    assert np.abs(log["patient_work_J"]).max() > 0.5
+    assert np.abs(log["external_work_J"]).max() > 0.5
     moved = np.abs(np.diff(energy)).sum()
     assert np.abs(energy - energy[0] - work).max() < 1e-7 * moved
 
@@ -233,7 +233,7 @@ def test_work_of_the_wearer_is_his_torque_times_the_angle_turned():
     work = np.zeros(len(log))
     for joint, angle in zip(("hip", "knee"), angles(log), strict=True):
         work[1:] += np.cumsum(torque(log, joint)[:-1] * np.diff(angle))
-    assert_allclose(log["patient_work_J"], work, rtol=0.0, atol=1e-9 * np.abs(work).max() + 1e-10)
+    assert_allclose(log["external_work_J"], work, rtol=0.0, atol=1e-9 * np.abs(work).max() + 1e-10)
 
 
 def test_torques_of_the_wearer_and_of_pushes_add_up_to_the_outside_torque():
@@ -265,7 +265,7 @@ def test_engines_agree_on_a_walk_with_an_active_wearer():
     ]
     for side in Side:
         for joint in ("hip", "knee"):
-            assert np.abs(logs[0][f"{side}_{joint}_patient_torque_Nm"]).max() > 1.0
+            assert np.abs(logs[0][f"{side}_{joint}_external_torque_Nm"]).max() > 1.0
     assert list(logs[0]) == list(logs[1])
     scale = np.maximum(1.0, np.abs(logs[0].to_numpy()).max(axis=0))
     assert (np.abs(logs[0].to_numpy() - logs[1].to_numpy()) / scale).max() < 1e-9
@@ -275,8 +275,8 @@ def test_engines_agree_on_a_walk_with_an_active_wearer():
 def test_condition_of_one_side_acts_on_that_side_alone():
     settings = ["patient.left={knee: {passive: 1}}", "duration_s=0.05"]
     log = simulate(load_experiment("treadmill", settings).experiment).log
-    acting = {name for name in log if name.endswith("patient_torque_Nm") and (log[name] != 0.0).any()}
-    assert acting == {"left_knee_patient_torque_Nm"}
+    acting = {name for name in log if name.endswith("external_torque_Nm") and (log[name] != 0.0).any()}
+    assert acting == {"left_knee_external_torque_Nm"}
 
 
 @pytest.mark.slow
@@ -287,7 +287,7 @@ def test_dorsiflexed_ankle_bends_the_knee():
     for side in Side:
         columns = [log[f"{side}_{joint}_angle_rad"] for joint in ("hip", "knee", "ankle")]
         expected = [passive_knee_torque(*posture) for posture in zip(*columns, strict=True)]
-        assert_allclose(log[f"{side}_knee_patient_torque_Nm"], expected, rtol=1e-12)
+        assert_allclose(log[f"{side}_knee_external_torque_Nm"], expected, rtol=1e-12)
         assert np.abs(columns[2]).max() > 0.01
 
 
@@ -420,7 +420,7 @@ def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
     run = simulate(asked)
     assert run.status is RunStatus.COMPLETED
     assert set(run.log["left_phase"]) <= set(table.phases)
-    assert all(run.log[f"{side}_hip_patient_torque_Nm"].abs().max() > 0.1 for side in Side)
+    assert all(run.log[f"{side}_hip_external_torque_Nm"].abs().max() > 0.1 for side in Side)
 
 
 def test_sixth_phase_leaves_the_moments_of_the_other_five():

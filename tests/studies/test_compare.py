@@ -154,11 +154,11 @@ def test_effort_is_what_is_left_of_the_wearers_torque(stroke):
     for tick in (150, 4321, 15_000):
         row = log.iloc[tick]
         hip, knee, ankle = (row[f"left_{joint}_angle_rad"] for joint in ("hip", "knee", "ankle"))
-        rest = row["left_hip_patient_torque_Nm"] - passive_hip_torque(hip, knee)
+        rest = row["left_hip_external_torque_Nm"] - passive_hip_torque(hip, knee)
         assert row["left_hip_voluntary_torque_Nm"] == pytest.approx(rest, abs=1e-9)
         speed = row["left_knee_velocity_rad_per_s"]
         catch = -3.0 * math.copysign(max(0.0, abs(speed) - math.radians(60.0)), speed)
-        rest = row["left_knee_patient_torque_Nm"] - passive_knee_torque(hip, knee, ankle) - catch
+        rest = row["left_knee_external_torque_Nm"] - passive_knee_torque(hip, knee, ankle) - catch
         assert row["left_knee_voluntary_torque_Nm"] == pytest.approx(rest, abs=1e-9)
 
 
@@ -166,7 +166,7 @@ def test_wearer_without_effort_gives_no_voluntary_power_though_the_tissue_takes_
     run = simulate(walk("complete_sci", 12.0))
     numbers, summary = run_measures(run), summarise_run(run)
     assert numbers["voluntary_power_W"] == 0.0 == summary["power"]["voluntary_W"]
-    assert numbers["effort_rms_Nm"] == 0.0 == numbers["push_power_W"]
+    assert numbers["effort_rms_Nm"] == 0.0 == numbers["disturbance_power_W"]
     assert numbers["passive_power_W"] == pytest.approx(summary["power"]["passive_W"], rel=1e-12)
     assert numbers["passive_power_W"] < -0.5
 

@@ -221,7 +221,7 @@ def test_a_trip_without_a_breach_in_the_log_is_not_in_time(tripped):
 
 def test_a_row_tells_what_came_of_a_fault(tripped):
     row = fault_row(tripped)
-    assert (row["outcome"], row["cause"], row["trip_place"]) == ("held", "encoder_jump", "right hip")
+    assert (row["outcome"], row["cause"], row["trip_location"]) == ("held", "encoder_jump", "right hip")
     assert row["detection_s"] == 0.0 and row["time_s"] == 1.0
 
 

@@ -75,8 +75,8 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
         * max(abs(side["stride_time_mean_s"] - healthy) for side in sides)
         / healthy,
         "load_peak_pct": 100.0 * max(leg["load_peak"] for leg in legs) - 100.0,
-        "trough_pct": 100.0 - 100.0 * min(leg["least_midstance_load"] for leg in legs),
-        "slow_loading_pct": 100.0 - 100.0 * min(leg["least_load"] for leg in legs),
+        "trough_pct": 100.0 - 100.0 * min(leg["min_midstance_load"] for leg in legs),
+        "slow_loading_pct": 100.0 - 100.0 * min(leg["min_load"] for leg in legs),
         "fore_aft_pct": 100.0 * abs(sum(leg["fore_aft_force_N"] for leg in legs)) / carried,
         "propulsion_lack_pct": max(0.0, 100.0 - 100.0 * min(leg["propulsion_peak"] for leg in legs) / push),
     }
@@ -98,7 +98,7 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
         "saturated_pct": 100.0 * max(joint["saturated_share"] for joint in joints),
         "torque_change_Nm": max(joint["switch_torque_change_Nm"] for joint in joints),
         "torque_jump_Nm": max(joint["switch_torque_jump_Nm"] for joint in joints),
-        "clearance_lack_mm": 15.0 - 1e3 * min(side["toe_clearance_least_m"] for side in sides),
+        "clearance_lack_mm": 15.0 - 1e3 * min(side["toe_clearance_min_m"] for side in sides),
         "asymmetry_pct": 100.0 * max(abs(symmetry_index(*pair)) for pair in pairs),
     }
     assert all(value is not None and value >= 0.0 for value in values.values())

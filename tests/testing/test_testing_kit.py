@@ -37,7 +37,7 @@ def rich_table() -> GaitTable:
     exits = (
         transition("stance", "swing", both, cause="ready", debounce_ticks=5),
         transition("stance", "swing", "knee.angle_deg > 60", cause="bent"),
-        transition("stance", "rest", None, cause="time_out", time_out_ticks=90),
+        transition("stance", "rest", None, cause="timeout", time_out_ticks=90),
         transition("swing", "stance", "knee.velocity_deg_per_s < -3", cause="back", time_out_ticks=30),
         transition("swing", "stance", AllOf(guards=(guard("foot.load_bw > 1"), late)), cause="loaded"),
         transition("rest", "swing", "other.time_in_phase_s > 0.04", cause="rested", debounce_ticks=2),
@@ -111,7 +111,7 @@ def test_names_say_transition_and_what_is_shown() -> None:
         "debounce: one closed tick starts the count of 5 anew",
         "minimum duration: open before, fires after 20 ticks",
         "priority: wins over swing (bent) when both are due",
-        "priority: wins over rest (time_out) when both are due",
+        "priority: wins over rest (timeout) when both are due",
         "clock: 30 ticks for back count from the entry of swing",
         "clock: 26 ticks for loaded count from the entry of swing",
         "holds in rest, which it does not leave",

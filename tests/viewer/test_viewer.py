@@ -58,7 +58,7 @@ def synthetic_log(model: LegModel, duration: float, seed: int = 0) -> pd.DataFra
         codes = (np.floor(clock / 0.17).astype(int) + 2 * index) % len(GaitPhase)
         columns[f"{side}_phase"] = pd.Categorical.from_codes(codes, categories=[str(p) for p in GaitPhase])
         columns[f"{side}_foot_normal_force_N"] = np.maximum(0.0, 400.0 * np.sin(4.0 * clock + 3.0 * index))
-        columns[f"{side}_foot_pressure_place"] = 0.5
+        columns[f"{side}_foot_cop_ratio"] = 0.5
         columns[f"{side}_foot_clearance_m"] = np.maximum(0.0, -0.02 * np.sin(4.0 * clock + 3.0 * index))
         columns[f"{side}_foot_friction_force_N"] = 30.0 * np.cos(4.0 * clock)
     columns["safety_state"], columns["belt_speed_m_per_s"] = 0.0, BELT_SPEED

@@ -184,7 +184,7 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
     summary = {
         "sides": {"left": leg, "right": leg},
         "walk_reference": {"trough": 0.8},
-        "power": {**power, "carried_by_belt": True},
+        "power": {**power, "belt_driven": True},
     }
     (entry,) = embedded(render_run_page([StoredRun(stored, summary)]))["runs"]
     assert entry["notes"][0].startswith("The belt carries this walk")
@@ -192,7 +192,7 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
         ["", "left", "right", "healthy"],
         ["trough", "0.500", "0.500", "0.800"],
     ]
-    summary["power"]["carried_by_belt"] = False
+    summary["power"]["belt_driven"] = False
     assert page_texts(StoredRun(stored, summary)).get("notes") == []
 
 

@@ -152,7 +152,7 @@ class TransitionSection(Section):
 
     def values(self) -> dict[str, Any]:
         """Return the fields that are given, without the guard; times in ticks."""
-        return super().values() | {"time_out_ticks": self.after_s and round(self.after_s / TICK)}
+        return super().values() | {"timeout_ticks": self.after_s and round(self.after_s / TICK)}
 
     @classmethod
     def document(cls, parameters: Transition) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class Section(Strict):
             if item.find_annotation(quantities.Inline):
                 found |= to_yaml(value, item)
             elif word:
-                section = {"kind": word.kind, **to_yaml(value, item)} if value is not None else word.without
+                section = {"kind": word.kind, **to_yaml(value, item)} if value is not None else word.null_word
                 found[item.key] = section
             elif value is not None and not item.find_annotation(quantities.CustomSerialized):
                 found[next(iter(item.keys))] = to_yaml(value, item)

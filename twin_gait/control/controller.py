@@ -202,7 +202,7 @@ def wrap_checked_tick(name: str, tick: TickFunction, float_in: Callable[[Any], s
         require_whole_numbers(name, float_in(memory))
         for joint in device.joints:
             for key in _SETPOINT_FIELDS:
-                value = getattr(joint.demand, key)
+                value = getattr(joint.setpoint, key)
                 if not isinstance(value, Real):
                     raise controller_error(name, f"a number in demand.{key}", reprlib.repr(value))
 

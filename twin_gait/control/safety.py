@@ -21,11 +21,11 @@ class TripCause(CodedEnum):
     CURRENT = "current"
     WINDING_HEAT = "winding_heat"
     DRIVE = "drive"
-    PHASE_TIMEOUT = "phase_time_out"
+    PHASE_TIMEOUT = "phase_timeout"
     FOOT_LOAD_FROZEN = "foot_load_frozen"
     SUPPLY = "supply"
     OPERATOR = "operator"
-    BUS = "bus_silence"
+    BUS = "bus_timeout"
     SETPOINT = "command_against_setpoint"
 
 

@@ -39,8 +39,8 @@ class Grip:
         cosine: Cosine of the angle.
         stiffness: k in [N] / [m].
         damping: b in [N s] / [m].
-        turning_stiffness: κ at the tip in [N] / [m].
-        turning_damping: β at the tip in [N s] / [m].
+        transverse_stiffness: κ at the tip in [N] / [m].
+        transverse_damping: β at the tip in [N s] / [m].
     """
 
     axial_force: float

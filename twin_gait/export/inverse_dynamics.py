@@ -193,7 +193,7 @@ def _joint_moments(run: Run, world: World, convention: Convention, device: bool)
     moments = {}
     for side, joint in ((side, joint) for side, leg in world.model.legs.items() for joint, _ in leg.items()):
         own, log = _device_moment(run, world, side, joint), run.log
-        wearers, brace = f"{side}_{joint}_patient_torque_Nm", f"{side}_{joint}_brace_torque_Nm"
+        wearers, brace = f"{side}_{joint}_external_torque_Nm", f"{side}_{joint}_brace_torque_Nm"
         if world.braces is not None and device:
             moment = own - log[brace]
         else:

@@ -161,10 +161,10 @@ def controller_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
             frozen["measurements"]["motor_speed"][:, number * per_leg] = leg.frozen_speed * side
             yield frozen
     for number in range(len(state.joints)):
-        silent = standing_rows(limits.board_silence + 6, state, dtype)
+        silent = standing_rows(limits.board_timeout + 6, state, dtype)
         silent["received"][2:, number] = False
         yield silent
-    deaf = standing_rows(limits.board_silence + 6, state, dtype)
+    deaf = standing_rows(limits.board_timeout + 6, state, dtype)
     deaf["received"] = False
     yield deaf
     tripped = standing_rows(limits.lowering_ticks + 50, state, dtype)

@@ -140,7 +140,7 @@ class Transition(quantities.Parameters):
         cause: Reason for the transition, in one word; recorded with every switch.
         guard: Condition; an empty ``AllOf`` for a pure timeout.
         debounce_ticks: Number of consecutive ticks for which the guard must hold; it fires on the last.
-        time_out_ticks: Minimum time in the phase in ticks, or None; without a guard it is a timeout.
+        timeout_ticks: Minimum time in the phase in ticks, or None; without a guard it is a timeout.
         driven_by: Cause of the leg's motion towards this exit; used by checks only.
     """
 

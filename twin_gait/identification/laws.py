@@ -69,7 +69,7 @@ _NUMPY = {
     "exponential": np.exp,
     "hyperbolic_tangent": np.tanh,
     "sine_cosine": lambda angle: (np.sin(angle), np.cos(angle)),
-    "chosen": np.where,
+    "where": np.where,
     "sign_of": np.sign,
 }
 _PLAIN = filter(is_package_function, (*vars(friction_models).values(), friction.rotational_friction_torque))
@@ -119,7 +119,7 @@ def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) ->
     return array_laws.coulomb_viscous_tanh_torque(samples.velocity, *beta, *eta)
 
 
-@_model((_BREAKAWAY, _COULOMB, _VISCOUS), *_CURVE[:2], public=convert_breakaway)
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), *_CURVE[:2], to_reported=convert_breakaway)
 def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] sgn ω + d ω.
 
@@ -129,7 +129,7 @@ def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     return array_laws.coulomb_viscous_torque(samples.velocity, level, beta[2])
 
 
-@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=convert_breakaway)
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, to_reported=convert_breakaway)
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute √(2e) (T_b − T_c) exp(−(ω/ω_c)²) ω/ω_c + T_c tanh(10 ω/ω_c) + d ω.
 
@@ -139,7 +139,7 @@ def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     return array_laws.rotational_friction_torque(samples.velocity, breakaway, beta[1], eta[0], beta[2])
 
 
-@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, public=convert_breakaway)
+@_model((_BREAKAWAY, _COULOMB, _VISCOUS), _BREAKAWAY_VELOCITY, to_reported=convert_breakaway)
 def rotational_simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute √(2e) (T_b − T_c) exp(−(ω/ω_1)²) ω/ω_1 + T_c tanh(ω/ω_2) + d ω, ω_1 = √2 ω_b, ω_2 = ω_b/10.
 
@@ -183,7 +183,7 @@ def _conditioned(
     load = 0.0 if samples.load is None else samples.load
     warm = REFERENCE_TEMPERATURE if samples.temperature is None else samples.temperature
     parts = coulomb, per_load, per_kelvin[0], viscous, per_kelvin[1]
-    return array_laws.conditioned_torque(samples.velocity, load, warm, *parts, *eta)
+    return array_laws.load_and_temperature_torque(samples.velocity, load, warm, *parts, *eta)
 
 
 @_model((_COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION)
@@ -197,7 +197,7 @@ def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     return array_laws.asymmetric_torque(samples.velocity, offset, coulomb, eta[0], viscous)
 
 
-@_model((_BREAKAWAY, _COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION, *_CURVE, public=convert_breakaway)
+@_model((_BREAKAWAY, _COULOMB, *_BOTH_WAYS, OFFSET), _TRANSITION, *_CURVE, to_reported=convert_breakaway)
 def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     """Compute T_0 + [T_c + (T_b − T_c) exp(−|ω/ω_st|^δ)] tanh(ω/ω_t) + d± |ω|^α sgn ω.
 
@@ -221,7 +221,7 @@ def position_ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> Any:
     return np.asarray(smooth + offset + array_laws.ripple_torque(samples.angle, *waves, eta[1]))
 
 
-_DYNAMIC = {"public": convert_bristles, "needs": ("period",), "dynamic": True}
+_DYNAMIC = {"to_reported": convert_bristles, "needs": ("period",), "dynamic": True}
 
 
 @_model((_COULOMB, _VISCOUS), _BRISTLES, **_DYNAMIC)

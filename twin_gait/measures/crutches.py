@@ -27,9 +27,9 @@ def crutch_use(log: pd.DataFrame, side: Side, tick: float, body_weight: float) -
         "mean_share": float(load.mean()) / weight,
         "peak_share": float(load.max()) / weight,
         "impulse_Ns": float(load.sum()) * tick,
-        "push_peak_N": float(log[f"{side}_arm_push_N"].max()),
+        "axial_force_peak_N": float(log[f"{side}_arm_axial_force_N"].max()),
         "moment_peak_Nm": float(log[f"{side}_shoulder_moment_Nm"].abs().max()),
         "work_done_J": float(np.maximum(power, 0.0).sum()) * tick,
-        "work_taken_J": float(np.minimum(power, 0.0).sum()) * tick,
+        "work_absorbed_J": float(np.minimum(power, 0.0).sum()) * tick,
         "plantings": int(np.count_nonzero(loaded[1:] & ~loaded[:-1])),
     }

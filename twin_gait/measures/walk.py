@@ -37,8 +37,8 @@ YIELD_UNTIL = 30  # [%] of the cycle; the knee yields under load before midstanc
 # braking force of a foot.
 MIN_DRAG_SHARE = 0.02
 # Sources of torque on a driven joint from outside the device, as in the names of log columns;
-# patient_torque_Nm is their sum.
-EXTERNAL_SOURCES = ("voluntary", "passive", "push")
+# external_torque_Nm is their sum.
+EXTERNAL_SOURCES = ("voluntary", "passive", "disturbance")
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def walk_measures(
         "load_peak": _mean(strides.stride_extremes(load, bounds)[:, 1]),
         **load_measures(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
-        "pressure_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_pressure_place"]), force, bounds),
+        "cop_crossing": _midfoot(np.asarray(log[f"{leg.side}_foot_cop_ratio"]), force, bounds),
         **_joints(log, leg.side, bounds),
         "clearance_m": float(min(clearances, default=math.nan)),
         "slip_m": mean_over_strides(slip_speed(fore_aft, force, walkway), bounds) * _mean(times),
@@ -110,7 +110,7 @@ def counted_step_times(leg: LegRecord, other: LegRecord, bounds: np.ndarray) -> 
 # Ends of the names of the log columns that the measures of a walk read in addition to time and phases.
 WALK_COLUMNS = (
     "_angle_rad", "_velocity_rad_per_s", "_motor_torque_Nm", "_voluntary_torque_Nm", "_passive_torque_Nm",
-    "_push_torque_Nm", "_foot_normal_force_N", "_foot_friction_force_N", "_foot_pressure_place",
+    "_disturbance_torque_Nm", "_foot_normal_force_N", "_foot_friction_force_N", "_foot_cop_ratio",
     "_foot_clearance_m", "guide_force_N", "pelvis_forward_m", "pelvis_forward_velocity_m_per_s",
     "belt_speed_m_per_s",
 )  # fmt: skip
@@ -166,8 +166,8 @@ def load_measures(cycle: np.ndarray) -> dict[str, float]:
         "loading_peak": shape.loading_peak,
         "trough": shape.trough,
         "push_off_peak": shape.push_off_peak,
-        "least_load": float(cycle[WEIGHT_ACCEPTANCE].min()),
-        "least_midstance_load": float(cycle[MIDSTANCE].min()),
+        "min_load": float(cycle[WEIGHT_ACCEPTANCE].min()),
+        "min_midstance_load": float(cycle[MIDSTANCE].min()),
     }
 
 
@@ -290,7 +290,7 @@ def wearer_powers(log: LogColumns, leg: LegRecord, bounds: np.ndarray) -> dict[s
         power = 0.0
         for joint in leg.angles:
             torque = log[f"{leg.side}_{joint}_{source}_torque_Nm"]
-            own = () if source == "push" else log
+            own = () if source == "disturbance" else log
             velocity = log[wearer_column(own, leg.side, joint, "velocity_rad_per_s")]
             power += mean_over_strides(np.asarray(torque * velocity), bounds)
         found[f"{source}_power_W"] = power
@@ -322,7 +322,7 @@ def walk_power(
         **{f"{source}_W": value for source, value in zip(EXTERNAL_SOURCES, outside, strict=True)},
         "guide_W": power,
         "guide_force_N": holding,
-        "carried_by_belt": carried,
+        "belt_driven": carried,
     }
 
 

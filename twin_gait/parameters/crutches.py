@@ -59,15 +59,15 @@ class ArmParameters(quantities.Parameters):
             (Peterka 2002).
         lean: Lean of the trunk that the person maintains in [rad].
         push: Push on each crutch, as a share of the weight of wearer and device.
-        push_per_lean: Increase of the push with additional lean of the trunk, as a share of the weight per
+        axial_force_per_lean: Increase of the push with additional lean of the trunk, as a share of the weight per
             [rad].
-        push_per_rate: Increase of the push with the rate of the lean, as a share of the weight times [s] /
+        axial_force_per_lean_rate: Increase of the push with the rate of the lean, as a share of the weight times [s] /
             [rad].
         turn: Moment of each shoulder in [N m] that pulls the body forwards.
         stiffness: Short-term stiffness of a loaded arm along the strut in [N] / [m].
         damping: Damping of a loaded arm along the strut in [N s] / [m].
-        turning_stiffness: Stiffness of a loaded arm across the strut, at its tip, in [N] / [m].
-        turning_damping: Damping of a loaded arm across the strut, at its tip, in [N s] / [m].
+        transverse_stiffness: Stiffness of a loaded arm across the strut, at its tip, in [N] / [m].
+        transverse_damping: Damping of a loaded arm across the strut, at its tip, in [N s] / [m].
         swing_stiffness: Stiffness of an arm that carries its crutch, along and across, in [N] / [m].
         swing_damping: Damping of an arm that carries its crutch, along and across, in [N s] / [m].
         yielding: Time constant in [s] with which loaded muscles adapt to slow changes of length and angle.
@@ -83,8 +83,8 @@ class ArmParameters(quantities.Parameters):
         stand_reach: Angle of the crutches from the vertical while the person stands, in [rad].
         stand_slack: Distance of a tip from that position above which the crutch is moved there, in [m].
         still: Time without a swing of a leg after which the person counts as standing, in [s].
-        chair_push: Push on each crutch while the person rises or sits down, as a share of the weight.
-        chair_turn: Moment of each shoulder in [N m] that pulls the body forwards while the person rises or
+        chair_axial_force: Push on each crutch while the person rises or sits down, as a share of the weight.
+        chair_shoulder_moment: Moment of each shoulder in [N m] that pulls the body forwards while the person rises or
             sits down.
         risen_length: Length of arm and crutch when the person has risen, as a share of that of a straight
             arm.

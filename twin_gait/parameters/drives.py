@@ -260,10 +260,10 @@ class SafetyParameters(quantities.Parameters):
         thermal_time_constant: Thermal time constant of the winding in [s] (maxon EC 90 flat data sheet).
         drive_deviation: Largest deviation of the measured current from the drive's target, in [A].
         drive_time: Longest time in [s] for which a drive may deviate by more.
-        phase_time_out: Longest time in a phase in [s]; no phase of the shipped gaits lasts 0.8 s.
+        phase_timeout: Longest time in a phase in [s]; no phase of the shipped gaits lasts 0.8 s.
         frozen_load_time: Longest time in [s] for which a loaded foot's sensor may be constant while the hip
             turns.
-        least_voltage_share: Share of the battery's open-circuit voltage below which the drives are not
+        min_voltage_share: Share of the battery's open-circuit voltage below which the drives are not
             reliable.
         voltage_time: Longest time in [s] for which the bus may be below that voltage.
         hold_damping: Damping of the safe hold in [N m s] / [rad].

@@ -121,10 +121,10 @@ class SupportParameters(quantities.Parameters):
             centimetres (an assumption).
         forward_damping: Fore-aft damping of the harness in [N s] / [m]; about 0.4 of critical under 90 kg (an
             assumption).
-        catch_stiffness: Stiffness of the locked harness in [N] / [m]; 0 for one that does not lock. About a
+        lock_stiffness: Stiffness of the locked harness in [N] / [m]; 0 for one that does not lock. About a
             metre of rope that stretches by 5 % under 100 kg, the maximum that EN 1891 allows for a
             low-stretch rope.
-        catch_dissipation: Dissipation of the locked harness in [s] / [m] (an assumption).
+        lock_dissipation: Dissipation of the locked harness in [s] / [m] (an assumption).
     """
 
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.6
@@ -218,7 +218,7 @@ class ChairParameters(quantities.Parameters):
         thigh_thickness: Distance from the axis of a thigh to its back at the contact with the seat, in [m]:
             half of the thickness of sitting men (0.16 to the top of the thigh, 0.135 to 0.185 from the 5th to
             the 95th percentile).
-        thigh_place: Position of that contact, as a share of the way from hip to knee (an assumption).
+        thigh_position: Position of that contact, as a share of the way from hip to knee (an assumption).
         friction_coefficient: Coulomb coefficient (an assumption; models of sitting have 0.6 to 0.9).
         transition_velocity: Transition velocity of the regularised friction in [m] / [s] (an assumption).
     """

@@ -111,9 +111,9 @@ class NetworkParameters(quantities.Parameters):
         error_share: Share of the transmissions that an error destroys; they are repeated automatically.
         bus_off_recovery: Whether a node that went bus-off returns after the time of 128 times 11 bits.
         impedance: Location where the virtual springs are computed.
-        board_silence: Timeout in [s] of the messages of the central unit at a board, after which the board
+        board_timeout: Timeout in [s] of the messages of the central unit at a board, after which the board
             holds its joint.
-        ccu_silence: Timeout in [s] of the messages of a board at the central unit, after which it trips.
+        ccu_timeout: Timeout in [s] of the messages of a board at the central unit, after which it trips.
         outages: Outages of nodes or the bus.
     """
 

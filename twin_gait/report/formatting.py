@@ -73,7 +73,7 @@ def _measures(leg: Mapping[str, Any]) -> dict[str, float | None]:
 def belt_carries_note(summary: Mapping[str, Any]) -> str:
     """That the belt carries a walk, where it does; else empty."""
     power = summary.get("power")
-    if not power or not power["carried_by_belt"]:
+    if not power or not power["belt_driven"]:
         return ""
     force = amount(power["guide_force_N"], "N")
     return f"The belt carries this walk: it drags the feet back, and {force} at the pelvis hold against it."

@@ -104,7 +104,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
             canvas.shade_phases(axes, PERCENT, phases, sheet.names)
         load, forward, place = (
             run.log[f"{record.side}_foot_{end}"].to_numpy()
-            for end in ("normal_force_N", "friction_force_N", "pressure_place")
+            for end in ("normal_force_N", "friction_force_N", "cop_ratio")
         )
         for number, (axes, force) in enumerate(zip(column, (load, forward), strict=False)):
             axes.axhline(1.0 - number, color=palette.LIMIT_COLOUR, linestyle=":", linewidth=1.2)

@@ -104,7 +104,7 @@ class MeasuredLeg:
             **self.contact_measures(),
             "strides_by_phase": len(self.record.strides_by_phase(skip=0)),
             "phases_in_order": self.phases_in_order(),
-            "time_outs": len(self.timeout_ticks()),
+            "timeouts": len(self.timeout_ticks()),
             "joints": {str(joint): self.effort(joint) for joint in self.record.angles},
         }
 
@@ -155,10 +155,10 @@ class MeasuredLeg:
             "double_support_share": self.double_support_share(),
             **self._reference_errors("contact", self.strides),
             "early_stance_lag_mean_s": finite_mean(lags),
-            "early_stance_lag_largest_s": _largest_magnitude(lags),
+            "early_stance_lag_max_abs_s": _largest_magnitude(lags),
             "heel_strikes_without_early_stance": int(missed.sum()),
             "toe_clearance_mean_m": finite_mean(clearances),
-            "toe_clearance_least_m": -_largest(-clearances),
+            "toe_clearance_min_m": -_largest(-clearances),
             "further_contacts": len(contacts.further_contacts),
             "scuffs": len(find_scuffs(contacts)),
         }
@@ -180,8 +180,8 @@ class MeasuredLeg:
                 name: finite_mean(durations.get(index, np.zeros(0)))
                 for index, name in enumerate(self.run.table.phase_names)
             },
-            "time_outs": len(time_outs),
-            "time_outs_after_third_stride": sum(t >= settled[0] for t in time_outs) if len(settled) else None,
+            "timeouts": len(time_outs),
+            "timeouts_after_third_stride": sum(t >= settled[0] for t in time_outs) if len(settled) else None,
         }
 
     def _reference_errors(self, begin: str, bounds: np.ndarray) -> dict[str, float]:

@@ -129,7 +129,7 @@ class EpisodeEngine(ABC):
         if status == COMPLETED:
             return RunStatus.COMPLETED, ""
         world, when = self.setup.world, f"at {done * TICK:.3f} s"
-        lean, reach = math.degrees(world.fall_pitch), world.longest_reach
+        lean, reach = math.degrees(world.fall_pitch), world.max_reach
         reasons = {
             DIVERGED: f"the state diverged {when}; try a smaller integration step",
             FELL: f"the pelvis fell below {world.fall_height:.2f} m {when}",
@@ -178,7 +178,7 @@ class EpisodeEngine(ABC):
                     "oldest_s": TICK * int(wire.oldest),
                     **{name: int(getattr(frame, name)) for name in counts},
                     # From the instant at which one was due to its arrival.
-                    "worst_response_s": _BUS_UNIT * int(frame.worst_response),
+                    "max_response_s": _BUS_UNIT * int(frame.worst_response),
                 }
         totals = {key: sum(frame[key] for frame in frames.values()) for key in ("sent", "lost", "destroyed")}
         bus_offs = {name: int(node.bus_offs) for name, node in zip(NODES, bus.nodes, strict=True)}

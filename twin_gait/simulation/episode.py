@@ -222,7 +222,7 @@ class Episode:
     trunk_unit: TrunkUnit  # On it, unless its pitch is known exactly.
     arms: list[Arm]  # That hold a crutch.
     policy: ArmPolicy  # How they are used.
-    sense: Perception  # What the person feels.
+    perception: Perception  # What the person feels.
     swing_phases: list[float]  # 1 for phases in which a leg swings.
     # What a person feels of a chair in a phase, :class:`twin_gait.worlds.arm_policy.Sense`.
     chair_phases: list[float]

@@ -80,7 +80,7 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         voluntary=[0.0] * n,
         passive_moment=[0.0] * n,
         torque=[0.0] * n,
-        stages=episode.IntegratorBuffers(*([0.0] * n for _ in range(4))),
+        integrator=episode.IntegratorBuffers(*([0.0] * n for _ in range(4))),
         bodies=body_values(bodies.bodies, bodies.points),
         rates=SamplingConfig(
             TICK, setup.fast_gain, experiment.sensors.decimation, setup.table.blending.law.code
@@ -89,7 +89,7 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         limits=build_limits(setup, setup.experiment.network),
         controller=_controller(setup, body_values(bodies.control_bodies)),
         joints=[_joint(setup, number) for number in range(len(setup.joints))],
-        soles=[episode.FootState() for _ in setup.sides],
+        feet=[episode.FootState() for _ in setup.sides],
         network=ABSENT if experiment.network is None else _network(setup, experiment.network),
         limbs=setup.limbs,
         ankles=ankles,
@@ -125,8 +125,8 @@ def build_limits(setup: SimulationSetup, network: NetworkParameters | None) -> L
         control.limits,
         phase_ticks=phase_timeout_ticks(setup),
         frozen_load_ticks=to_ticks(safety.frozen_load_time),
-        controller_silence=NEVER if heeded is None else to_ticks(heeded.board_timeout),
-        board_silence=NEVER if heeded is None else to_ticks(heeded.ccu_timeout),
+        controller_timeout=NEVER if heeded is None else to_ticks(heeded.board_timeout),
+        board_timeout=NEVER if heeded is None else to_ticks(heeded.ccu_timeout),
         lowering_ticks=to_ticks(safety.lowering_time),
         hold_damping=safety.hold_damping,
     )

@@ -235,7 +235,7 @@ def flat_summary(run: Run) -> FlatSummary:
     The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, prefixed by side
     and joint: ``left_stride_time_mean_s``, ``left_knee_saturated_share``, ``left_load_peak``. Parts of the
     error are named like ``left_hip_error_total_deg``, those of ``power`` like ``power_belt_W``, and the trip
-    has ``trip_cause``, ``trip_place`` and ``trip_time_s``. A value is None if it is not defined. No value
+    has ``trip_cause``, ``trip_location`` and ``trip_time_s``. A value is None if it is not defined. No value
     depends on the speed of the machine. The log must contain the columns ``READ_IN_BRIEF``.
     """
     trip, walk = run.trip, run.walk_measures()
@@ -247,7 +247,7 @@ def flat_summary(run: Run) -> FlatSummary:
         **energy_summary(run),
         **saturated_shares(run),
         **{f"power_{name}": value for name, value in power.items()},
-        **({} if trip is None else {"trip_cause": str(trip.cause), "trip_place": trip.location}),
+        **({} if trip is None else {"trip_cause": str(trip.cause), "trip_location": trip.location}),
         **({} if trip is None else {"trip_time_s": trip.time}),
     }
     flat = {name: whole.get(name) for name in _RUN}

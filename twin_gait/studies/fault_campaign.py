@@ -105,7 +105,7 @@ def fault_row(run: Run) -> dict[str, Any]:
         "magnitude": fault.magnitude_or_default if fault.kind.units else math.nan,
         "outcome": str(run.verdict.outcome or run.status),
         "cause": "" if trip is None else str(trip.cause),
-        "trip_place": "" if trip is None else trip.location,
+        "trip_location": "" if trip is None else trip.location,
         "trip_time_s": math.nan if trip is None else trip.time,
         "detection_s": math.nan if late < 0.0 else late,
         "torque_peak_Nm": torque,

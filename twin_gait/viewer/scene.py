@@ -117,7 +117,7 @@ class Scene:
         if side not in self.arrows or any(name not in motion.columns for name in names):
             return {}
         force = np.nan_to_num([motion.columns[name][frame] for name in names])
-        share = float(motion.columns[f"{side}_foot_pressure_place"][frame])
+        share = float(motion.columns[f"{side}_foot_cop_ratio"][frame])
         ends = [self.figure.frame_point(name) for name in self.legs[side].contact_frames]
         along, left, _ = (ends[0] + share * (ends[-1] - ends[0])) @ self.ground
         return arrow_state(self.arrows[side], force, np.array([along, left, 0.0]))

@@ -137,7 +137,7 @@ def move_arm(
 
     Args:
         policy: Use of the crutches.
-        sense: Perception of the person.
+        perception: Perception of the person.
         arm: Arm that acts; changed in place.
         other: The other arm.
         ahead: Perceived distance of the tip in front of the shoulder in [m].

@@ -70,7 +70,7 @@ class BenchLeg(Scenario):
         if self.imposed_motion is not None:
             place = model.index(side, self.imposed_motion.joint)
             imposed_motion = quantities.from_attributes(
-                ImposedMotion, self.imposed_motion, place=place, start_angle=float(q[place])
+                ImposedMotion, self.imposed_motion, index=place, start_angle=float(q[place])
             )
         return World(
             model=model,

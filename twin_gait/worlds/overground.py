@@ -36,9 +36,9 @@ class HarnessParameters(quantities.Parameters):
         share: Share of the weight of wearer and device that the harness carries.
         height: Height of its attachment above the hips, along the trunk, divided by the height of the wearer.
         damping: Damping of the winch in [N s] / [m].
-        catch_stiffness: Stiffness in [N] / [m] of the rope after a trip has locked it; 0 for a rope that does
+        lock_stiffness: Stiffness in [N] / [m] of the rope after a trip has locked it; 0 for a rope that does
             not lock.
-        catch_dissipation: Dissipation of the locked rope in [s] / [m] (an assumption).
+        lock_dissipation: Dissipation of the locked rope in [s] / [m] (an assumption).
     """
 
     share: Annotated[quantities.Ratio, quantities.SHARE] = 0.0
@@ -154,12 +154,12 @@ class Overground(SplitStance):
             arm = quantities.from_attributes(
                 Arm,
                 crutches,
-                place=world.model.nv + len(tips),
-                longest=longest,
+                index=world.model.nv + len(tips),
+                max_length=longest,
                 anchor=forward + ahead,
                 grip=Grip(self.arms.axial_force * world.body_weight, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-                felt_ahead=new_delay_line(delay, ahead),
-                felt_load=new_delay_line(delay),
+                distance_delay=new_delay_line(delay, ahead),
+                load_delay=new_delay_line(delay),
                 length=math.hypot(ahead, up),
             )
             set_grip_angle(arm.grip, math.atan2(ahead, up) + self.lean)
@@ -175,5 +175,5 @@ class Overground(SplitStance):
             arms=tuple(arms),
             policy=policy,
             perception=new_perception(delay, self.lean, SITTING if self.start == "sitting" else 0.0),
-            longest_reach=longest + crutches.slack,
+            max_reach=longest + crutches.slack,
         )

@@ -144,7 +144,7 @@ def new_seat(model: LegModel, chair: ChairParameters) -> Seat:
     return from_attributes(
         Seat,
         chair,
-        forward=chair.front,
+        front_edge=chair.front,
         buttocks=Pad((1.0 - share) * chair.stiffness, chair.dissipation, chair.hip_height),
         thigh=Pad(
             0.5 * share * chair.stiffness,

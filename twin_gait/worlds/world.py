@@ -86,8 +86,8 @@ class World:
         start_v: Velocities at time 0, shape ``(n,)``.
         initial_phases: Phase of each leg at time 0.
         support_force: Constant upward force on the pelvis in [N].
-        catch_stiffness: Stiffness in [N] / [m] of the harness that locks at a trip; 0 for none.
-        catch_dissipation: Dissipation of this harness in [s] / [m].
+        lock_stiffness: Stiffness in [N] / [m] of the harness that locks at a trip; 0 for none.
+        lock_dissipation: Dissipation of this harness in [s] / [m].
         body_weight: Weight of the wearer and device in [N].
         fall_height: Pelvis height in [m] below which the wearer has fallen.
         imposed_motion: Imposed motion of a joint of the device, or None.
@@ -96,9 +96,9 @@ class World:
         trunk: Trunk of a wearer whose pelvis is free, or None.
         arms: Arms that hold a crutch, by side; the coordinates of their tips follow all others.
         policy: Use of the crutches by the wearer, or None.
-        sense: Perception of the wearer, or None.
+        perception: Perception of the wearer, or None.
         fall_pitch: Pitch of the trunk, beyond which the wearer has fallen, in [rad].
-        longest_reach: Longest reach of arm and crutch in [m].
+        max_reach: Longest reach of arm and crutch in [m].
         seat: Seat of a chair, or None.
     """
 
@@ -123,7 +123,7 @@ class World:
     policy: ArmPolicy | None = None
     perception: Perception | None = None
     fall_pitch: float = math.inf
-    longest_reach: float = math.inf
+    max_reach: float = math.inf
     seat: Seat | None = None
 
     @property

@@ -135,7 +135,7 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
     sine, cosine = sine_cosine(variation.ripple_phase)
     motion = ImposedMotion()
     if test.imposed_motion is not None:
-        motion = from_attributes(ImposedMotion, test.imposed_motion, place=0, start_angle=test.start_angle)
+        motion = from_attributes(ImposedMotion, test.imposed_motion, index=0, start_angle=test.start_angle)
     unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
     return record.BenchEpisode(
         test=replace(

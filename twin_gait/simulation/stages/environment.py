@@ -212,7 +212,7 @@ def update_tip_anchors(e: Episode) -> None:
 
 def update_arms(e: Episode, tick: int) -> None:
     """What the person feels, late, and does with the arms in this tick."""
-    sense = e.sense
+    sense = e.perception
     stepping, chair = 0.0, 0.0
     for leg in e.controller.legs:
         stepping = max(stepping, e.swing_phases[leg.phase])

@@ -65,7 +65,7 @@ def _gait(leg: MeasuredLeg, other: MeasuredLeg) -> Measures:
         "stride_length_m": strides.finite_mean(speed * times),
         "step_time_s": strides.finite_mean(counted_step_times(own, others, leg.strides)),
         "double_support_share": known["double_support_share"],
-        "toe_clearance_m": known["toe_clearance_least_m"],
+        "toe_clearance_m": known["toe_clearance_min_m"],
     }
 
 

@@ -50,7 +50,7 @@ class ObjectiveTerm:
 
 
 SAMPLE_SPACING = 5  # [%] of a stride; distance between the sampled deviations
-_ROWS = load_yaml(Path(__file__).with_name("parts.yaml").read_text(encoding="utf-8"))
+_ROWS = load_yaml(Path(__file__).with_name("objective.yaml").read_text(encoding="utf-8"))
 ERRORS = {
     JointName(joint): ObjectiveTerm(f"{joint}_error_deg", excess=ERROR_EXCESS_WEIGHT, **row)
     for joint, row in _ROWS["errors"].items()
@@ -105,8 +105,8 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
         "yield_lack_deg": healthy["knee_yield_deg"] - walk["knee_yield_deg"],
         "stride_time_error_pct": 100.0 * abs(contact["stride_time_mean_s"] / healthy["stride_time_s"] - 1.0),
         "load_peak_pct": 100.0 * (walk["load_peak"] - 1.0),
-        "trough_pct": 100.0 * (1.0 - walk["least_midstance_load"]),
-        "slow_loading_pct": 100.0 * (1.0 - walk["least_load"]),
+        "trough_pct": 100.0 * (1.0 - walk["min_midstance_load"]),
+        "slow_loading_pct": 100.0 * (1.0 - walk["min_load"]),
         "propulsion_lack_pct": 100.0 * (1.0 - walk["propulsion_peak"] / healthy["propulsion_peak"]),
         "stride_variation_pct": 100.0 * contact["stride_time_variation"],
         # Repeated contacts of a foot just after landing; further contacts in swing are scuffs.
@@ -115,7 +115,7 @@ def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str,
         "saturated_pct": 100.0 * float(np.max(limits)),
         "torque_change_Nm": float(np.max([item["switch_torque_change_Nm"] for item in switches])),
         "torque_jump_Nm": float(np.max([item["switch_torque_jump_Nm"] for item in switches])),
-        "clearance_lack_mm": NEEDED_CLEARANCE - 1e3 * contact["toe_clearance_least_m"],
+        "clearance_lack_mm": NEEDED_CLEARANCE - 1e3 * contact["toe_clearance_min_m"],
     }
 
 
