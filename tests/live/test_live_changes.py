@@ -93,7 +93,7 @@ def test_the_heartbeat_goes_on_in_a_pause_and_comes_from_the_loop(bench):
                                                 (1.1, {"serial": 2, "command": "end"})])  # fmt: skip
     rig.loop.walk()
     kinds = Counter(item["kind"] for item in rig.sent)
-    assert kinds["beat"] == pytest.approx(100, abs=2)  # one in every 10 ms of the pause
+    assert kinds["heartbeat"] == pytest.approx(100, abs=2)  # one in every 10 ms of the pause
     assert kinds["news"] < 20
 
 

@@ -41,7 +41,7 @@ def test_no_case_of_a_tuning_moves_a_belt_that_is_not_there():
 
 
 def test_what_needs_a_belt_is_refused():
-    with raises(ParameterError, "overground", "--everyone"):
+    with raises(ParameterError, "overground", "--robust"):
         tune(floor(), TuningSettings(robust=True))
 
 

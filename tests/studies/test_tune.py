@@ -279,7 +279,7 @@ def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
     told = Patient(mass=80.0, height=1.8)
     nominal = load_experiment("treadmill").experiment
     nominal = replace(nominal, control=replace(nominal.control, patient=told))
-    worlds = list(build_cases(nominal, "everyone").values())
+    worlds = list(build_cases(nominal, "corners").values())
     reached = [
         (w.patient.mass, w.patient.height, w.scenario.support.share, 3.6 * w.scenario.belt_speed)  # type: ignore[union-attr]
         for w in worlds

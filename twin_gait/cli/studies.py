@@ -46,7 +46,7 @@ def add_parser(commands: Any) -> None:
     add("--keep-thresholds", action="store_false", dest="thresholds", help="do not tune the transitions")
     add("--keep-blending", action="store_false", dest="blending", help="do not tune the blending")
     add("--per-side", action="store_true", help="tune each leg separately (hemiparesis)")
-    add("--everyone", action="store_true", help="tune for other wearers, supports and belt speeds, too")
+    add("--robust", action="store_true", help="tune for other wearers, supports and belt speeds, too")
     options.add(parser, "--seed", "--workers", "--scheduler", "--json")
 
     parser = options.add_command(commands, "faults", faults)

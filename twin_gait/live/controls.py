@@ -77,10 +77,10 @@ def action_specs(problem: SimulationSetup) -> Iterator[ActionSpec]:
     }
     anywhere = tuple(dict.fromkeys(itertools.chain(*places.values())))
     offered = {"joint": joints, "kind": tuple(places), "place": anywhere, "request": requests}
-    own: dict[str, dict[str, Any]] = {"torque": {"least": -limit, "largest": limit}}
+    own: dict[str, dict[str, Any]] = {"torque": {"minimum": -limit, "maximum": limit}}
     for name, choices in offered.items():
         own[name] = {"choices": choices, "value": next(iter(choices), "")}
-    own["place"] |= {"choices_for": places, "choices_by": "kind"}
+    own["place"] |= {"choices_by_value": places, "depends_on": "kind"}
     for action, shown in _SHOWN["actions"].items():
         if action == ("step" if requests else "request"):  # with modes, requests replace steps by hand
             continue
@@ -115,7 +115,7 @@ class Binding(NamedTuple):
     """A control and the setting that it changes."""
 
     control: Control  # control without its values
-    path: str  # path in the settings for :func:`~twin_gait.simulation.settings.found_at`
+    path: str  # path in the settings for :func:`~twin_gait.simulation.settings.value_at_path`
     scale: float = 1.0  # SI value of one unit of the control
 
     def read(self, settings: Settings) -> Value:

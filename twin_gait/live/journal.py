@@ -62,7 +62,7 @@ class LogChunk:
 
 
 _CHUNK_ADAPTER = TypeAdapter(LogChunk)
-_SETUP, _CHUNK_KEY = b"twin_gait.setup", b"twin_gait.news"
+_SETUP, _CHUNK_KEY = b"twin_gait.setup", b"twin_gait.chunk"
 
 
 def join_chunks(chunks: Sequence[LogChunk]) -> LogChunk:

@@ -121,7 +121,7 @@ class LiveLoop:
             else:
                 self.clock.pause()
                 self.sleep(PERIOD)
-                self.send({"kind": "beat"})  # otherwise, the telemetry of a block is the heartbeat
+                self.send({"kind": "heartbeat"})  # otherwise, the telemetry of a block is the heartbeat
             self._ended = self._ended or self.run.tick >= self._longest
         self._store_and_send(over=True)
 
@@ -169,7 +169,7 @@ class LiveLoop:
         self._switches += len(piece.switches)
         self.store_chunk(piece)
         self.send(
-            {"kind": "news", "first": first, "tick": run.tick, "status": self.status,
+            {"kind": "telemetry", "first": first, "tick": run.tick, "status": self.status,
              "rows": base64.b64encode(np.ascontiguousarray(piece.rows)).decode(),
              "events": event_entries(run.events), "deadlines": asdict(self.clock.statistics),
              "tripped": "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"}
@@ -212,8 +212,8 @@ class LiveLoop:
                 self._all_changes = command["whole"]
                 self._record(command, set=command["set"], fade_ms=FADE_TICKS)
                 run.set(command["numbers"])
-            case "moment":
-                return {"moment": run.snapshot()}
+            case "snapshot":
+                return {"snapshot": run.snapshot()}
             case "request":
                 answer = run.request(command["request"])  # this runs the next tick, in which it is handled
                 self._record(command, answer.time, request=answer.request)

@@ -75,7 +75,7 @@ def _walk(setup: Mapping[str, Any], send: Callable[[Mapping[str, Any]], None]) -
     try:
         experiment = experiment_from_mapping(setup["document"], "experiment", Path())
         run = SteppedRun(build_setup(experiment), on_compile=lambda: send({"kind": "compiling"}))
-        journal = Journal(run.layout.names, setup, lambda text: send({"kind": "unkept", "text": text}))
+        journal = Journal(run.layout.names, setup, lambda text: send({"kind": "not_stored", "text": text}))
     except TwinGaitError as error:
         send({"kind": "answer", "refused": one_line(error)})
         return

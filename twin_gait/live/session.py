@@ -225,10 +225,10 @@ class LiveSession:
             if place not in self._known_errors:
                 raise MessageRejected(error)
         if message.kind == "try":
-            now = self.walk.send_command({"command": "moment"})
+            now = self.walk.send_command({"command": "snapshot"})
             known_warnings = find_warnings(self.settings)
             warnings = tuple(item for item in find_warnings(settings) if item not in known_warnings)
-            found = predict(self._forecast_run, now["moment"], settings, warnings)
+            found = predict(self._forecast_run, now["snapshot"], settings, warnings)
             change = changes[0] if len(changes) == 1 else {"subject": ""}
             text, forecast = f"forecast of {'; '.join(texts)}: {found.text}", asdict(found)
             self.event_log.answer(message, "forecast", text, tick=now["tick"], **change, forecast=forecast)

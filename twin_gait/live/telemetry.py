@@ -204,11 +204,11 @@ class WalkProcess:
         match message["kind"]:
             case "answer":
                 self._answers.put(message)
-            case "news":
+            case "telemetry":
                 self._store_telemetry(message)
             case "compiling":
                 self._on_compile()
-            case "unkept":
+            case "not_stored":
                 self.store_failure = message["text"]
                 self._on_store_failure(self.store_failure)
 

@@ -1,6 +1,6 @@
 """Surroundings of the figure: light, floor, treadmill and mast, bench, chair, walkway and rails.
 
-Their sizes and materials are in ``surroundings.yaml``.
+Their sizes and materials are in ``environment.yaml``.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def set_studio(window: CommandBuffer) -> None:
 def draw_environment(
     window: CommandBuffer, name: str, *, placement: np.ndarray | None = None, floor: float = 0.0
 ) -> None:
-    """Draw the parts of a place of ``surroundings.yaml``.
+    """Draw the parts of a place of ``environment.yaml``.
 
     ``placement`` of the place in the scene, shape ``(4, 4)``; ``floor``: height of the floor in the frame of
     the place in [m].

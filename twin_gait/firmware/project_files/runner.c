@@ -15,7 +15,7 @@
 #include "joint_board.h"
 
 #define JOINTS (sizeof((Exoskeleton *)0)->boards / sizeof((Exoskeleton *)0)->boards[0])
-#define LEGS (sizeof((ExoskeletonOutputs *)0)->decision.phases / sizeof(int32_t))
+#define N_LEGS (sizeof((ExoskeletonOutputs *)0)->decision.phases / sizeof(int32_t))
 #define LARGEST_MEAN_SQUARE 1e-8 /* [A^2] */
 
 typedef struct {
@@ -39,22 +39,22 @@ static bool read_row(FILE *file, Row *row)
         board->current = next_number(file);
         board->current_deviation = next_number(file);
     }
-    for (size_t leg = 0; leg < LEGS; leg++) {
-        row->inputs.surroundings.loads[leg] = next_number(file);
+    for (size_t leg = 0; leg < N_LEGS; leg++) {
+        row->inputs.direct.loads[leg] = next_number(file);
     }
-    row->inputs.surroundings.bus_voltage = next_number(file);
-    real *common = (real *)&row->inputs.surroundings.common;
-    for (size_t place = 0; place < sizeof row->inputs.surroundings.common / sizeof(real); place++) {
-        common[place] = next_number(file);
+    row->inputs.direct.bus_voltage = next_number(file);
+    real *signals = (real *)&row->inputs.direct.device_signals;
+    for (size_t index = 0; index < sizeof row->inputs.direct.device_signals / sizeof(real); index++) {
+        signals[index] = next_number(file);
     }
 {% if experiment.modes %}
-    row->inputs.surroundings.request = (int32_t)next_number(file);
+    row->inputs.direct.request = (int32_t)next_number(file);
 {% endif %}
     for (size_t joint = 0; joint < JOINTS; joint++) {
         row->outputs.commands[joint].torque = next_number(file);
         row->outputs.commands[joint].target_current = next_number(file);
     }
-    for (size_t leg = 0; leg < LEGS; leg++) {
+    for (size_t leg = 0; leg < N_LEGS; leg++) {
         row->outputs.decision.phases[leg] = (int32_t)next_number(file);
     }
     row->outputs.decision.trip_cause = (int32_t)next_number(file);
@@ -67,7 +67,7 @@ static bool is_same(real a, real b) { return a == b || (a != a && b != b); }
 static bool is_near(const Decision *given, const Decision expected[3])
 {
     bool near = true;
-    for (size_t leg = 0; leg < LEGS; leg++) {
+    for (size_t leg = 0; leg < N_LEGS; leg++) {
         bool found = false;
         for (int tick = 0; tick < 3; tick++) {
             found = found || given->phases[leg] == expected[tick].phases[leg];
@@ -77,7 +77,7 @@ static bool is_near(const Decision *given, const Decision expected[3])
     return near;
 }
 
-/* The separate units: a board receives the demand of its tick, the gait controller the measurements. */
+/* The separate units: a board receives the setpoint of its tick, the gait controller the measurements. */
 typedef struct {
     JointBoard boards[JOINTS];
     GaitController controller;
@@ -93,23 +93,23 @@ static void start_apart(Apart *apart)
     gait_controller_init(&apart->controller);
 }
 
-static bool is_same_demand(const Demand *a, const Demand *b)
+static bool is_same_setpoint(const JointSetpoint *a, const JointSetpoint *b)
 {
     return is_same(a->stiffness, b->stiffness) && is_same(a->damping, b->damping)
         && is_same(a->equilibrium, b->equilibrium) && is_same(a->gain, b->gain) && is_same(a->gravity, b->gravity)
         && is_same(a->inertia, b->inertia) && is_same(a->target, b->target) && a->held == b->held;
 }
 
-/* Run a tick of the separate units; return whether commands and decision are those of the file, and the demands those
+/* Run a tick of the separate units; return whether commands and decision are those of the file, and the setpoints those
    of the exoskeleton. */
 static bool step_apart(Apart *apart, const Row *row, const ExoskeletonOutputs *given)
 {
     bool same = true;
-    GaitControllerInputs heard = {.surroundings = row->inputs.surroundings};
+    GaitControllerInputs inputs_central = {.direct = row->inputs.direct};
     for (size_t joint = 0; joint < JOINTS; joint++) {
         JointBoardInputs inputs = row->inputs.boards[joint];
-        inputs.demand = given->demands[joint];
-        inputs.heard = true;
+        inputs.setpoint = given->setpoints[joint];
+        inputs.received = true;
         joint_board_step(&apart->boards[joint], &inputs, &apart->measured[joint]);
         const Command *command = &apart->measured[joint].command;
         const Command *wanted = &row->outputs.commands[joint];
@@ -117,14 +117,14 @@ static bool step_apart(Apart *apart, const Row *row, const ExoskeletonOutputs *g
         const bool tripped = apart->measured[joint].measurement.cause != 0;
         same = same && (tripped || (is_same(command->torque, wanted->torque)
             && is_same(command->target_current, wanted->target_current)));
-        heard.measurements[joint] = apart->measured[joint].measurement;
-        heard.heard[joint] = true;
+        inputs_central.measurements[joint] = apart->measured[joint].measurement;
+        inputs_central.received[joint] = true;
     }
-    gait_controller_step(&apart->controller, &heard, &apart->decided);
+    gait_controller_step(&apart->controller, &inputs_central, &apart->decided);
     for (size_t joint = 0; joint < JOINTS; joint++) {
-        same = same && is_same_demand(&apart->decided.demands[joint], &given->demands[joint]);
+        same = same && is_same_setpoint(&apart->decided.setpoints[joint], &given->setpoints[joint]);
     }
-    for (size_t leg = 0; leg < LEGS; leg++) {
+    for (size_t leg = 0; leg < N_LEGS; leg++) {
         same = same && apart->decided.decision.phases[leg] == row->outputs.decision.phases[leg];
     }
     return same && apart->decided.decision.trip_cause == row->outputs.decision.trip_cause;
@@ -178,8 +178,8 @@ static long excite(FILE *file)
         if (unit >= sizeof counts / sizeof counts[0]) {
             return -1;
         }
-        for (size_t place = 0; place < counts[unit]; place++) {
-            if (fscanf(file, ",%lf", &numbers[place]) != 1) {
+        for (size_t index = 0; index < counts[unit]; index++) {
+            if (fscanf(file, ",%lf", &numbers[index]) != 1) {
                 return -1;
             }
         }
@@ -231,7 +231,7 @@ int main(int count, char **words)
     for (; read_row(file, &row); ticks++) {
         exoskeleton_step(&unit, &row.inputs, &given);
         bool same = given.decision.trip_cause == row.outputs.decision.trip_cause;
-        for (size_t leg = 0; leg < LEGS; leg++) {
+        for (size_t leg = 0; leg < N_LEGS; leg++) {
             same = same && given.decision.phases[leg] == row.outputs.decision.phases[leg];
         }
         for (size_t joint = 0; joint < JOINTS; joint++) {

@@ -48,7 +48,7 @@ class TuningSettings(quantities.Parameters):
         thresholds: Whether angle thresholds are tuned.
         blending: Whether the duration of the blend is tuned.
         per_side: Whether each leg has numbers of its own (hemiparesis).
-        everyone: Whether the table is also for other wearers, supports and belts, like a packaged table:
+        robust: Whether the table is also for other wearers, supports and belts, like a packaged table:
             search and robust set then include ``corner_cases``.
         search_duration: Duration of a walk in the search in [s].
         robust_duration: Duration of a walk of the robust set in [s].
@@ -125,7 +125,7 @@ class Tuning:
             experiment.table, thresholds=settings.thresholds, blending=settings.blending
         )
         self.generations: list[Generation] = []
-        corners = build_cases(self.experiment, "everyone") if settings.robust else {}
+        corners = build_cases(self.experiment, "corners") if settings.robust else {}
         self.search_cases = build_cases(self.experiment, "search") | corners
         self._robust_cases = build_cases(self.experiment, "robust") | self.search_cases
 
@@ -254,7 +254,7 @@ def tune(
     """
     walking_wearer(experiment)
     if settings.robust and not experiment.scenario.has_adjustments(BELT_SPEED):
-        raise ParameterError(f"{experiment.name}: has no belt; leave out --everyone (other belts)")
+        raise ParameterError(f"{experiment.name}: has no belt; leave out --robust (other belts)")
     if settings.per_side:
         experiment = replace(experiment, table=space.split_sides(experiment.table))
     tuning = Tuning(experiment, settings, workers or Workers(), report, should_stop)

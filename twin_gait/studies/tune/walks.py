@@ -111,7 +111,7 @@ def weighted_cost(walks: Sequence[Rating]) -> float:
 
 
 def build_cases(nominal: Experiment, kind: str) -> dict[str, Experiment]:
-    """Return the cases of a kind by names, from ``cases.yaml``: ``search``, ``robust`` or ``everyone``.
+    """Return the cases of a kind by names, from ``cases.yaml``: ``search``, ``robust`` or ``corners``.
 
     Cases with another belt speed are left out if there is no belt.
     """

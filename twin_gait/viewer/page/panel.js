@@ -150,7 +150,7 @@
     if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
     else if (message.kind === "state") board.take(message);
     else if (message.kind === "frame") head.frame(message);
-    else if (message.kind === "beat") pulse.beat(message.silence_s);
+    else if (message.kind === "heartbeat") pulse.beat(message.time_since_message_s);
     else if (message.kind === "event") {
       log.add(message);
       const answer = link.waiting.get(message.id);
@@ -447,10 +447,10 @@
     }
 
     number() {
-      const { least, largest, step } = this.control;
+      const { minimum, maximum, step } = this.control;
       this.box = make("input", {
         type: "number", id: this.id, step: "any", inputMode: "decimal", autocomplete: "off",
-        title: least === null ? "" : `${written(least, this.control)} to ${written(largest, this.control)}`,
+        title: minimum === null ? "" : `${written(minimum, this.control)} to ${written(maximum, this.control)}`,
       });
       this.box.setAttribute("aria-describedby", this.refusal.id);
       this.box.onchange = () => this.typed();
@@ -462,8 +462,8 @@
       }, text);
       if (this.control.group === "monitor" && step) parts.push(nudge(-1, "\u2212"), this.box, nudge(1, "+"));
       else parts.push(this.box);
-      if (least !== null && largest !== null) {
-        this.slider = make("input", { type: "range", min: least, max: largest, step: step ?? "any", tabIndex: 0 });
+      if (minimum !== null && maximum !== null) {
+        this.slider = make("input", { type: "range", min: minimum, max: maximum, step: step ?? "any", tabIndex: 0 });
         this.slider.setAttribute("aria-label", `${this.control.label || this.control.name}, slider`);
         // A mark shows the value of the preset.
         const mark = make("datalist", { id: `${this.id}-preset` }, make("option", { value: this.control.default }));
@@ -599,8 +599,8 @@
         spec.help ? make("p", { className: "help" }, spec.help) : "", ...this.fields.map((row) => row.node), this.button, this.answer);
       this.node.classList.toggle("plain", !spec.fields.length);
       for (const row of this.fields) {
-        const other = this.fields.find((one) => one.control.name === row.control.choices_by);
-        const offer = () => row.offer(row.control.choices_for[other.value()]);
+        const other = this.fields.find((one) => one.control.name === row.control.depends_on);
+        const offer = () => row.offer(row.control.choices_by_value[other.value()]);
         if (other) { other.box.addEventListener("change", offer); offer(); }
       }
     }
