@@ -98,7 +98,7 @@ def rows_of(table: pd.DataFrame) -> pd.DataFrame:
         .assign(
             strides=table[[f"{side}_strides" for side in sides]].min(axis=1),
             further_contacts=table[[f"{side}_further_contacts" for side in sides]].sum(axis=1),
-            time_outs=table[[f"{side}_timeouts" for side in sides]].sum(axis=1),
+            timeouts=table[[f"{side}_timeouts" for side in sides]].sum(axis=1),
         )
     )
 

@@ -90,7 +90,7 @@ def _transition_mutants(table: GaitTable, item: Transition) -> Changed:
     for kind, text, guard in _guard_mutants(table, item.guard):
         yield kind, text, replace(item, guard=guard)
     yield from _debounces(item)
-    yield from _time_outs(item)
+    yield from _timeouts(item)
     for phase in table.phase_names:
         if phase not in (item.source, item.target):
             yield "source", f"leaves {phase}", replace(item, source=phase)
@@ -102,16 +102,16 @@ def _debounces(item: Transition) -> Changed:
         yield "debounce", f"debounce of {debounce} ticks", replace(item, debounce_ticks=debounce)
 
 
-def _time_outs(item: Transition) -> Changed:
+def _timeouts(item: Transition) -> Changed:
     time = item.timeout_ticks
     if time is None:
         return
     changes = {"never": MAX_TICKS, "at once": 1, "one tick sooner": time - 1, "one tick later": time + 1}
     for text, ticks in changes.items():
         if 1 <= ticks <= MAX_TICKS and ticks != time:
-            yield "time-out", text, replace(item, time_out_ticks=ticks)
+            yield "time-out", text, replace(item, timeout_ticks=ticks)
     if time * 1000 <= MAX_TICKS:
-        yield "unit", "time-out read in another unit", replace(item, time_out_ticks=time * 1000)
+        yield "unit", "time-out read in another unit", replace(item, timeout_ticks=time * 1000)
 
 
 def _orders(table: GaitTable) -> Iterator[Mutant]:

@@ -46,7 +46,7 @@ CYCLE = tuple(zip(PHASES, (*PHASES[1:], PHASES[0]), strict=True))
 def five_phase_table() -> GaitTable:
     """Five phases in a ring, and a time-out beside the guard out of swing flexion."""
     ring = [transition(source, target, "hip.angle_deg > 0") for source, target in CYCLE]
-    late = transition(GaitPhase.SWING_FLEXION, GaitPhase.SWING_EXTENSION, time_out_ticks=1000)
+    late = transition(GaitPhase.SWING_FLEXION, GaitPhase.SWING_EXTENSION, timeout_ticks=1000)
     return GaitTable(
         name="ring",
         joints=JOINTS,

@@ -183,11 +183,11 @@ class Unit:
         """Return whether the changed ticks pass before another time that the transition has to wait for."""
         rules = list(zip(*map(self._numbers, ("source", "debounce_ticks")), strict=True))
         if change.field == "debounce_ticks":  # With a guard that is always open, of no results.
-            (first,), (end,), (time_out,) = (
+            (first,), (end,), (timeout,) = (
                 self._numbers(name, change.entry) for name in ("first_node", "end_node", "timeout_ticks")
             )
             nodes = list(zip(*map(self._numbers, ("operation", "operand")), strict=True))
-            return nodes[int(first) : int(end)] == [(2.0, 0.0)] and int(change.new) <= time_out
+            return nodes[int(first) : int(end)] == [(2.0, 0.0)] and int(change.new) <= timeout
         # A leg that begins in a phase is in it for a tick less than one that enters it.
         begins = change.index in self._numbers("phase", self.text[self.text.index("_at_start") :])
         waits = [debounce for source, debounce in rules if source == change.index]

@@ -95,7 +95,7 @@ def test_a_table_without_a_leg_model_is_only_checked_for_sense():
 # ---------------------------------------------------------------------- can it leave?
 
 
-def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_for_the_time_out():
+def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_for_the_timeout():
     planted = "table.phases.swing_flexion.knee.equilibrium_deg=38"  # clearance needs 45
     (finding,) = stuck_phases.cannot_leave(case_of("bench_leg", planted))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
@@ -417,7 +417,7 @@ def test_no_switch_of_a_run_jumps_further_than_found(preset):
 # ---------------------------------------------------------------------- stiffness and motor
 
 
-def test_a_phase_is_entered_where_its_guard_opens_first_not_by_its_time_out():
+def test_a_phase_is_entered_where_its_guard_opens_first_not_by_its_timeout():
     case = case_of("bench_leg")
     (leg,) = hanging_legs(case)
     (rest,) = first_rests(SignalSpace(case), leg, "swing_extension")

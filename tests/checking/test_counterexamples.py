@@ -56,7 +56,7 @@ class Vectors:
         self.count = count
         self.signals = {name: self._draw(name, generator) for name in all_signal_names(JOINTS)}
         self.others = generator.integers(len(table.phases), size=count)
-        ends = np.array([self.time_out(name) for name in table.phase_names])
+        ends = np.array([self.timeout(name) for name in table.phase_names])
         self.signals[OTHER_TIME] = np.minimum(self.signals[OTHER_TIME], ends[self.others])
 
     def _draw(self, name: str, generator: np.random.Generator) -> np.ndarray:
@@ -73,7 +73,7 @@ class Vectors:
         low, high, speed = TWIN[name.rsplit(".", 2)[-2]]
         return generator.uniform(*((low, high) if quantity == "angle_deg" else (-speed, speed)), self.count)
 
-    def time_out(self, name: str) -> float:
+    def timeout(self, name: str) -> float:
         ends = [
             item.timeout_ticks for item in self.table.transitions if item.source == name and item.is_timeout
         ]
@@ -106,7 +106,7 @@ class Vectors:
         """Where a transition is open at a time at which the leg can still be in its phase."""
         time = self.signals[TIME]
         first = max(1, self.table.phases[item.source].minimum_ticks, item.timeout_ticks or 0)
-        inside = (time > (first - 0.5) * TICK) & (time < self.time_out(item.source) + 0.5 * TICK)
+        inside = (time > (first - 0.5) * TICK) & (time < self.timeout(item.source) + 0.5 * TICK)
         return self.true(item.guard) & inside
 
     def ambiguities(self) -> set[tuple[str, str]]:
@@ -481,7 +481,7 @@ TIME_OUT = Transition(source="a", target="b", cause="timeout", timeout_ticks=500
         ("hip.angle_deg > 5", {"timeout_ticks": 500}, True, True),
     ],
 )
-def test_time_out_and_debounce_bound_what_an_exit_can_do(
+def test_timeout_and_debounce_bound_what_an_exit_can_do(
     text: str, changes: dict[str, Any], opens: bool, fires: bool
 ) -> None:
     space = space_of(leaving(text, **changes), TIME_OUT)

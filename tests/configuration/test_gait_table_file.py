@@ -181,7 +181,7 @@ transitions:
 
 
 @pytest.mark.parametrize(("seconds", "ticks"), [("0.001", 1), ("0.0149", 15), ("0.4", 400), ("1.2", 1200)])
-def test_time_out_is_rounded_to_whole_ticks(seconds: str, ticks: int, tmp_path: Path) -> None:
+def test_timeout_is_rounded_to_whole_ticks(seconds: str, ticks: int, tmp_path: Path) -> None:
     table = load_text(TABLE.replace("after_s: 1.0", f"after_s: {seconds}"), tmp_path)
     assert table.transitions[4].timeout_ticks == ticks
 

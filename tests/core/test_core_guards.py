@@ -22,7 +22,7 @@ PHASES = ("stance", "swing")
 
 def evaluate(tree: Guard, signals: dict[str, float], other_phase: str | None) -> bool:
     """Compile a guard and let the core evaluate it; signals in the units of the table."""
-    program = compile_guards(two_phase_table(transition("stance", "swing", tree, time_out_ticks=1)))
+    program = compile_guards(two_phase_table(transition("stance", "swing", tree, timeout_ticks=1)))
     measured = [signals[name] * signal_scale(name) for name in NAMES]
     index = -1 if other_phase is None else PHASES.index(other_phase)
     rule = program.transitions[0]

@@ -133,7 +133,7 @@ def test_an_infinite_reading_is_no_undefined_conversion(library):
     assert encoder.angle == math.inf
 
 
-def test_the_machine_with_debounce_and_time_outs(library, guards):
+def test_the_machine_with_debounce_and_timeouts(library, guards):
     draw, table = random.Random(2), library.structure(guards)
     debounce = [0] * guards.n_transitions
     expected, found = list(debounce), set()

@@ -103,16 +103,16 @@ def test_minimum_duration_counts_from_the_entry() -> None:
 
 
 @pytest.mark.parametrize("after", [1, 7, 1000])
-def test_time_out_fires_at_its_tick_and_not_before(after: int) -> None:
-    fsm = machine(transition("stance", "swing", time_out_ticks=after, cause="timeout"))
+def test_timeout_fires_at_its_tick_and_not_before(after: int) -> None:
+    fsm = machine(transition("stance", "swing", timeout_ticks=after, cause="timeout"))
     assert switches(fsm, [0.0] * (after - 1)) == []
     assert switches(fsm, [0.0], first_tick=after) == [
         PhaseSwitch(after, Side.LEFT, "stance", "swing", "timeout", 0)
     ]
 
 
-def test_time_out_with_a_guard_needs_both() -> None:
-    entry = transition("stance", "swing", "hip.angle_deg > 10", time_out_ticks=5)
+def test_timeout_with_a_guard_needs_both() -> None:
+    entry = transition("stance", "swing", "hip.angle_deg > 10", timeout_ticks=5)
     assert [item.tick for item in switches(machine(entry), [20.0] * 8)] == [5]
     assert [item.tick for item in switches(machine(entry), [0.0] * 8 + [20.0])] == [9]
 
@@ -191,7 +191,7 @@ def test_bench_leg_without_another_leg_takes_guards_on_its_own_signals() -> None
 @pytest.mark.parametrize("named", leg())
 def test_measurement_that_is_not_finite_is_refused_by_name(named: str, bad: float) -> None:
     """Also where no guard reads it: a broken sensor must not pass in silence."""
-    fsm, broken = machine(transition("stance", "swing", time_out_ticks=1)), {**leg(), named: bad}
+    fsm, broken = machine(transition("stance", "swing", timeout_ticks=1)), {**leg(), named: bad}
     with raises(MeasurementError, "left", named, bad) as caught:
         fsm.step(5, broken)
     assert len(str(caught.value).splitlines()) == 1
@@ -280,7 +280,7 @@ def three_phase_table() -> GaitTable:
         phases={name: phase(minimum_ticks=ticks) for name, ticks in (("a", 0), ("b", 3), ("c", 0))},
         transitions=(
             transition("a", "b", guard("hip.angle_deg > 10")),
-            transition("a", "b", time_out_ticks=20),
+            transition("a", "b", timeout_ticks=20),
             transition("b", "c", guard("knee.angle_deg > 10"), debounce_ticks=2),
             transition("b", "a", guard("hip.angle_deg < -10")),
             transition("c", "a", guard("foot.load_bw > 0.5")),

@@ -97,22 +97,22 @@ def test_single_phase_needs_no_exit() -> None:
     assert compile_guards(table).transitions == []
 
 
-def test_time_out_must_not_come_before_the_minimum_duration() -> None:
+def test_timeout_must_not_come_before_the_minimum_duration() -> None:
     phases = {"stance": phase(minimum_ticks=200), "swing": phase()}
-    entry = transition("stance", "swing", time_out_ticks=199)
+    entry = transition("stance", "swing", timeout_ticks=199)
     message = message_of(lambda: two_phase_table(entry, phases=phases))
     assert "0.199" in message
     assert "200" in message
-    assert two_phase_table(transition("stance", "swing", time_out_ticks=200), phases=phases).transitions
+    assert two_phase_table(transition("stance", "swing", timeout_ticks=200), phases=phases).transitions
 
 
 def test_transition_without_any_condition_is_refused() -> None:
     assert "no condition" in message_of(lambda: transition("stance", "swing"))
 
 
-def test_time_out_is_a_transition_without_a_guard() -> None:
-    assert transition("stance", "swing", time_out_ticks=10).is_timeout
-    assert not transition("stance", "swing", "hip.angle_deg > 1", time_out_ticks=10).is_timeout
+def test_timeout_is_a_transition_without_a_guard() -> None:
+    assert transition("stance", "swing", timeout_ticks=10).is_timeout
+    assert not transition("stance", "swing", "hip.angle_deg > 1", timeout_ticks=10).is_timeout
     assert not transition("stance", "swing", "hip.angle_deg > 1").is_timeout
 
 
@@ -120,7 +120,7 @@ def test_time_out_is_a_transition_without_a_guard() -> None:
     "build",
     [
         lambda: transition("stance", "swing", "hip.angle_deg > 1", debounce_ticks=0),
-        lambda: transition("stance", "swing", time_out_ticks=0),
+        lambda: transition("stance", "swing", timeout_ticks=0),
         lambda: phase(minimum_ticks=-1),
         lambda: phase(gravity_compensation=1.01),
         lambda: phase(gravity_compensation=-0.01),

@@ -95,7 +95,9 @@ def test_conditioned_friction_falls_with_warmth_and_grows_with_load():
     base = array_laws.load_and_temperature_torque(w, 0 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
     assert_allclose(base, 13.0)
     assert_allclose(
-        array_laws.load_and_temperature_torque(w, -10 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01) - base, 1.0
+        array_laws.load_and_temperature_torque(w, -10 * one, 25 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
+        - base,
+        1.0,
     )
     warm = array_laws.load_and_temperature_torque(w, 0 * one, 35 * one, 3.0, 0.1, -0.02, 2.0, -0.05, 0.01)
     assert_allclose(warm - base, -0.2 - 2.5)

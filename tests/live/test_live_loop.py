@@ -179,7 +179,7 @@ def test_every_control_has_all_that_a_page_needs_and_begins_as_the_preset(name, 
     for item in controls:
         assert not item.changed and item.label and item.group in ("walk", "table", "monitor")
         if item.kind == "number":
-            assert item.least <= item.value <= item.largest and item.step > 0.0
+            assert item.minimum <= item.value <= item.maximum and item.step > 0.0
     table = [item for item in controls if item.group == "table"]
     assert len(table) == 5 * 2 * 4  # phases, joints, quantities
 
@@ -219,7 +219,7 @@ def another(control):
         return not control.value
     if control.kind == "choice":
         return next(item for item in control.choices if item != control.value)
-    return control.least + 0.37 * (control.largest - control.least)
+    return control.minimum + 0.37 * (control.maximum - control.minimum)
 
 
 def test_a_table_control_sets_the_number_of_its_phase_joint_and_quantity_in_si(bench_panel):
@@ -271,7 +271,7 @@ def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_t
 )
 def test_a_value_out_of_its_range_and_an_unknown_control_are_refused(treadmill_panel, name, value, reason):
     shown = {item.name: item for item in treadmill_panel.controls(treadmill_panel.preset)}
-    reason = [fact.format(most=shown["late_stance.hip.stiffness"].largest) for fact in reason]
+    reason = [fact.format(most=shown["late_stance.hip.stiffness"].maximum) for fact in reason]
     with raises(MessageRejected, *reason):
         treadmill_panel.set(treadmill_panel.preset, name, value)
 

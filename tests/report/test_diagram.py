@@ -53,9 +53,9 @@ def nested_table() -> GaitTable:
     back = AnyOf(guards=(guard("hip.angle_deg < 5"), guard("other.hip.angle_deg - hip.angle_deg < -4")))
     exits = (
         transition("stance", "swing", AllOf(guards=(either,)), cause="either", debounce_ticks=3),
-        transition("stance", "swing", near, cause="near_and_late", time_out_ticks=40),
+        transition("stance", "swing", near, cause="near_and_late", timeout_ticks=40),
         transition("stance", "swing", guard("other.phase in [swing]"), cause="other", debounce_ticks=9),
-        transition("stance", "swing", None, cause="timeout", time_out_ticks=300),
+        transition("stance", "swing", None, cause="timeout", timeout_ticks=300),
         transition("swing", "stance", back, cause="back", debounce_ticks=2),
     )
     phases = {"stance": phase(minimum_ticks=20), "swing": phase()}
@@ -285,7 +285,7 @@ def test_a_time_on_its_threshold_is_possible() -> None:
     longer, shorter = guard("time_in_phase_s > 0.05"), guard("time_in_phase_s < 0.05")
     exits = (
         transition("stance", "swing", AnyOf(guards=(longer, shorter)), cause="early"),
-        transition("stance", "swing", None, cause="timeout", time_out_ticks=50),
+        transition("stance", "swing", None, cause="timeout", timeout_ticks=50),
     )
     logic = PhaseLogic(two_phase_table(*exits), "stance")
     assert logic.conditions == (longer, shorter, MinimumTime(50))
@@ -346,7 +346,7 @@ def swapped(table: GaitTable) -> GaitTable:
 EDITS: dict[str, Callable[[GaitTable], GaitTable]] = {
     "threshold": with_transition(4, guard=guard("hip.angle_deg < 5.001")),
     "debounce": with_transition(0, debounce_ticks=4),
-    "time-out": with_transition(3, time_out_ticks=301),
+    "time-out": with_transition(3, timeout_ticks=301),
     "cause": with_transition(2, cause="contralateral"),
     "order": swapped,
     "stiffness": with_joint(stiffness=100.001),
@@ -413,7 +413,7 @@ def test_drawing_shows_phases_causes_thresholds_and_parameters(table: GaitTable)
 
 
 @each_table
-def test_drawing_has_an_arrow_for_each_way_and_dashes_time_outs(table: GaitTable) -> None:
+def test_drawing_has_an_arrow_for_each_way_and_dashes_timeouts(table: GaitTable) -> None:
     root = ElementTree.fromstring(state_diagram_svg(table))
     drawn = [item.get("class") for item in root.iter(f"{SVG}path") if "arrow" in (item.get("class") or "")]
     guarded = {(item.source, item.target) for item in table.transitions if not item.is_timeout}

@@ -261,7 +261,7 @@ def test_double_support_is_stance_less_the_other_swing(summary: dict[str, Any], 
     assert 0.1 < summary["sides"][side]["double_support_share"] < 0.5
 
 
-def test_time_outs_are_counted_in_all_and_once_the_gait_has_settled() -> None:
+def test_timeouts_are_counted_in_all_and_once_the_gait_has_settled() -> None:
     into_extension = sum(PHASE_TICKS[:4])
     # The fourth left stride begins with the heel strike at 200 + 3 · 1200.
     early, late = into_extension + 2 * STRIDE, into_extension + 3 * STRIDE

@@ -243,7 +243,7 @@ def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
     assert kept(e) == (71, safety.PHASE_TRIP, 4 + 1)
 
 
-def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
+def test_a_leg_that_was_told_to_stand_does_not_timeout(e, look):
     e.limits.phase_ticks, e.controller.last_rest = 50, 100
     look(e, 150)
     assert e.controller.trip.tick < 0

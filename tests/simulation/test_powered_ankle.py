@@ -219,7 +219,7 @@ def controlling(joints: list[str], *settings: str) -> Experiment:
             for name, phase in base.table.phases.items()
         },
         transitions=tuple(
-            replace(item, guard=type(item.guard)(guards=()), time_out_ticks=200)
+            replace(item, guard=type(item.guard)(guards=()), timeout_ticks=200)
             for item in base.table.transitions
         ),
     )

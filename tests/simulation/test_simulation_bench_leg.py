@@ -53,7 +53,7 @@ def test_steps_through_the_five_phases_in_order(stepping):
     assert len(entered) >= 10
 
 
-def test_no_time_out_moves_the_leg(stepping):
+def test_no_timeout_moves_the_leg(stepping):
     assert {item.cause for item in stepping.switches}.isdisjoint({"timeout"})
 
 

@@ -195,7 +195,7 @@ def test_he_starts_walks_and_stands_again_without_a_fall(settings, stop):
     assert not [item for item in run.switches if item.time < 1.0 and item.target != STAND]
 
 
-def test_no_phase_ends_by_its_time_out():
+def test_no_phase_ends_by_its_timeout():
     run = walk(*commands(1.0, 7.0, 11.0))
     assert not targets(run, "timeout")
 

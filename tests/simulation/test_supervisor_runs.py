@@ -124,7 +124,7 @@ def test_a_step_is_asked_for_and_taken_once():
     assert not [item for item in walking if item.source == "stand" and "swing" in item.target]
 
 
-def test_waiting_for_a_step_is_no_time_out_of_a_phase():
+def test_waiting_for_a_step_is_no_timeout_of_a_phase():
     limit = "control.safety.phase_timeout_s=1"
     assert run(*STAYING, limit, requests="walk@0.1s", seconds=2.5).trip is None
 

@@ -65,7 +65,7 @@ def test_early_stance_begins_when_the_foot_lands(summary, side):
 
 
 @pytest.mark.parametrize("side", SIDES)
-def test_no_time_out_after_the_third_stride(summary, side):
+def test_no_timeout_after_the_third_stride(summary, side):
     assert summary["sides"][side]["timeouts_after_third_stride"] == 0
 
 

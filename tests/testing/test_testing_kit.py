@@ -37,8 +37,8 @@ def rich_table() -> GaitTable:
     exits = (
         transition("stance", "swing", both, cause="ready", debounce_ticks=5),
         transition("stance", "swing", "knee.angle_deg > 60", cause="bent"),
-        transition("stance", "rest", None, cause="timeout", time_out_ticks=90),
-        transition("swing", "stance", "knee.velocity_deg_per_s < -3", cause="back", time_out_ticks=30),
+        transition("stance", "rest", None, cause="timeout", timeout_ticks=90),
+        transition("swing", "stance", "knee.velocity_deg_per_s < -3", cause="back", timeout_ticks=30),
         transition("swing", "stance", AllOf(guards=(guard("foot.load_bw > 1"), late)), cause="loaded"),
         transition("rest", "swing", "other.time_in_phase_s > 0.04", cause="rested", debounce_ticks=2),
         transition("rest", "stance", guard("other.phase in [swing]"), cause="other", debounce_ticks=3),

@@ -72,7 +72,7 @@ def write_walk(
     run = recorded_run(
         synthetic_log(model, duration),
         model,
-        about={"title": title},
+        texts={"title": title},
         frames_per_second=FRAMES_PER_SECOND,
         patient=PATIENT,
         **more,  # type: ignore[arg-type]

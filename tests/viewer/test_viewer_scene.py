@@ -490,7 +490,7 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
 
 def test_bench_leg_hangs_clear_of_its_bench(bench: LegModel) -> None:
     recorder = CommandBuffer()
-    build_scene(recorder, bench, around=Environment.STAND)
+    build_scene(recorder, bench, environment=Environment.STAND)
     vertices = meshes_of(recorder)
     parts = {
         name: vertices[f"{ROOT}/bench/{name}"] for name in ("table_top", "table_frame", "vice", "weight")
@@ -545,7 +545,7 @@ def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None
     urdf.write_text(f'<robot name="bare">{links}{hip}{knee}</robot>')
     recorder = CommandBuffer()
     model = LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y")
-    scene = build_scene(recorder, model, around=Environment.STAND)
+    scene = build_scene(recorder, model, environment=Environment.STAND)
     assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"}
     path = scene.arcs[Side.LEFT]["hip"][1]
     arrow = on_stage(world(scene, recorder, path), meshes_of(recorder)[path])

@@ -89,7 +89,7 @@ class Guards:
             is_time_in_phase = item.factor_b == 0.0 and item.signal_a % self.block == self.block - 1
             if is_time_in_phase:
                 ticks += round(1000.0 * abs(item.threshold))
-        first = min(max(ticks, rule.time_out_ticks + 3), LONGEST_HOLD)
+        first = min(max(ticks, rule.timeout_ticks + 3), LONGEST_HOLD)
         self.uses[index, chosen] += 1.0 + first / 200.0
         last = self.random.choice([ticks, 150], p=[0.9, 0.1])  # Some last until parameters have faded.
         return np.concatenate([self._rows(low, first), self._rows(high, int(last))])

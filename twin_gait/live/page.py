@@ -185,7 +185,9 @@ class LivePageServer(SceneServer):
         silence, now = self._session.walk.time_since_message(), time.monotonic()
         if self._session.walk.alive and now - self._last_beat >= BEAT:
             self._last_beat = now
-            self.publish(protocol.Heartbeat(time_since_message_s=round(silence, 3)).to_dict(), key="heartbeat")
+            self.publish(
+                protocol.Heartbeat(time_since_message_s=round(silence, 3)).to_dict(), key="heartbeat"
+            )
         before, self._frame = self._frame, self._session.walk.frame
         if self._frame is not before:
             self._show(self._frame)

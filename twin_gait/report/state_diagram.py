@@ -93,7 +93,7 @@ class Edge(NamedTuple):
 
     source: int  # position of the phase that is left
     target: int  # position of the phase that is entered
-    time_out: bool  # whether they are time-outs
+    timeout: bool  # whether they are time-outs
 
 
 class Arrow(NamedTuple):
@@ -102,7 +102,7 @@ class Arrow(NamedTuple):
     start: float  # where it leaves a box, downwards in [px]
     end: float  # where it enters one
     lane: int  # which of the lanes, the innermost being 1; in one lane no two arrows meet
-    time_out: bool
+    timeout: bool
     numbers: str  # of its transitions in the list below
 
 
@@ -151,7 +151,7 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
         low, high = sorted((start, end))
         occupied = {other.lane for other in laid if low < max(other[:2]) and min(other[:2]) < high}
         lane = next(lane for lane in range(1, len(laid) + 2) if lane not in occupied)
-        laid.append(Arrow(start, end, lane, way.time_out, ", ".join(ways[way])))
+        laid.append(Arrow(start, end, lane, way.timeout, ", ".join(ways[way])))
     return laid
 
 

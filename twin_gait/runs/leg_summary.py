@@ -166,7 +166,7 @@ class MeasuredLeg:
     def phase_measures(self) -> dict[str, Any]:
         """What strides from one entry into the first phase to the next tell."""
         record = self.record
-        counted, time_outs = record.strides_by_phase(skip=self.skip), self.timeout_ticks()
+        counted, timeouts = record.strides_by_phase(skip=self.skip), self.timeout_ticks()
         since = int(counted[0, 0]) if len(counted) else len(record.phases)
         durations = phases.phase_durations(record.phases, TICK, since=since)
         settled = record.stride_events[SETTLED_AFTER:]
@@ -180,8 +180,8 @@ class MeasuredLeg:
                 name: finite_mean(durations.get(index, np.zeros(0)))
                 for index, name in enumerate(self.run.table.phase_names)
             },
-            "timeouts": len(time_outs),
-            "timeouts_after_third_stride": sum(t >= settled[0] for t in time_outs) if len(settled) else None,
+            "timeouts": len(timeouts),
+            "timeouts_after_third_stride": sum(t >= settled[0] for t in timeouts) if len(settled) else None,
         }
 
     def _reference_errors(self, begin: str, bounds: np.ndarray) -> dict[str, float]:

@@ -20,15 +20,28 @@ _KINDS = {
 }
 # Build flags in words; a flag that is not listed is written as it is named.
 _WORDS = {
-    "WEARER_OFFSET": "braces", "WITH_SUPERVISOR": "modes", "WITH_NETWORK": "network", "WITH_CENTRAL_IMPEDANCE": "impedance over the network",
-    "WITH_CONTROLLER": "control mode other than impedance", "WITH_OTHER_FRICTION_LAWS": "LuGre or asymmetric friction",
+    "WEARER_OFFSET": "braces",
+    "WITH_SUPERVISOR": "modes",
+    "WITH_NETWORK": "network",
+    "WITH_CENTRAL_IMPEDANCE": "impedance over the network",
+    "WITH_CONTROLLER": "control mode other than impedance",
+    "WITH_OTHER_FRICTION_LAWS": "LuGre or asymmetric friction",
     "FRICTION_INDICES": "other joints with friction",
-    "WITH_ANKLES": "ankles", "N_CRUTCHES": "crutches", "WITH_SEAT": "chair", "WITH_FAULTS": "faults",
-    "WITH_WEARER": "moments of the wearer", "WITH_DELAY": "delayed commands", "WITH_SLOPE": "slope",
-    "WITH_INERTIAL_UNIT": "inertial unit", "WITH_INERTIA_COMPENSATION": "inertia compensation", "WITH_RK4": "Runge-Kutta integration",
-    "PELVIS_INDEX": "moving pelvis", "FORWARD_INDEX": "fore-aft motion", "PITCH_INDEX": "free trunk",
+    "WITH_ANKLES": "ankles",
+    "N_CRUTCHES": "crutches",
+    "WITH_SEAT": "chair",
+    "WITH_FAULTS": "faults",
+    "WITH_WEARER": "moments of the wearer",
+    "WITH_DELAY": "delayed commands",
+    "WITH_SLOPE": "slope",
+    "WITH_INERTIAL_UNIT": "inertial unit",
+    "WITH_INERTIA_COMPENSATION": "inertia compensation",
+    "WITH_RK4": "Runge-Kutta integration",
+    "PELVIS_INDEX": "moving pelvis",
+    "FORWARD_INDEX": "fore-aft motion",
+    "PITCH_INDEX": "free trunk",
     "N_POINTS_PER_FOOT": "ground contact",
-}  # fmt: skip
+}
 _COUNTS = {
     ("N_LEGS", "1"): "one leg", ("N_LEGS", "2"): "two legs",
     ("N_JOINTS_PER_LEG", "2"): "no powered ankle", ("N_JOINTS_PER_LEG", "3"): "powered ankle",

@@ -105,7 +105,7 @@ static bool is_same_setpoint(const JointSetpoint *a, const JointSetpoint *b)
 static bool step_apart(Apart *apart, const Row *row, const ExoskeletonOutputs *given)
 {
     bool same = true;
-    GaitControllerInputs inputs_central = {.direct = row->inputs.direct};
+    GaitControllerInputs central_inputs = {.direct = row->inputs.direct};
     for (size_t joint = 0; joint < JOINTS; joint++) {
         JointBoardInputs inputs = row->inputs.boards[joint];
         inputs.setpoint = given->setpoints[joint];
@@ -117,10 +117,10 @@ static bool step_apart(Apart *apart, const Row *row, const ExoskeletonOutputs *g
         const bool tripped = apart->measured[joint].measurement.cause != 0;
         same = same && (tripped || (is_same(command->torque, wanted->torque)
             && is_same(command->target_current, wanted->target_current)));
-        inputs_central.measurements[joint] = apart->measured[joint].measurement;
-        inputs_central.received[joint] = true;
+        central_inputs.measurements[joint] = apart->measured[joint].measurement;
+        central_inputs.received[joint] = true;
     }
-    gait_controller_step(&apart->controller, &inputs_central, &apart->decided);
+    gait_controller_step(&apart->controller, &central_inputs, &apart->decided);
     for (size_t joint = 0; joint < JOINTS; joint++) {
         same = same && is_same_setpoint(&apart->decided.setpoints[joint], &given->setpoints[joint]);
     }
