@@ -28,7 +28,7 @@ def equations_of_motion(
 ) -> Callable[[Sequence[Any], Sequence[Any], Sequence[Any], Sequence[Any]], Motion]:
     """Return the function that the engine integrates, with some functions of ``twin_gait.core`` replaced.
 
-    ``problem``: from ``build_problem``; without bristles, whose deflection is a state of its own, and without
+    ``problem``: from ``build_setup``; without bristles, whose deflection is a state of its own, and without
     a motion imposed by time. ``laws``: functions by the names of those in ``core`` that they replace. Numbers
     need none; scalars that cannot be compared need ``sine_cosine``, ``exponential``, ``hyperbolic_tangent``
     and, for their branches, ``ground_contact_force`` and ``mechanical_stop_torque``.

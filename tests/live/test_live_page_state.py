@@ -223,8 +223,8 @@ def test_a_silence_does_not_discard_a_forecast(page: Page) -> None:
     page.forecast()
     beats = """() => {
         const hear = livePanel.link.socket.onmessage, classes = document.body.classList;
-        const silent = [2, 0].map((silence_s) => {
-            hear({data: JSON.stringify([{kind: "heartbeat", time_since_message_s: silence_s}])});
+        const silent = [2, 0].map((time_since_message_s) => {
+            hear({data: JSON.stringify([{kind: "heartbeat", time_since_message_s: time_since_message_s}])});
             return classes.contains("silent"); });
         return [...silent, livePanel.changes.busy, livePanel.changes.edits.length]; }"""
     # The first look of a page that stood still itself counts for nothing.

@@ -12,7 +12,10 @@ from twin_gait.simulation import code_cache
 from twin_gait.simulation.code_cache import CACHE_VARIABLE, CompiledLoop, cached_loop, source_key
 from twin_gait.simulation.compile_notes import Compilation, compile_text, parse_variant, read_records
 
-WALK = "run_at ('dtype', {'N_LEGS': 2, 'WEARER_OFFSET': 0, 'WITH_SUPERVISOR': False, 'FRICTION_INDICES': (0, 1), 'WITH_FAULTS': False})"
+WALK = (
+    "run_ticks_at ('dtype', {'N_LEGS': 2, 'WEARER_OFFSET': 0, 'WITH_SUPERVISOR': False, "
+    "'FRICTION_INDICES': (0, 1), 'WITH_FAULTS': False})"
+)
 BRACES = WALK.replace("'WEARER_OFFSET': 0", "'WEARER_OFFSET': 7").replace(
     "'WITH_SUPERVISOR': False", "'WITH_SUPERVISOR': True"
 )

@@ -1,6 +1,6 @@
 """Blocks of episodes in lockstep: each lane is its episode alone, bit for bit, and every loop is vector code.
 
-Those that are made of experiments by :func:`simulate_together` are in test_together.py.
+Those that are made of experiments by :func:`simulate_blocks` are in test_together.py.
 """
 
 from __future__ import annotations

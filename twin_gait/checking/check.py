@@ -76,7 +76,7 @@ def build_case(
     """Build the case of a check.
 
     ``experiment``: the experiment that the table drives; its own table is replaced by ``table``. If it is
-    None, the table is checked without an experiment. ``problem``: the simulation setup of the experiment with
+    None, the table is checked without an experiment. ``setup``: the simulation setup of the experiment with
     this table, if it exists already. Returns the table, scaled to the experiment, and the limits of its
     joints: the limits of the URDF, or the normal ranges of human joints if there is no experiment.
     """

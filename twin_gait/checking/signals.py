@@ -135,7 +135,7 @@ class SignalSpace:
             ranges: Range of each time in a phase in [s] (the range of the other leg's time follows from its
                 phase, any further time is free), and of signals whose range is narrower than their limits.
             other: Phase of the other leg; None for any.
-            beside: Additional bounds that have to be kept, times in [s].
+            extra_bounds: Additional bounds that have to be kept, times in [s].
 
         Yields:
             A point for each way to fulfil the requirements, rounded if it fulfils them after rounding.

@@ -55,8 +55,8 @@ def experiment_from_mapping(
 ) -> Experiment:
     """Convert a resolved mapping (presets merged, table inline) to an experiment.
 
-    ``folder``: folder to which relative paths refer. ``like``: an experiment converted before; sections that
-    are identical objects in both are not converted again, because conversion takes most of the time.
+    ``folder``: folder to which relative paths refer. ``previous``: an experiment converted before; sections
+    that are identical objects in both are not converted again, because conversion takes most of the time.
     """
     known, table = {}, None
     if previous is not None:

@@ -246,7 +246,7 @@ def gait_table_from_mapping(
 ) -> table.GaitTable:
     """Convert parsed YAML of the file ``source`` to a gait table, called ``name`` if it gives no name.
 
-    ``like``: a table converted before; parts that are identical objects in both are not converted again.
+    ``previous``: a table converted before; parts that are identical objects in both are not converted again.
     """
     entry: Any = validate(GaitTableFile, data if previous is None else previous.apply_to(data), source)
     phases = {

@@ -27,13 +27,16 @@ class Section(Strict):
     """Section whose keys are the declared fields of a frozen dataclass with their units.
 
     Subclasses are created by :func:`section_of`; validated values of their fields are in SI. A field marked
-    with :class:`AsInFile` is read and written by the class that is registered with :func:`reads`.
+    with :class:`CustomSerialized` is read and written by the class that is registered with
+    :func:`register_section`.
     """
 
     parameters: ClassVar[type[Any]]
     defaults: ClassVar[Mapping[str, Any]] = {}  # values with which sections and mappings inside are merged
     inline: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}  # readers of fields marked :class:`Inline`
-    keys: ClassVar[Mapping[str, str]] = {}  # names of the fields by their keys, without AsInFile fields
+    keys: ClassVar[
+        Mapping[str, str]
+    ] = {}  # names of the fields by their keys, without CustomSerialized fields
     required: ClassVar[Mapping[str, str]] = {}  # keys of the fields without a default by their names
 
     @model_validator(mode="before")
@@ -79,8 +82,8 @@ class Section(Strict):
 def known_sections(data: Mapping[str, Any], previous: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
     """Return the sections of a mapping that are identical objects in another one, in their converted form.
 
-    ``like``: the other mapping; ``parameters``: the parameters that it was converted to, or such values by
-    name. A section that differs is in the result too, with the converted values of its own identical
+    ``previous``: the other mapping; ``parameters``: the parameters that it was converted to, or such values
+    by name. A section that differs is in the result too, with the converted values of its own identical
     sections.
     """
     values = parameters

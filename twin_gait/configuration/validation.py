@@ -113,8 +113,8 @@ def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]
 def assign(container: Any, path: Sequence[str | int], value: Any, depth: int = 0) -> Any:
     """Return a mapping in which one value deep inside is replaced.
 
-    ``place``: the mapping, or the value inside it at some ``depth`` of the path. Containers on the path are
-    copied; all others are shared and not modified.
+    ``container``: the mapping, or the value inside it at some ``depth`` of the path. Containers on the path
+    are copied; all others are shared and not modified.
     """
     step, ends = path[depth], depth == len(path) - 1
     if isinstance(step, str) and isinstance(container, dict):
@@ -267,7 +267,7 @@ def descriptions(found: Mapping[str, Path]) -> dict[str, str]:
 
 
 def validate(model: type[_Model], data: Mapping[str, Any], source: str, prefix: str = "") -> _Model:
-    """Check a mapping against a schema; ``place``: key of the mapping in its file."""
+    """Check a mapping against a schema; ``prefix``: key of the mapping in its file."""
     try:
         return model.model_validate(data)
     except ValidationError as error:

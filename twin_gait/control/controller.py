@@ -96,11 +96,11 @@ class Controller:
             (``phase``, the ``entry_tick`` in which the phase was entered, ``load`` as a fraction of body
             weight) and ``joints``, leg by leg (``measurement.angle`` in [rad], ``measurement.velocity`` in
             [rad] / [s]). The ``demand`` of a joint contains the setpoint and the feed-forward torques, see
-            :class:`twin_gait.control.joint_board.Demand`; the function changes them in place. It is not
-            called after a trip of the safety monitor.
-        by_phases: Whether the phases move the legs on; if they do, the monitor limits the time in a phase.
-        unprinted: Reason why the firmware does not include it, with key, value and alternative; empty if it
-            does.
+            :class:`twin_gait.control.joint_board.JointSetpoint`; the function changes them in place. It is
+            not called after a trip of the safety monitor.
+        phase_driven: Whether the phases move the legs on; if they do, the monitor limits the time in a phase.
+        unprinted_reason: Reason why the firmware does not include it, with key, value and alternative; empty
+            if it does.
     """
 
     mode = ""

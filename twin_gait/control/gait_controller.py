@@ -149,7 +149,7 @@ def receive_load(controller: ControllerState, number: int, load: float) -> None:
 def check_board_timeout(controller: ControllerState, limits: Limits, number: int, received: bool) -> None:
     """Check over a bus whether the messages of a board have timed out.
 
-    ``heard``: whether a message has arrived in this tick.
+    ``received``: whether a message has arrived in this tick.
     """
     joint = controller.joints[number]
     joint.ticks_since_message = 0 if received else joint.ticks_since_message + 1
@@ -273,7 +273,7 @@ def blend_parameters(controller: ControllerState, rates: SamplingConfig, number:
 
 
 def run_supervisor(controller: ControllerState, rates: SamplingConfig, tick: int) -> None:
-    """Choose the mode, and set its commands for the legs except its posture, see :func:`sent_to`."""
+    """Choose the mode, and set its commands for the legs except its posture, see :func:`required_posture`."""
     supervisor, signals, behind = controller.supervisor, controller.supervisor.signals, 0
     swinging = 0
     for number in range(N_LEGS):

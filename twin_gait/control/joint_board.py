@@ -228,7 +228,7 @@ def check_command(board: BoardState, watching: bool) -> None:
 def receive(board: BoardState, limits: Limits, setpoint: JointSetpoint, received: bool) -> None:
     """Receive a demand of the gait controller over the bus; hold the joint alone after a timeout or trip.
 
-    ``demand``: demand of the last message. ``heard``: whether a message has arrived in this tick.
+    ``setpoint``: demand of the last message. ``received``: whether a message has arrived in this tick.
     """
     board.ticks_since_message = 0 if received else board.ticks_since_message + 1
     if board.ticks_since_message > limits.controller_timeout and board.cause == NO_TRIP:

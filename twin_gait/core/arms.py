@@ -31,8 +31,8 @@ class Grip:
         M = M_0 + \ell\,[\kappa\,\ell_0 \sin(\varphi_0 - \varphi) - \beta\,\ell\,\dot\varphi]
 
     Attributes:
-        push: Tonic force :math:`P_0` in [N].
-        turn: Tonic moment :math:`M_0` in [N m].
+        axial_force: Tonic force :math:`P_0` in [N].
+        shoulder_moment: Tonic moment :math:`M_0` in [N m].
         length: :math:`\ell_0` in [m].
         angle: :math:`\varphi_0` of the strut against the trunk in [rad]: 0 along it, forwards positive.
         sine: Sine of the angle.
@@ -60,31 +60,32 @@ class Arm:
     """State and parameters of an arm and its crutch.
 
     Attributes:
-        place: Index of the tip's forward coordinate; its height is the next coordinate.
+        index: Index of the tip's forward coordinate; its height is the next coordinate.
         mass: Mass of the tip in [kg].
         push_limit: Largest force with which the arm pushes the tip away in [N].
         pull_limit: Largest force with which the arm pulls the tip towards the shoulder in [N].
         moment_limit: Largest moment of the shoulder in [N m].
-        longest: Length of the strut with a straight arm in [m].
+        max_length: Length of the strut with a straight arm in [m].
         straight_stiffness: Stiffness of a straight arm, which the hand holds on to, in [N] / [m].
         tip_stiffness: Shear stiffness of the rubber of the tip in [N] / [m].
         tip_damping: Shear damping of the rubber of the tip in [N s] / [m].
         anchor: Position on the ground where the tip sticks, in [m].
         grip: Setpoints of the muscles.
         length: Last computed length of the strut in [m].
-        aside: Last computed displacement of the tip from the position that the grip sets, against n, in [m].
-        push: Last computed force along the strut in [N].
+        transverse_deflection: Last computed displacement of the tip from the position that the grip sets,
+            against n, in [m].
+        axial_force: Last computed force along the strut in [N].
         moment: Last computed moment of the shoulder in [N m], which turns the tip forwards.
         power: Last computed mechanical power of the arm in [W].
         tip: Last computed force of the ground on the tip.
-        doing: Phase of the arm, as :mod:`twin_gait.worlds.arm_policy` numbers it.
-        since: Ticks since this phase began.
+        phase: Phase of the arm, as :mod:`twin_gait.worlds.arm_policy` numbers it.
+        phase_ticks: Ticks since this phase began.
         first_angle: Angle of the strut from the vertical at the start of its swing, in [rad].
         reach: Angle from the vertical to which the strut is swung, in [rad].
         first_length: Length of the strut when the person began to push up, in [m].
-        felt: Last perceived state of a chair.
-        felt_ahead: Delayed distance of the tip in front of the shoulder, as the person perceives it.
-        felt_load: Delayed load on the tip, as the person perceives it.
+        perceived_chair_state: Last perceived state of a chair.
+        distance_delay: Delayed distance of the tip in front of the shoulder, as the person perceives it.
+        load_delay: Delayed load on the tip, as the person perceives it.
     """
 
     index: int
@@ -167,11 +168,11 @@ def anchored_friction_force(
     r"""Compute the Coulomb friction of a tip that can stick, as a spring to its anchor.
 
     :math:`F_t = -(k s + c v)`, limited to :math:`\pm\mu F_n`, with the stretch s from the anchor (Cundall and
-    Strack 1979); :func:`dragged_anchor` lets the spring's end slide.
+    Strack 1979); :func:`anchor_position` lets the spring's end slide.
 
     Args:
         arm: Arm with the shear stiffness k and damping c of the tip.
-        place: Position of the tip in [m].
+        position: Position of the tip in [m].
         slip_velocity: Velocity v of the tip relative to the ground in [m] / [s].
         normal_force: Normal force in [N].
         friction_coefficient: :math:`\mu`.
@@ -187,7 +188,7 @@ def anchored_friction_force(
 def anchor_position(arm: Arm, position: float, normal_force: float, friction_coefficient: float) -> float:
     """Compute the anchor after the tip has moved: at most as far away as friction can hold the tip.
 
-    ``place``: position of the tip in [m]; without a normal force in [N] the anchor is this position.
+    ``position``: position of the tip in [m]; without a normal force in [N] the anchor is this position.
     """
     reach = friction_coefficient * normal_force / arm.tip_stiffness
     return clamp(arm.anchor, position - reach, position + reach)

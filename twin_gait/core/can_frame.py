@@ -94,7 +94,7 @@ def _byte(halves: Sequence[int], number: int) -> int:
 def frame_bits(header: Header, halves: Sequence[int]) -> int:
     """Count the bits of a frame on the wire, with its stuff bits and the interframe space.
 
-    :math:`8n + 47` and one for each stuff bit, at most :func:`most_stuff_bits` of them. ``halves``: as in
+    :math:`8n + 47` and one for each stuff bit, at most :func:`max_stuff_bits` of them. ``halves``: as in
     :func:`frame_crc`.
     """
     crc, run, stuffed = frame_crc(header, halves), header.run, header.stuffed

@@ -197,9 +197,9 @@ def sloped_contact_force(
     Args:
         sine: Sine of the angle by which the plane rises forwards.
         cosine: Cosine of that angle.
-        place: Position of the point in the world, forwards and upwards, in [m].
+        position: Position of the point in the world, forwards and upwards, in [m].
         velocity: Velocity of the point, forwards and upwards, in [m] / [s].
-        press: Law of level ground: :func:`ground_contact_force` as a function of height and velocities.
+        contact_law: Law of level ground: :func:`ground_contact_force` as a function of height and velocities.
 
     Returns:
         Forward and upward force on the point in [N], and its height above the plane in [m].

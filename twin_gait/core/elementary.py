@@ -8,7 +8,7 @@ look-ups, so that a compiler can vectorize a loop over them. The compiler must k
 and must not fuse a product and a sum: neither ``fastmath`` nor ``contract``.
 
 Two functions have another body in machine code, :func:`power_of_two` and :func:`whole_number`: a shift, and a
-reinterpretation of the bits (:data:`twin_gait.simulation.compiling.ON_BITS`).
+reinterpretation of the bits (:data:`twin_gait.simulation.compiling.BIT_FUNCTIONS`).
 
 Every coefficient is a literal number, not computed, because it determines the bits of the function.
 tests/core/test_elementary.py derives them anew and bounds the errors against mpmath.

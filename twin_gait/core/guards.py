@@ -143,7 +143,7 @@ def next_transition(
     needs both.
 
     ``ticks_in_phase``: 0 in the tick of entry. ``signals`` and ``other_phase`` (at the start of the tick): as
-    in :func:`guard_holds`. ``debounce``: counters of this leg, one for each transition; changed in place.
+    in :func:`evaluate_guard`. ``debounce``: counters of this leg, one for each transition; changed in place.
     """
     chosen, transitions = NO_TRANSITION, program.n_transitions
     for index in range(transitions):

@@ -105,8 +105,8 @@ def winding_heat(heat: float, current: float, heating: float, cooling: float) ->
 def monitor_joint(bounds: Bounds, monitor: MonitorState, encoder: Encoder, period: float) -> int:
     """Compare the measurements of one joint with its bounds; return the cause of a trip or ``NO_TRIP``.
 
-    The commands, currents and speeds in ``watched`` are those of the tick before. NaN is outside every bound.
-    Residual, heat and streaks in ``watched`` are changed in place.
+    The commands, currents and speeds in ``monitor`` are those of the tick before. NaN is outside every bound.
+    Residual, heat and streaks in ``monitor`` are changed in place.
     """
     angle, velocity = encoder.angle, encoder.velocity_fast
     speed, current = monitor.motor_speed, monitor.motor_current

@@ -50,8 +50,8 @@ class PhaseLogic:
 
     Attributes:
         phase: Name of the phase.
-        needs: For each exit, by its index and in order of priority, the conditions that it reads: minimum
-            duration, guard, debounce, timeout.
+        exit_conditions: For each exit, by its index and in order of priority, the conditions that it reads:
+            minimum duration, guard, debounce, timeout.
         conditions: All conditions in the order in which they appear.
     """
 

@@ -138,7 +138,7 @@ def enumerate_cases(
     ``start``: phases of the other leg and bounds that are always valid. Without another leg (``(None,)``) no
     comparison that reads it is true. ``requirements``: guards with their required truth values.
     ``bounds_of``: function that converts a comparison to bounds. ``possible``: function that checks whether
-    bounds have a solution. Raises GaitTableError if there are more than ``MOST_BRANCHES`` choices to try.
+    bounds have a solution. Raises GaitTableError if there are more than ``MAX_BRANCHES`` choices to try.
     """
     left = iter(range(MAX_BRANCHES))
 

@@ -154,7 +154,8 @@ MODE_VOCABULARY = GuardVocabulary("request", "request", mode_signal_names)
 def parse_guard(text: str, vocabulary: GuardVocabulary = LEG_VOCABULARY) -> Atom:
     """Parse one guard, such as ``other.hip.angle_deg > 10`` or ``other.phase in [early_stance]``.
 
-    ``words``: vocabulary of the guards; whether the named signals and members exist is checked by the table.
+    ``vocabulary``: vocabulary of the guards; whether the named signals and members exist is checked by the
+    table.
     Raises GaitTableError if the text is not a guard.
     """
     membership = _MEMBERSHIP.fullmatch(text)

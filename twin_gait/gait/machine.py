@@ -49,7 +49,7 @@ class GaitStateMachine:
         phase: Present phase.
         phase_index: Index of the present phase.
         entry_tick: Tick at which the present phase was entered.
-        choose: Function that replaces :func:`~twin_gait.core.guards.next_transition`, or None.
+        transition_selector: Function that replaces :func:`~twin_gait.core.guards.next_transition`, or None.
     """
 
     transition_selector: Callable[..., int] | None = None

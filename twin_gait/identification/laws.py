@@ -283,7 +283,7 @@ def bristle_deflection(
     """Compute the deflection of the bristles in [rad] at every sample, shape ``(n,)``.
 
     The velocity holds from the sample before to the sample. A test starts with straight bristles; the effect
-    of another start is :func:`remembered_start`.
+    of another start is :func:`initial_deflection_share`.
 
     ``velocity`` in [rad] / [s], shape ``(n,)`` like the next three. ``period``: time since the sample before
     in [s]. ``fresh``: whether a test starts; true at the first sample. ``level``: h of

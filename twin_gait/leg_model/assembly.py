@@ -124,7 +124,7 @@ class Assembly:
     def add_wearer(self, patient: Patient, *, wearer_only: bool = False) -> None:
         """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
-        ``alone``: keep the joints in place, but remove the mass of the links of the device.
+        ``wearer_only``: keep the joints in place, but remove the mass of the links of the device.
         """
         for joint in range(self.model.njoints) if wearer_only else ():
             self.model.inertias[joint] = pin.Inertia.Zero()

@@ -48,7 +48,7 @@ def decode_commands(message: BusMessage, data: bytes) -> Commands:
     """Decode a command of the monitor.
 
     Returns the commanded values by the name of the control; a signal without a number (NaN) is omitted.
-    Raises MessageRefused if the frame has another length.
+    Raises MessageRejected if the frame has another length.
     """
     if len(data) != message.length:
         raise MessageRejected(f"{message.name}: expected {message.length} bytes, got {len(data)}")

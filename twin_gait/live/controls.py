@@ -41,7 +41,7 @@ _SHOWN = load_yaml(Path(__file__).with_name("panel.yaml").read_text(encoding="ut
 def action_values(specs: Iterable[ActionSpec], message: DoAction) -> dict[str, Value]:
     """Return the values of an action's fields; missing ones have their initial values.
 
-    Raises MessageRefused if a value is unknown or out of its range.
+    Raises MessageRejected if a value is unknown or out of its range.
     """
     spec = next((item for item in specs if item.action == message.action), None)
     if spec is None:
@@ -250,14 +250,14 @@ class ControlPanel:
     def set(self, settings: Settings, name: str, value: Value) -> Settings:
         """Return settings with one control changed, without checking that they are safe.
 
-        Raises MessageRefused if there is no such control, or if the value is out of its range.
+        Raises MessageRejected if there is no such control, or if the value is out of its range.
         """
         return self._apply_changes({**settings.changes, name: check_value(self._control(name), value)})
 
     def set_all(self, settings: Settings, changes: Mapping[str, Value | None]) -> Settings:
         """Return settings with several controls changed; None reverts a control to the preset.
 
-        Raises MessageRefused as :meth:`set` does.
+        Raises MessageRejected as :meth:`set` does.
         """
         for name, value in changes.items():
             settings = self.revert(settings, name) if value is None else self.set(settings, name, value)
@@ -266,7 +266,7 @@ class ControlPanel:
     def revert(self, settings: Settings, name: str) -> Settings:
         """Return settings with one control, or ``all`` of them, reverted to the start of the session.
 
-        Raises MessageRefused if there is no such control.
+        Raises MessageRejected if there is no such control.
         """
         if name == EVERYTHING:
             return self.preset

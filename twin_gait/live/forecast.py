@@ -89,8 +89,8 @@ def predict(
 ) -> Forecast:
     """Predict a walk from a snapshot with other settings.
 
-    ``run`` of the same experiment, whose previous state is overwritten; ``moment``: snapshot of another run;
-    ``warnings`` for the forecast. Returns the forecast; if the walk is over, the forecast of a restart.
+    ``run`` of the same experiment, whose previous state is overwritten; ``snapshot``: snapshot of another
+    run; ``warnings`` for the forecast. Returns the forecast; if the walk is over, the forecast of a restart.
     """
     run.restore(snapshot)
     over = run.trip is not None or run.status is not RunStatus.COMPLETED

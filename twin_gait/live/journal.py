@@ -78,7 +78,7 @@ def join_chunks(chunks: Sequence[LogChunk]) -> LogChunk:
 def split_walks(chunks: Iterable[LogChunk], max_ticks: int) -> Iterator[LogChunk]:
     """Join chunks, and yield one chunk for every walk with at least one tick.
 
-    A walk that is shorter than ``longest`` in ticks without having ended is marked as interrupted, with the
+    A walk that is shorter than ``max_ticks`` in ticks without having ended is marked as interrupted, with the
     reason.
     """
     parts: list[list[LogChunk]] = [[]]
@@ -129,9 +129,9 @@ class Journal:
     ) -> None:
         """Create the file, readable by this user only, and its folder if it does not exist.
 
-        ``setup``: data of the run directories in addition to the log, as values for JSON; ``lost``: called
-        once if nothing can be written any more, with the reason. Raises RunDirectoryError if the file cannot
-        be created.
+        ``setup``: data of the run directories in addition to the log, as values for JSON;
+        ``on_write_error``: called once if nothing can be written any more, with the reason. Raises
+        RunDirectoryError if the file cannot be created.
         """
         self.path = journal_path(Path(setup["folder"]))
         self._columns, self._on_write_error, self._resources = (

@@ -142,7 +142,7 @@ class PanelSocket(GuardedSocket):
             self.send(message)
 
     def send(self, message: Message, *, key: Hashable | None = None) -> None:
-        """Send a message as soon as this panel accepts it; ``key`` as in :meth:`LivePage.tell`."""
+        """Send a message as soon as this panel accepts it; ``key`` as in :meth:`LivePageServer.tell`."""
         text = json.dumps(message, allow_nan=False)
         self.outbox.post([(object() if key is None else key, text)])
 

@@ -87,7 +87,7 @@ ReceivedValue = Annotated[Value, BeforeValidator(_value)]
 
 
 def user_name(name: str) -> str:
-    """Return the name of a user if it is valid in a message; raise MessageRefused otherwise."""
+    """Return the name of a user if it is valid in a message; raise MessageRejected otherwise."""
     try:
         return _text(name)
     except ValueError as error:
@@ -131,7 +131,7 @@ Message = SetControl | SetControls | DoAction
 def read_message(text: str | bytes) -> Message:
     """Parse a message of a page.
 
-    ``text``: JSON of :class:`SetControl`, :class:`SetControls` or :class:`DoAction`. Raises MessageRefused
+    ``text``: JSON of :class:`SetControl`, :class:`SetControls` or :class:`DoAction`. Raises MessageRejected
     with the reason for any other text.
     """
     if len(text) > LARGEST_MESSAGE:
@@ -165,7 +165,7 @@ class Control:
     maximum: float | None = None  # largest allowed number
     step: float | None = None  # increment of the number
     choices: tuple[str, ...] = ()  # options of a choice
-    # options that are valid for each value of another field of the action, which ``choices_by`` names
+    # options that are valid for each value of another field of the action, which ``depends_on`` names
     choices_by_value: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     depends_on: str = ""  # name of that field, such as ``kind``; empty if all options are always valid
     phase: str | None = None  # phase of gait of a table's control
@@ -259,7 +259,7 @@ class State(PageMessage):
 def check_value(control: Control, value: Value) -> Value:
     """Return a value if it is valid for a control.
 
-    Raises MessageRefused if it has the wrong type or is out of range.
+    Raises MessageRejected if it has the wrong type or is out of range.
     """
     if control.kind == "switch":
         fits, wanted = isinstance(value, bool), "true or false"

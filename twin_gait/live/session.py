@@ -54,8 +54,8 @@ class LiveSession:
     writes its run directory.
 
     Attributes:
-        book: Events of the session.
-        news: Process of the walk, and the state of its walks.
+        event_log: Events of the session.
+        walk: Process of the walk, and the state of its walks.
         panel: Controls of the experiment.
         settings: Present settings.
         controls: Controls of the panel with their present values.
@@ -77,7 +77,7 @@ class LiveSession:
     )  # called with the reason if the walk is not stored
 
     def __post_init__(self) -> None:
-        """Prepare the session; raise MessageRefused if the name of the user is invalid in a message."""
+        """Prepare the session; raise MessageRejected if the name of the user is invalid in a message."""
         self.user = user_name(self.user)
         self.folder = self.folder.expanduser().absolute()
         self.summaries, self.failure = dict[Path, dict[str, Any]](), ""
@@ -103,8 +103,8 @@ class LiveSession:
     def start(self) -> None:
         """Start the process and wait until it walks.
 
-        Raises RunDirectoryError if the run directory may not be used, MessageRefused if the experiment cannot
-        be walked live, ParameterError if it has events or if the bus cannot be opened, and
+        Raises RunDirectoryError if the run directory may not be used, MessageRejected if the experiment
+        cannot be walked live, ParameterError if it has events or if the bus cannot be opened, and
         MissingOptionalDependency if a bus is given without python-can.
         """
         if journal_path(self.folder).exists():  # journal of an earlier session that was killed

@@ -99,8 +99,8 @@ class WalkProcess:
     ) -> None:
         """Prepare the interface, without starting the process.
 
-        ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`; ``on_unkept``: called once if the
-        process can no longer write its journal, with the reason.
+        ``on_compile`` as in :class:`~twin_gait.live.session.LiveSession`; ``on_store_failure``: called once
+        if the process can no longer write its journal, with the reason.
         """
         # Newest telemetry of the walk.
         self.frame: Mapping[str, Any] = {"status": "starting", "tick": 0, "deadlines": {}, "events": []}
@@ -118,7 +118,7 @@ class WalkProcess:
         self._lock = threading.Lock()  # one command at a time
 
     def start(self, setup: Mapping[str, Any]) -> None:
-        """Start the process and wait until it walks; raise MessageRefused if it cannot."""
+        """Start the process and wait until it walks; raise MessageRejected if it cannot."""
         # -P: modules in the present folder must not be imported.
         command = [sys.executable, "-P", "-m", "twin_gait.live.process"]
         self.process = subprocess.Popen(
@@ -174,7 +174,7 @@ class WalkProcess:
     def send_command(self, command: Mapping[str, Any]) -> Answer:
         """Send a command and wait for its answer, which is sent within a block.
 
-        Raises ParameterError if the process has ended or has not been started. Raises MessageRefused if it
+        Raises ParameterError if the process has ended or has not been started. Raises MessageRejected if it
         rejects the command.
         """
         if self.process is None or self.process.stdin is None:

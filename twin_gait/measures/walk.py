@@ -205,7 +205,7 @@ def _fore_aft(
 def cop_curve(cop_ratio: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Compute the centre of pressure over the mean stride, each stride weighted with its load.
 
-    ``place``: centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
+    ``cop_ratio``: centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
     ``(n,)``; ``load``: vertical force in [N], shape ``(n,)``. Returns the centre of pressure at every percent
     of the cycle, shape ``(101,)``; NaN where the foot carries no load in the mean stride.
     """
@@ -332,6 +332,6 @@ def is_belt_driven(holding: float, speed: float, legs: float, carried_weight: fl
     The criterion is the force that holds the pelvis against the belt: on level ground the drag on the feet,
     on a slope this drag without the pull of the weight. ``holding``: mean forward force of guide or harness
     on the pelvis in [N]; ``speed`` of the belt in [m] / [s]; ``legs``: net power of motors, wearer and pushes
-    in [W]; ``carried_weight``: as in :class:`Walkway`. Returns false without strides.
+    in [W]; ``carried_weight``: as in :class:`WalkConditions`. Returns false without strides.
     """
     return holding > MIN_DRAG_SHARE * carried_weight and holding * speed > legs

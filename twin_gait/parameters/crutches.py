@@ -58,12 +58,12 @@ class ArmParameters(quantities.Parameters):
         delay: Delay from perception to the action of the muscles in [s]; people in stance have 0.15 to 0.19
             (Peterka 2002).
         lean: Lean of the trunk that the person maintains in [rad].
-        push: Push on each crutch, as a share of the weight of wearer and device.
-        axial_force_per_lean: Increase of the push with additional lean of the trunk, as a share of the weight per
-            [rad].
-        axial_force_per_lean_rate: Increase of the push with the rate of the lean, as a share of the weight times [s] /
-            [rad].
-        turn: Moment of each shoulder in [N m] that pulls the body forwards.
+        axial_force: Push on each crutch, as a share of the weight of wearer and device.
+        axial_force_per_lean: Increase of the push with additional lean of the trunk, as a share of the
+            weight per [rad].
+        axial_force_per_lean_rate: Increase of the push with the rate of the lean, as a share of the weight
+            times [s] / [rad].
+        shoulder_moment: Moment of each shoulder in [N m] that pulls the body forwards.
         stiffness: Short-term stiffness of a loaded arm along the strut in [N] / [m].
         damping: Damping of a loaded arm along the strut in [N s] / [m].
         transverse_stiffness: Stiffness of a loaded arm across the strut, at its tip, in [N] / [m].
@@ -84,8 +84,8 @@ class ArmParameters(quantities.Parameters):
         stand_slack: Distance of a tip from that position above which the crutch is moved there, in [m].
         still: Time without a swing of a leg after which the person counts as standing, in [s].
         chair_axial_force: Push on each crutch while the person rises or sits down, as a share of the weight.
-        chair_shoulder_moment: Moment of each shoulder in [N m] that pulls the body forwards while the person rises or
-            sits down.
+        chair_shoulder_moment: Moment of each shoulder in [N m] that pulls the body forwards while the person
+            rises or sits down.
         risen_length: Length of arm and crutch when the person has risen, as a share of that of a straight
             arm.
         seated_length: Length of arm and crutch when the person has sat down, as a share of that of a straight

@@ -205,8 +205,8 @@ class ChairParameters(quantities.Parameters):
     Attributes:
         height: Height of the seat in [m]; 0.43 in a chair of OpenSim, typically 0.48 to 0.53 in wheelchairs.
         front: Position of the front edge in [m]; the hips begin at 0.
-        behind: Distance of the front edge behind the hips of a standing wearer, at which the chair is placed
-            when the device announces that it will sit down, in [m] (an assumption).
+        standing_distance: Distance of the front edge behind the hips of a standing wearer, at which the
+            chair is placed when the device announces that it will sit down, in [m] (an assumption).
         depth: Depth of the seat in [m].
         rounding: Distance behind an edge over which the stiffness increases to its full value, in [m] (an
             assumption).

@@ -145,7 +145,7 @@ class StribeckFriction(_FrictionLaw):
         return NO_FRICTION if ratio == 0.0 else super().scaled(ratio)
 
     def to_plant_friction(self, gear_efficiency: float = 1.0) -> PlantFriction:
-        """Return the record of the friction in the plant, see :meth:`FrictionParameters.in_plant`."""
+        """Convert to the record of the plant, see :meth:`FrictionParameters.to_plant_friction`."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         given: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
         if self.breakaway_torque is None:

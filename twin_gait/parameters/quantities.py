@@ -43,7 +43,7 @@ class QuantityUnits:
 
     Attributes:
         factors: SI value of one unit, by the suffix of the key; the unit of SI first.
-        general: Range of the quantity, which completes that of a field.
+        plausible_range: Range of the quantity, which completes that of a field.
     """
 
     def __init__(self, si: str, general: "Range | None" = None, **others: float) -> None:

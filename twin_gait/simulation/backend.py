@@ -56,8 +56,8 @@ def vector_map(
 ) -> None:
     """Apply a law of numbers in places that do not touch each other, as vectors in the loop of one episode.
 
-    ``take``: from episode, place and ``staged``, whether the state is that of a stage of the integration, to
-    the arguments of the law. ``give``: takes episode, place and result.
+    ``read``: from episode, place and ``staged``, whether the state is that of a stage of the integration, to
+    the arguments of the law. ``write``: takes episode, place and result.
     """
     for place in indices:
         for one in vector_lanes(e):

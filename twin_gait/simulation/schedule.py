@@ -1,7 +1,7 @@
-"""The tick of an episode as a schedule: sensors; watch, decide and command; drives, record and motion.
+"""Schedule of a tick: sensors, then monitor, decisions and commands, then drives, log and motion.
 
-The part between sensors and drives is that of the device (:mod:`twin_gait.control.device_schedule`), with the
-network, faults and the log of the simulation put in.
+The part between sensors and drives is the schedule of the device
+(:mod:`twin_gait.control.device_schedule`), with additional steps for network, faults and log.
 """
 
 import math
@@ -61,7 +61,7 @@ CONTROL = (
                 "WITH_NETWORK", network.receive_setpoint, otherwise=(device.copy_setpoint_to_board,)
             ),
             check_command: (when("WITH_FAULTS", commands.add_runaway_torque), check_command),
-            # Over a bus, which is slow, the joint is held alone.
+            # With a bus, which is slow, each board holds only its own joint.
             device.HOLD: when(
                 "WITH_NETWORK", scalar_branch(device.is_implausible, reject_command), otherwise=(device.HOLD,)
             ),
@@ -98,14 +98,14 @@ ACT = (
 
 
 def update_status(e: Episode) -> bool:
-    """Note how an episode goes on, and return whether it ends with this tick."""
+    """Write the status of an episode, and return whether the episode ends with this tick."""
     status = compute_status(e)
     e.status = status
     return status != COMPLETED
 
 
 def compute_status(e: Episode) -> int:
-    """Return how an episode goes on."""
+    """Return the status of an episode: ``COMPLETED`` unless the wearer fell or the state diverged."""
     status = COMPLETED
     if PELVIS_INDEX >= 0 and e.q[PELVIS_INDEX + WEARER_OFFSET] < e.fall_height:
         status = FELL
@@ -153,7 +153,7 @@ NAMES = ScheduleNames(
 sense = scalar_driver("sense", SENSE, NAMES)
 control = scalar_driver("control", CONTROL, NAMES)
 act = scalar_driver("act", ACT, NAMES, result=update_status)
-# What the drivers are replaced by in the loop over a block of episodes.
+# Replacements of the drivers in the loop over a block of episodes.
 LANE_DRIVERS = {
     "sense": lane_driver("sense", SENSE, NAMES),
     "control": lane_driver(
@@ -168,8 +168,8 @@ LANE_DRIVERS = {
 def run_ticks(e: Episode, first: int, end: int) -> int:
     """Run ticks ``first`` to ``end - 1``, or until the wearer falls or the state diverges.
 
-    ``e``: the episode, or those that run in lockstep. Returns the ticks that have been run since the start;
-    ``e.status`` says how it stands.
+    ``e``: the episode, or a block of episodes in lockstep. Returns the number of ticks since the start;
+    ``e.status`` has the status after them.
     """
     for tick in range(first, end):
         sense(e, tick)

@@ -68,10 +68,10 @@ def run_episodes(
         measure: Function that returns the result of a run.
         items: Arguments of ``experiment_of``.
         columns: Columns of a log that ``measure`` reads, as in
-            :func:`~twin_gait.simulation.simulator.simulate_together`; all by default.
+            :func:`~twin_gait.simulation.simulator.simulate_blocks`; all by default.
         block: Number of episodes in a block, for which the caller has compiled; by default chosen for speed.
-        keep: Receives the results of each block, see :func:`twin_gait.studies.jobs.run_blocks`.
-        named: Function that returns the name of an episode in errors, from its number.
+        on_results: Receives the results of each block, see :func:`twin_gait.studies.jobs.run_blocks`.
+        episode_name: Function that returns the name of an episode in errors, from its number.
     """
     if block is None:
         block = _choose_block_size(experiment_of, items, watch.get("on_compile"))
@@ -199,8 +199,8 @@ def apply_override(
 ) -> Experiment:
     """Return the experiment with some values changed, for many changes of one experiment.
 
-    The arguments are those of :func:`overridden`, in addition ``source``, the name of the override in errors,
-    and ``known``, the meaning of names.
+    The arguments are those of :func:`override_experiment`, in addition ``source``, the name of the override
+    in errors, and ``known``, the meaning of names.
     """
     document = base.document
     convert_with_context(source, "", lambda: reject_duplicate_units(override))
@@ -232,11 +232,11 @@ def override_experiment(experiment: Experiment, override: Override) -> Experimen
 def flat_summary(run: Run) -> FlatSummary:
     """Summarise a run in one row: numbers of the run, of each leg, and of each joint.
 
-    The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, prefixed by side
-    and joint: ``left_stride_time_mean_s``, ``left_knee_saturated_share``, ``left_load_peak``. Parts of the
-    error are named like ``left_hip_error_total_deg``, those of ``power`` like ``power_belt_W``, and the trip
-    has ``trip_cause``, ``trip_location`` and ``trip_time_s``. A value is None if it is not defined. No value
-    depends on the speed of the machine. The log must contain the columns ``READ_IN_BRIEF``.
+    The values are those of :func:`twin_gait.runs.summary.summarise_run` under the same names, prefixed by
+    side and joint: ``left_stride_time_mean_s``, ``left_knee_saturated_share``, ``left_load_peak``. Parts of
+    the error are named like ``left_hip_error_total_deg``, those of ``power`` like ``power_belt_W``, and the
+    trip has ``trip_cause``, ``trip_location`` and ``trip_time_s``. A value is None if it is not defined. No
+    value depends on the speed of the machine. The log must contain the columns ``SUMMARY_LOG_COLUMNS``.
     """
     trip, walk = run.trip, run.walk_measures()
     power = run.walk_power(legs=walk) or {}

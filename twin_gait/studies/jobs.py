@@ -66,13 +66,13 @@ def run_jobs(
         items: Its arguments.
         workers: Number of processes, or :class:`Workers` that last for several calls, such as those of a
             cluster.
-        **watch: ``progress`` and ``should_stop``, see :class:`Watch`.
+        **watch: ``progress`` and ``should_stop``, see :class:`WorkCallbacks`.
 
     Returns:
         Results in the order of the items; of the first items only if the work was stopped.
 
     Raises:
-        JobFailed: If a call raised an error of this package; it names the item.
+        JobError: If a call raised an error of this package; it names the item.
         ParameterError: If the workers are below 1.
         WorkersLost: If a process dies, or the cluster is lost.
     """
@@ -93,9 +93,9 @@ def run_blocks(
     """Call a function with blocks of up to ``block`` items, otherwise like :func:`run_jobs`.
 
     The function yields the position in the block and the result of each item, in any order, and raises
-    :class:`JobFailed` with the position of an item that failed. ``keep`` receives the results of a block as
-    soon as they are complete, by index of the item, including those before a failure; with ``keep``, no
-    results are returned.
+    :class:`JobError` with the position of an item that failed. ``on_results`` receives the results of a
+    block as soon as they are complete, by index of the item, including those before a failure; with
+    ``on_results``, no results are returned.
     """
     del on_compile  # used by the function only; declared here so that a misspelt keyword is an error
     total, done = len(items), 0

@@ -45,8 +45,8 @@ def recorded_run(
     """Return the data of one run for :func:`twin_gait.viewer.page.recorded_page`, which accepts one or two.
 
     The page runs from a file in any browser of 2023 or later; ``#t=3.2`` in its address opens it at that
-    time. Each change of a phase has a frame, and each of ``moments`` in [s]. Raises ModelError if the URDF
-    cannot be read, and ViewerError if the log does not match the model.
+    time. Each change of a phase has a frame, and each of ``frame_times`` in [s]. Raises ModelError if the
+    URDF cannot be read, and ViewerError if the log does not match the model.
     """
     motion = read_motion(log, model, frames_per_second=frames_per_second, frame_times=frame_times)
     recorder = CommandBuffer()

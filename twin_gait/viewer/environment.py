@@ -178,7 +178,7 @@ def draw_rails(window: CommandBuffer, hooks: np.ndarray) -> None:
 
 
 def belt_offset(distance: T) -> T:
-    """Compute the displacement of the belt marks along x after the belt has moved by ``way`` in [m].
+    """Compute the displacement of the belt marks along x after the belt has moved by ``distance`` in [m].
 
     The result in [m] is between minus one spacing and 0.
     """

@@ -80,8 +80,9 @@ def read_motion(
     """Select the frames of a log to show.
 
     Returns evenly spaced frames (fewer per second if the log is very long), one at every change of a phase,
-    and one at each of ``moments`` in [s] since the first row. Rows after a coordinate that is not finite (a
-    run that diverged) are omitted. Raises ViewerError if the log is empty or lacks a coordinate of the model.
+    and one at each of ``frame_times`` in [s] since the first row. Rows after a coordinate that is not finite
+    (a run that diverged) are omitted. Raises ViewerError if the log is empty or lacks a coordinate of the
+    model.
     """
     coordinates, _ = state_columns(model)
     for name in ("time_s", *coordinates, *(f"{side}_phase" for side in model.sides)):
@@ -125,7 +126,7 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
 
 
 def _rows_to_show(times: np.ndarray, frames_per_second: float, frame_times: np.ndarray) -> np.ndarray:
-    """Return the rows of evenly spaced frames, of the last one, and of ``moments`` in [s]; ``(n,)``."""
+    """Return the rows of evenly spaced frames, of the last one, and of ``frame_times`` in [s]; ``(n,)``."""
     span = float(times[-1])
     step = 1.0 / min(frames_per_second, frame_rate(span))
     inside = frame_times[(frame_times >= 0.0) & (frame_times <= span + 1e-9)]
@@ -181,8 +182,8 @@ def simplify_curve(times: np.ndarray, values: np.ndarray, fixed_rows: np.ndarray
 
     The row that is farthest from its line becomes a corner, until no row is too far: the algorithm of Ramer
     (1972), Douglas and Peucker (1973) on all lines at once, with distances along the axis of the values.
-    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; lines end at NaN; ``kept``: rows that are
-    always corners, sorted, including the first and the last one.
+    ``times`` in [s], shape ``(n,)``; ``values``: shape ``(n,)``; lines end at NaN; ``fixed_rows``: rows that
+    are always corners, sorted, including the first and the last one.
     """
     finite = np.isfinite(values)
     tolerance = FAITHFUL * float(np.ptp(values[finite])) if finite.any() else 0.0

@@ -82,7 +82,7 @@ def page_data(
 ) -> dict[str, Any]:
     """Return the data of a run or of a live scene for the scripts of the page.
 
-    ``mode``: ``recorded``, ``live`` or ``model``; ``own``: further data of this mode.
+    ``mode``: ``recorded``, ``live`` or ``model``; ``mode_data``: further data of this mode.
     """
     legs = [
         {"side": str(side), "label": str(side).capitalize(), "colour": palette.SIDE_COLOURS[side],

@@ -174,7 +174,7 @@ class SceneOptions(TypedDict, total=False):
     """Options of the scene of a leg model.
 
     Attributes:
-        around: Surroundings; by default a treadmill.
+        environment: Surroundings; by default a treadmill.
         drives: Joints with a motor; by default hip and knee.
         patient: The wearer, or None.
         slope: Angle by which the treadmill rises forwards in [rad].

@@ -56,7 +56,7 @@ class ArmPolicy:
     Attributes:
         arms: Parameters of the law.
         weight: Weight of wearer and device in [N].
-        longest: Length of arm and crutch in [m].
+        max_length: Length of arm and crutch in [m].
         yielding: Share of the remaining distance that the muscles yield in a tick.
         swing_ticks: Duration of the swing in ticks.
         planted_ticks: Shortest time in ticks for which a crutch stays planted.
@@ -99,12 +99,12 @@ class Perception:
         lean: Perceived lean of the trunk in [rad].
         lean_rate: Perceived rate of the lean in [rad] / [s].
         stepping: 1 while a leg swings.
-        still: Number of ticks since the last swing.
-        chair: ``SITS``, ``LEANS``, ``RISES``, ``REACHES``, ``LOWERS`` or 0.
-        felt_lean: Delay line of the lean.
-        felt_rate: Delay line of its rate.
-        felt_stepping: Delay line of the announced steps.
-        felt_chair: Delay line of the announced state of sitting on a chair.
+        ticks_since_swing: Number of ticks since the last swing.
+        chair_state: ``SITS``, ``LEANS``, ``RISING``, ``REACHING_BACK``, ``SITTING_DOWN`` or 0.
+        lean_delay: Delay line of the lean.
+        lean_rate_delay: Delay line of its rate.
+        stepping_delay: Delay line of the announced steps.
+        chair_delay: Delay line of the announced state of sitting on a chair.
     """
 
     lean_delay: DelayLine

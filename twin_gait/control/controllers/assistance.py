@@ -22,10 +22,12 @@ class AssistanceParameters(Parameters):
         share: Share of k and b per joint, 0 to 1 (TwinCare's assistance); if adaptive, the initial share.
         adaptive: Whether the share of each joint changes from stride to stride, see
             :func:`~twin_gait.control.controllers.assistance.adapted_assistance`.
-        forgetting: Forgetting factor f (assumption: assistance halves in seven strides without an error).
+        forgetting_factor: Forgetting factor f (assumption: assistance halves in seven strides without an
+            error).
         gain: Gain g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
-        allowance: Error deadband e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
-        least: Minimum assistance α_min (assumption).
+        error_deadband: Error deadband e_0 in [rad] (assumption: somewhat below the error of the shipped
+            gait).
+        min_assistance: Minimum assistance α_min (assumption).
     """
 
     share: Annotated[Mapping[JointName, Ratio], SHARE, Inline()] = field(

@@ -1,4 +1,4 @@
-"""What acts from outside in a tick: the belt, the command to walk, the harness, a push, and the wearer."""
+"""Steps of the environment: belt, requests, harness, pushes, seat, crutches, and torques of the wearer."""
 
 import math
 
@@ -35,11 +35,11 @@ from twin_gait.simulation.build_flags import (
 from twin_gait.simulation.episode import HIP_ANGLE_STEP, MIN_HIP_ANGLE, Episode
 from twin_gait.worlds.arm_policy import REACHING_BACK, move_arm
 
-LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
+LIMBS_PER_LEG = 2  # Thigh and shank, which move hip and knee, controlled or not.
 
 
 def update_commands(e: Episode, tick: int) -> None:
-    """Let the belt follow its profile or come to rest after a trip; say what is asked for."""
+    """Set the belt speed by its profile, or to rest after a trip, and the requests of the tick."""
     time = tick * e.rates.period
     trip_time = e.controller.trip.tick * e.rates.period if e.controller.trip.tick >= 0 else math.inf
     e.ground.belt_speed = treadmill_speed(e.belt, time, trip_time)
@@ -54,7 +54,7 @@ def update_commands(e: Episode, tick: int) -> None:
 
 
 def lock_harness(e: Episode, tick: int) -> None:
-    """In the tick of a trip the harness locks at the height of the wearer's pelvis, a stop from below."""
+    """Lock the harness in the tick of a trip, as a stop from below at the height of the wearer's pelvis."""
     if PITCH_INDEX >= 0:
         if e.controller.trip.tick == tick:
             harness = e.trunk.harness
@@ -73,17 +73,17 @@ def _lock(e: Episode, stop: MechanicalStop, height: float) -> None:
 
 
 def reset_external_torque(e: Episode, number: int) -> None:
-    """Begin the sum of the torques from outside on a hip or knee of the wearer."""
+    """Reset the sum of the external torques on a hip or knee of the wearer."""
     e.external[e.limbs[number].index + WEARER_OFFSET] = 0.0
 
 
 def push(e: Episode, number: int) -> None:
-    """Push a joint."""
+    """Set the external torque on a joint to the torque of a push."""
     e.external[e.joints[number].index] = e.joints[number].push
 
 
 def add_wearer_torques(e: Episode, number: int, tick: int) -> None:
-    """Add the torques of the wearer on hip and knee of a leg."""
+    """Add the wearer's torques on hip and knee of a leg to the external torques."""
     first = number * LIMBS_PER_LEG
     thigh, shank = e.limbs[first], e.limbs[first + 1]
     hip, knee, ankle = e.q[thigh.index + WEARER_OFFSET], e.q[shank.index + WEARER_OFFSET], 0.0
@@ -96,7 +96,7 @@ def add_wearer_torques(e: Episode, number: int, tick: int) -> None:
 
 
 def _add_wearer_torque(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
-    """Add the wearer's torque on hip or knee; the effort comes with a delay."""
+    """Add the wearer's passive torque and the delayed voluntary effort on a hip or knee, in [N·m]."""
     limb, phase = e.limbs[number], e.controller.legs[number // LIMBS_PER_LEG].phase
     condition, place = limb.condition, limb.index + WEARER_OFFSET
     moments = limb.moments[phase]
@@ -111,7 +111,7 @@ def _add_wearer_torque(e: Episode, tick: int, number: int, passive: float, hip: 
 
 
 def add_trunk_forces(e: Episode, q: list[float], v: list[float]) -> None:
-    """Add what harness and seat do to the torques."""
+    """Add the forces of harness and seat to the torques."""
     if PITCH_INDEX >= 0:
         add_harness_force(e, q, v)
     if WITH_SEAT:
@@ -119,7 +119,7 @@ def add_trunk_forces(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def add_harness_force(e: Episode, q: list[float], v: list[float]) -> None:
-    """Add the pull of the harness to the torques of the pelvis."""
+    """Add the force and the moment of the harness to the torques of the pelvis."""
     sine, cosine = sine_cosine(q[PITCH_INDEX])
     harness = e.trunk.harness
     ahead, up = harness.height * sine, harness.height * cosine
@@ -159,7 +159,7 @@ def add_seat_forces(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def place_chair(e: Episode, tick: int) -> None:
-    """Put the chair behind a standing wearer when the device announces that it will sit down."""
+    """Set the position of the chair behind a standing wearer when the device announces sitting down."""
     leg, seat = e.controller.legs[0], e.seat
     announced = e.chair_phases[leg.phase] == REACHING_BACK and leg.entry_tick == tick
     if announced and e.q[PELVIS_INDEX] > seat.height + 2.0 * seat.buttocks.thickness:
@@ -167,14 +167,14 @@ def place_chair(e: Episode, tick: int) -> None:
 
 
 def add_arm_forces(e: Episode, q: list[float], v: list[float]) -> None:
-    """Forces of the arms, as torques from outside on trunk and tips."""
+    """Set the forces of the arms as external torques on trunk and tips."""
     sine, cosine = sine_cosine(q[PITCH_INDEX])
     shoulder_ahead, shoulder_up = e.trunk.shoulder * sine, e.trunk.shoulder * cosine
     on_forward, on_pelvis, on_pitch = 0.0, 0.0, 0.0
     for number in range(N_CRUTCHES):
         arm = e.arms[number]
         ahead, up = q[arm.index] - q[FORWARD_INDEX], q[arm.index + 1] - q[PELVIS_INDEX]
-        # As the trunk sees it, which turns about the hips.
+        # Velocity of the tip relative to the trunk, which rotates about the hips.
         forward = v[arm.index] - v[FORWARD_INDEX] - up * v[PITCH_INDEX]
         upward = v[arm.index + 1] - v[PELVIS_INDEX] + ahead * v[PITCH_INDEX]
         fx, fz = arm_force(arm, sine, cosine, ahead - shoulder_ahead, up - shoulder_up, forward, upward)
@@ -189,7 +189,7 @@ def add_arm_forces(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
-    """Accelerations of the tips of the crutches, on the ground or in the air."""
+    """Compute the accelerations of the tips of the crutches and the power of their contact forces."""
     for number in range(N_CRUTCHES):
         arm, ground = e.arms[number], e.ground
         place, tip = arm.index, arm.tip
@@ -204,14 +204,14 @@ def accelerate_tips(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def update_tip_anchors(e: Episode) -> None:
-    """End a step of the tips: what slides takes the place with it where it sticks."""
+    """Move the anchor of the friction of each sliding tip at the end of an integration step."""
     for number in range(N_CRUTCHES):
         arm = e.arms[number]
         arm.anchor = anchor_position(arm, e.q[arm.index], arm.tip.upward, e.ground.friction_coefficient)
 
 
 def update_arms(e: Episode, tick: int) -> None:
-    """What the person feels, late, and does with the arms in this tick."""
+    """Compute the delayed perception of the wearer, and move the arms with it."""
     sense = e.perception
     stepping, chair = 0.0, 0.0
     for leg in e.controller.legs:
@@ -232,7 +232,7 @@ def update_arms(e: Episode, tick: int) -> None:
 
 
 def tip_energy(e: Episode) -> tuple[float, float]:
-    """Kinetic and potential energy of the tips in [J]."""
+    """Return the kinetic and potential energy of the tips in [J]."""
     kinetic, potential = 0.0, 0.0
     for number in range(N_CRUTCHES):
         arm: Arm = e.arms[number]

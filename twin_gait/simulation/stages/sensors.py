@@ -1,4 +1,4 @@
-"""Steps of the sensors: encoders, loads of the feet, and the inertial unit of the trunk."""
+"""Steps of the sensors: encoders, load sensors of the feet, and the inertial unit of the trunk."""
 
 from twin_gait.core.contact import resolve_along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
@@ -17,7 +17,7 @@ from twin_gait.simulation.episode import Episode
 
 
 def read_encoder(e: Episode, number: int, tick: int) -> None:
-    """Read the encoder of a joint."""
+    """Read the encoder of a joint, with noise, offset and faults."""
     joint = e.joints[number]
     reading = e.q[joint.index] + noise_row(e, tick)[number]
     if WITH_FAULTS and tick >= e.first_fault:
@@ -26,12 +26,12 @@ def read_encoder(e: Episode, number: int, tick: int) -> None:
 
 
 def compute_contact_forces(e: Episode) -> None:
-    """Compute the forces of the ground on the soles."""
+    """Compute the ground reaction forces on the soles."""
     contact_forces(e.q, e.v, e.bodies, e.ground, e.points)
 
 
 def read_load(e: Episode, number: int, tick: int) -> None:
-    """Read the load of a foot over body weight."""
+    """Read the load of a foot as a fraction of body weight, with faults."""
     foot = e.feet[number]
     load = normal_force(e, number) / e.body_weight
     if WITH_FAULTS and tick >= e.first_fault:
@@ -40,12 +40,12 @@ def read_load(e: Episode, number: int, tick: int) -> None:
 
 
 def read_trunk(e: Episode) -> None:
-    """Give the gait controller, whose sensor it is, the pitch of the trunk."""
+    """Pass the pitch of the trunk to the gait controller, to which its sensor is connected."""
     e.controller.device_signals.trunk_pitch = trunk_pitch(e)
 
 
 def trunk_pitch(e: Episode) -> float:
-    """Pitch of the trunk as it is known in [rad], forwards positive; none if the pelvis is guided."""
+    """Return the measured pitch of the trunk in [rad], positive forwards; 0 if the pelvis is guided."""
     if WITH_INERTIAL_UNIT:
         return e.trunk_unit.pitch
     if PITCH_INDEX >= 0:
@@ -54,7 +54,7 @@ def trunk_pitch(e: Episode) -> float:
 
 
 def measure_pitch(e: Episode, tick: int) -> None:
-    """Estimate the pitch of the trunk from the last accelerations, those of rest at the start."""
+    """Estimate the pitch of the trunk from the accelerations of the last tick, which are 0 at the start."""
     unit, noise, first = e.trunk_unit, noise_row(e, tick), len(e.joints) + len(e.limbs)
     rate, a = e.v[PITCH_INDEX], e.a
     ahead, up = trunk_specific_force(
@@ -66,7 +66,7 @@ def measure_pitch(e: Episode, tick: int) -> None:
 
 
 def normal_force(e: Episode, leg: int) -> float:
-    """Sum of the normal forces on the points of a foot in [N]."""
+    """Return the sum of the normal forces on the points of a foot in [N]."""
     total = 0.0
     for number in range(leg * N_POINTS_PER_FOOT, (leg + 1) * N_POINTS_PER_FOOT):
         _, normal = point_force(e, number)
@@ -75,7 +75,7 @@ def normal_force(e: Episode, leg: int) -> float:
 
 
 def point_force(e: Episode, number: int) -> tuple[float, float]:
-    """Force of the ground on a point of a sole along the ground and at right angles to it, in [N]."""
+    """Return the force of the ground on a point of a sole, along the ground and normal to it, in [N]."""
     point, ground = e.points[number], e.ground
     if WITH_SLOPE:
         return resolve_along_slope(ground.slope_sine, ground.slope_cosine, point.forward, point.upward)

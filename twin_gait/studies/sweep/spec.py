@@ -284,7 +284,7 @@ def _make_episode(base: LoadedExperiment, seed: int, named: Named, episode: Epis
 
 
 def check_episode(make_experiment: Callable[[Episode], Experiment], episode: Episode) -> None:
-    """Check the overrides of an episode; ``made`` is the function from :meth:`Sweep.maker`."""
+    """Check the overrides of an episode; ``make_experiment`` is the function from :meth:`Sweep.maker`."""
     experiment, (number, override) = make_experiment(episode), episode
     # A text may name a joint or phase that does not exist; numbers are checked by their ranges.
     plain = all(isinstance(value, int | float) for value in override.values())

@@ -89,7 +89,7 @@ def term_values(run: Run) -> dict[str, float | None]:
 def _leg_values(leg: MeasuredLeg, contact: Mapping[str, Any], walk: Mapping[str, float]) -> dict[str, float]:
     """Compute the parts of one leg: errors, ground reaction forces, loaded knee, contacts and motors.
 
-    ``contact`` is the result of :meth:`MeasuredLeg.by_contact`. A value is NaN if it is not defined.
+    ``contact`` is the result of :meth:`MeasuredLeg.contact_measures`. A value is NaN if it is not defined.
     """
     joints, strides = list(leg.record.angles), contact["strides"] or math.nan
     healthy = defaultdict(lambda: math.nan, reference_measures(leg.run.experiment))
@@ -229,7 +229,7 @@ def residuals(walk: Rating) -> np.ndarray:
 
 
 def _excess_residuals(walk: Rating) -> list[float]:
-    """Compute the roots of the cost of each part beyond ``AIM`` of its goal; 0 for undefined parts."""
+    """Compute the root of the cost of each term beyond ``EXCESS_THRESHOLD`` of its goal; 0 if undefined."""
     ratios = ((walk.values[part.name] or 0.0) / part.goal for part in walk.terms)
     return [
         math.sqrt(part.excess) * max(0.0, ratio - EXCESS_THRESHOLD)

@@ -96,8 +96,8 @@ class Tuning:
         parameters: All numbers of the table that are searched.
         search_cases: Cases of the search by names, the nominal one first.
         generations: Generations of the search; the first is its start.
-        ranked: All finalists, the best first; ``before`` is one of them.
-        before: Initial table, which is to be improved.
+        ranked: All finalists, the best first; ``initial`` is one of them.
+        initial: Initial table, which is to be improved.
         elapsed: Duration of the tuning in [s].
     """
 
@@ -243,7 +243,7 @@ def tune(
 
     Args:
         experiment: A wearer who walks on the ground, and the table to be improved.
-        tell: Receives a line on the progress of the tuning, with the best cost so far.
+        report: Receives a line on the progress of the tuning, with the best cost so far.
         should_stop: Called before each walk; True ends the tuning.
 
     Returns:

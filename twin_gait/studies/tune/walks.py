@@ -65,7 +65,7 @@ class TuningStopped(Exception):  # not an error, because the user requested it
 
 
 def walk_all(walks: Sequence[Experiment], workers: Workers, **watch: Unpack[WorkCallbacks]) -> list[Rating]:
-    """Rate walks of :func:`walker`, each with its table and case, in their order; raise :class:`Stopped`."""
+    """Rate walks of :func:`walker` with their tables and cases, in order; raise :class:`TuningStopped`."""
     results = run_episodes(
         identity, rate_walk, walks, columns=LOG_COLUMNS, block=WIDTH, workers=workers, **watch
     )
