@@ -1,4 +1,4 @@
-"""Simulate an experiment, or one joint on its bench; nothing here touches a disk."""
+"""Simulation of an experiment, or of one joint on its bench; it accesses no files except the code cache."""
 
 import lazy_loader
 

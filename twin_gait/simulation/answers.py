@@ -1,4 +1,4 @@
-"""What became of the requests of a run: the mode that they led to, or why they were refused."""
+"""Results of the requests of a run: the mode after each request, or the reason for its rejection."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -11,29 +11,29 @@ from twin_gait.gait.table import TICK, GaitTable
 
 
 class Answer(NamedTuple):
-    """What became of a request."""
+    """Result of a request."""
 
-    tick: int  # In which it was made.
-    request: str  # What was asked for.
-    before: str  # Mode in which it was made.
-    after: str  # Mode after it.
-    refused: str = ""  # Why nothing has answered it, in words; empty for an answer.
+    tick: int  # Tick of the request.
+    request: str  # Name of the request.
+    before: str  # Mode in which the request was made.
+    after: str  # Mode after the request.
+    refused: str = ""  # Reason for the rejection in words; empty if the request was executed.
 
     @property
     def time(self) -> float:
-        """When it was made in [s]."""
+        """Time of the request in [s]."""
         return self.tick * TICK
 
     @property
     def text(self) -> str:
-        """In words: ``sit at 5.000 s: standing for 1.2 s, less than 3 s``."""
+        """Result as a line of text: ``sit at 5.000 s: standing for 1.2 s, less than 3 s``."""
         return f"{self.request} at {self.time:.3f} s: {self.refused or f'{self.before} to {self.after}'}"
 
 
 def answer_at(
     log: pd.DataFrame, tick: int, before: str, ticks: int, modes: ModeTable, table: GaitTable, weight: float
 ) -> Answer:
-    """What became of the request of a tick, ``ticks`` after the mode ``before`` was entered."""
+    """Return the result of the request of a tick, ``ticks`` after the mode ``before`` was entered."""
     row = log.iloc[tick]
     after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]
     why = ""
@@ -47,7 +47,10 @@ def answer_at(
 def signals_in(
     log: pd.DataFrame, joints: Sequence[str], table: GaitTable, tick: int, body_weight: float
 ) -> Mapping[str, float]:
-    """What the supervisor has read in a tick, in the units of the names; times in phases are left out."""
+    """Return the signals that the supervisor has read in a tick, by name and in the units of the names.
+
+    The times in the phases are left out. ``body_weight`` in [N].
+    """
     row, found = log.iloc[tick], {}
     for leg in (LEFT, RIGHT):
         side = leg.removesuffix(".")

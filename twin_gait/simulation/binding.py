@@ -1,8 +1,8 @@
-"""Give plain functions other globals, all the way down.
+"""Replacement of globals in a plain function and in all functions that it calls.
 
-The steps of a loop name what they stand on: structure, kernel, rows. Bound, every function that a loop calls
-is a copy whose globals of these names are the real ones. Compiled, a branch on a constant that is 0 or False
-is never typed; uncompiled, the same functions are plain Python. No text is rewritten.
+The steps of a loop import placeholders for build flags, kernel and rows. Binding copies every function that a
+loop calls and replaces the globals of these names in the copy. If the copies are compiled, a branch on a
+constant that is 0 or False is never typed; if not, they are plain Python. No text is rewritten.
 """
 
 import dis
@@ -12,7 +12,7 @@ from itertools import chain
 from types import CodeType, FunctionType
 from typing import Any
 
-OURS = "twin_gait."  # modules whose functions are bound; all others are called as they are
+OURS = "twin_gait."  # Modules whose functions are bound; all others are called without a change.
 
 Wrap = Callable[[FunctionType], Any]
 
@@ -23,12 +23,12 @@ def bind(
     wrap: Wrap = lambda function: function,
     made: dict[Hashable, Any] | None = None,
 ) -> Any:
-    """A function with other globals, and so every function of this package that it calls.
+    """Copy a function, and every function of this package that it calls, with other globals.
 
-    ``entry``: where the loop begins; it stays as it is. ``names``: what takes the place of globals of the
-    same name. ``wrap``: what is made of every copy, for example its compiled form. ``made``: what was made by
-    earlier calls with the same ``wrap``: a function whose code and names are the same is taken from there.
-    Changed in place. Returns what was made of the copy of the entry.
+    ``entry``: first function of the loop, which is not changed. ``names``: values that replace the globals of
+    the same names. ``wrap``: conversion of every copy, for example its compilation. ``made``: results of
+    earlier calls with the same ``wrap``, from which a function with the same code and names is taken; changed
+    in place. Returns the converted copy of the entry.
     """
     done: dict[FunctionType, Any] = {}
 
@@ -39,7 +39,7 @@ def bind(
         copy = FunctionType(code, scope, function.__name__, function.__defaults__, function.__closure__)
         copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
         copy.__kwdefaults__ = function.__kwdefaults__
-        bound = done[function] = wrap(copy)  # before what it calls, so that it may call itself
+        bound = done[function] = wrap(copy)  # before the functions that it calls, so that it may call itself
         for name in _names_in(code):
             value = names.get(name, scope.get(name))
             if is_ours(value):
@@ -55,12 +55,12 @@ def bind(
 
 
 def is_ours(function: Any) -> bool:
-    """Whether something is a function of this package."""
+    """Return whether an object is a function of this package."""
     return isinstance(function, FunctionType) and (function.__module__ or "").startswith(OURS)
 
 
 def _identity(function: FunctionType) -> Hashable:
-    """What a function does: its code, and all that it names."""
+    """Return a key of the behaviour of a function: its code and the values of all names in it."""
     cells = [cell.cell_contents for cell in function.__closure__ or ()]
     defaults = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).items()]
     named = [function.__globals__.get(name) for name in _names_in(function.__code__)]
@@ -68,7 +68,7 @@ def _identity(function: FunctionType) -> Hashable:
 
 
 def _same(value: Any) -> Hashable:
-    """Equal for one and the same object, and for equal numbers (0, 0.0, -0.0 and False are four)."""
+    """Return a key that is equal for one object and for equal numbers (0, 0.0, -0.0 and False differ)."""
     if isinstance(value, tuple):
         return type(value), tuple(map(_same, value))
     return (type(value), repr(value)) if isinstance(value, (int, float)) else id(value)
@@ -76,14 +76,17 @@ def _same(value: Any) -> Hashable:
 
 @lru_cache(maxsize=1024)
 def _names_in(code: CodeType) -> tuple[str, ...]:
-    """Globals that code reads, with those of the comprehensions and functions within it."""
+    """Return the globals that code reads, with those of the comprehensions and functions in it."""
     own = [item.argval for item in dis.get_instructions(code) if item.opname == "LOAD_GLOBAL"]
     inner = (_names_in(constant) for constant in code.co_consts if isinstance(constant, CodeType))
     return tuple(dict.fromkeys(chain(own, *inner)))
 
 
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
-    """Functions of a generated kernel by name, to be bound; ``called``: what they call."""
+    """Return the functions of a generated kernel by name, ready to be bound.
+
+    ``text``: source of the kernel. ``called``: functions that the kernel calls, by name.
+    """
     scope = {"__name__": f"{OURS}generated_kernel", **called}
     # The texts are written from numbers and from literals of this package: rigid bodies by index, columns as
     # simulation/log.py declares them. No text of a user is run (tests/firmware/test_hostile_names.py).

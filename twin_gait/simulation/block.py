@@ -1,4 +1,4 @@
-"""A block: records of episodes in lockstep, number by number side by side."""
+"""Block: records of episodes in lockstep, in which the same number of all episodes is contiguous."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-# With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
+# Lanes of a block. With 8 or 16 lanes LLVM unrolls a loop over the lanes before it can vectorize the loop.
 WIDTH = 32
-# Fields that the lanes of a block have in common and no tick changes, after the field that their record
-# stands in: where something is, which law it has, and what the whole tick goes by.
+# Fields that are equal in all lanes of a block and that no tick changes, with the field that contains their
+# record: indices, selections of laws, and settings of the whole tick.
 SHARED = frozenset(
     "episode.step episode.substeps episode.watching episode.ankles episode.passive rates.period "
     "rates.decimation rates.blend_law recording.on recording.log recording.first_row effort_line.delay "
@@ -21,7 +21,7 @@ SHARED = frozenset(
 
 
 def fields_of(dtype: np.dtype[Any], owner: str = "episode") -> list[str]:
-    """Fields of all numbers of a record one after the other, each after that of its record."""
+    """Return the field of every number of a record in order, as ``field of its record.field``."""
     found: list[str] = []
     for name, (kind, *_) in (dtype.fields or {}).items():
         entry, _ = kind.subdtype or (kind, ())
@@ -31,21 +31,21 @@ def fields_of(dtype: np.dtype[Any], owner: str = "episode") -> list[str]:
 
 @lru_cache(maxsize=32)
 def shared_words(dtype: np.dtype[Any]) -> np.ndarray:
-    """Which numbers of a record the lanes of a block have in common, shape ``(numbers,)``."""
+    """Return a mask of the numbers of a record that all lanes of a block share, shape ``(numbers,)``."""
     return np.array([name in SHARED for name in fields_of(dtype)])
 
 
 @lru_cache(maxsize=256)
 def word_of(dtype: np.dtype[Any], name: str) -> int:
-    """Place of a number among those of a record."""
+    """Return the index of a number among the numbers of a record."""
     return fields_of(dtype).index(name)
 
 
 def side_by_side(stores: Sequence[np.ndarray]) -> np.ndarray:
-    """Return a block of at most :data:`WIDTH` records; lanes without one are copies of the first.
+    """Return a block of at most :data:`WIDTH` records; lanes without a record are copies of the first record.
 
-    ``stores``: arrays of shape ``(1,)`` with the records. Returns their numbers as whole numbers of 64 bits,
-    shape ``(numbers, WIDTH)``.
+    ``stores``: arrays of shape ``(1,)`` with the records. Returns the bits of their numbers as 64-bit
+    integers, shape ``(numbers, WIDTH)``.
     """
     words, lanes = np.array([store.view(np.int64) for store in stores]), np.arange(WIDTH)
     return np.ascontiguousarray(words[np.where(lanes < len(stores), lanes, 0)].T)

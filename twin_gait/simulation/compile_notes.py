@@ -1,6 +1,6 @@
-"""Texts on compilations: what is new in a loop, and the time that earlier compilations took.
+"""Messages on compilations, with the reason for a compilation and the time that earlier compilations took.
 
-A record lies next to each kept loop, with the build flags that it was compiled for and its compile time.
+A record is stored next to each loop in the code cache, with the build flags and the compile time of the loop.
 """
 
 import json
@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import NamedTuple
 
-MOST_WORDS = 5  # of a combination
+MOST_WORDS = 5  # Longest list of build flags in a message.
 _FLAG = re.compile(r"'([A-Z][A-Z0-9_]*)': (-?\d+|True|False|\([\d, ]*\))")
 _OFF = {"False", "0", "-1", "()"}
 _KINDS = {
@@ -18,7 +18,7 @@ _KINDS = {
     "run_part": "the plant for a controller of your own",
     "bench": "the joint bench",
 }
-# Build flags in words; a flag that is not listed is written as it is named.
+# Build flags in words; any other flag is shown by its name.
 _WORDS = {
     "SHIFT": "braces", "SUPERVISED": "modes", "NETWORKED": "network", "CENTRAL": "impedance over the network",
     "CONTROLLED": "control mode other than impedance", "OTHER_LAWS": "LuGre or asymmetric friction",
@@ -43,12 +43,12 @@ class Pattern(NamedTuple):
 
 
 class Compilation(NamedTuple):
-    """Record of a compilation whose result is kept."""
+    """Record of a compilation whose result is in the code cache."""
 
     kind: str
     flags: Mapping[str, str]
-    sources: str  # hash of all sources, packages and the processor
-    seconds: float  # compile time in [s]
+    sources: str  # Hash of all sources, packages and the processor.
+    seconds: float  # Compile time in [s].
 
     def to_json(self) -> str:
         """Return the record as JSON."""
@@ -56,13 +56,13 @@ class Compilation(NamedTuple):
 
 
 def pattern_of(text: str) -> Pattern:
-    """Return the kind and the build flags that are in the text under which a loop is kept."""
+    """Return the kind and the build flags that are in the text that identifies a loop in the code cache."""
     kind = re.match(r"[a-z_ ]*", text)
     return Pattern(kind[0].strip() if kind else "", dict(_FLAG.findall(text)))
 
 
 def read_records(contents: Iterable[bytes | None]) -> list[Compilation]:
-    """Return the records among the contents of files; files that hold no record are left out."""
+    """Return the records among the contents of files; files without a record are left out."""
     found = []
     for content in contents:
         try:
@@ -81,11 +81,12 @@ def compile_text(pattern: Pattern, sources: str, records: Sequence[Compilation],
     Args:
         pattern: The loop that is compiled.
         sources: Hash of all sources, packages and the processor.
-        records: Compilations whose results are kept.
-        own: Whether the loop contains functions of the user's.
+        records: Compilations whose results are in the code cache.
+        own: Whether the loop contains functions of the user.
 
     Returns:
-        What is compiled, why, and the expected time: the median of earlier compilations of this kind.
+        A text with the kind of the loop, the reason for the compilation and the expected time, which is the
+        median of earlier compilations of this kind.
     """
     alike = [item for item in records if item.kind == pattern.kind]
     current = [item for item in alike if item.sources == sources]

@@ -1,4 +1,4 @@
-"""The engine that runs the steps of a tick compiled, over a kernel written for the structure of the model."""
+"""Engine that runs the steps of a tick compiled, with a kernel that is generated for the model."""
 
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
@@ -24,12 +24,12 @@ _FLOAT = np.dtype(float)
 
 
 def run_at(address: int, first: int, end: int) -> int:
-    """:func:`~twin_gait.simulation.schedule.run_ticks` of the episode at an address."""
+    """Run :func:`~twin_gait.simulation.schedule.run_ticks` of the episode at an address."""
     return run_ticks(episode_at(address), first, end)
 
 
 def run_part(address: int, acting: int, tick: int) -> int:
-    """The plant's part of a tick, of the episode at an address: before the controller's, or after it."""
+    """Run the steps before the controller (``acting`` 0) or after it, and return the status."""
     e = episode_at(address)
     if acting == 0:
         sense(e, tick)
@@ -39,21 +39,21 @@ def run_part(address: int, acting: int, tick: int) -> int:
 
 
 class CompiledEngine(EpisodeEngine):
-    """Runs one problem from start to end in compiled code.
+    """Engine that runs one simulation setup from start to end in compiled code.
 
     Attributes:
-        store: All that the loop changes, beside log and switches: the record, an array of shape ``(1,)``.
-        episode: The record.
-        noise: What strays, tick by tick.
-        bodies: What the kernel is written for.
-        structure: Constants that the loop is bound to.
-        loop: The compiled loop; episodes of one pattern have the same.
+        store: Array of shape ``(1,)`` with the record; the loop changes only it, log and switches.
+        episode: Record of the episode.
+        noise: Sensor noise and effort noise of each tick.
+        bodies: Bodies and points for which the kernel is generated.
+        structure: Build flags that the loop is bound to.
+        loop: Compiled loop; episodes of one pattern share it.
     """
 
     chunk_ticks = 2000
 
     def __init__(self, problem: Problem, *, on_compile: OnCompile = None) -> None:
-        """Lay the problem out and get the compiled loop.
+        """Build the record of a simulation setup and load or compile its loop.
 
         ``on_compile``: called if the loop has to be compiled first. Raises UncompiledControllerError if numba
         cannot compile the controller.
@@ -63,7 +63,7 @@ class CompiledEngine(EpisodeEngine):
         self.structure = structure_of(problem, len(self.bodies.points))
         self.store = stored(new_episode(problem, self.bodies))
         self.episode, self.state = self.store[0], self.store.view(np.recarray)[0]
-        # Rows behind addresses; they live as long as the engine.
+        # Arrays to which the record has addresses; they must exist as long as the engine.
         self.noise = np.ascontiguousarray(problem.noise)
         self.switches = np.zeros(self.episode["recording"]["most_switches"], SWITCHES)
         self.point_at_rows()
@@ -71,24 +71,24 @@ class CompiledEngine(EpisodeEngine):
 
     @cached_property
     def pattern(self) -> str:
-        """All that the loop depends on beside its sources, and functions that are not of this package."""
+        """Text of all that the loop depends on, except its sources and the functions of the user."""
         functions, bodies = self.problem.controller.functions().values(), kernel_structure(self.bodies)
         ours = [(item.__module__, item.__qualname__) for item in functions if is_ours(item)]
         return repr((text_of(self.store.dtype), self.layout.writer, bodies, self.structure, ours))
 
     @property
     def own(self) -> tuple[TickFunction, ...]:
-        """Functions of the controller that are the user's own."""
+        """Functions of the controller that the user has written."""
         functions = self.problem.controller.functions().values()
         return tuple(item for item in functions if not is_ours(item))
 
     def point_at_rows(self) -> None:
-        """Write the addresses of all rows but the log's into the record."""
+        """Write the addresses of switches and noise into the record; :meth:`run_ticks` writes the log's."""
         recording = self.episode["recording"]
         recording["switches"], recording["noise"] = self.switches.ctypes.data, self.noise.ctypes.data
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
-        """See :meth:`EpisodeEngine.run_ticks`."""
+        """Run ticks; see :meth:`EpisodeEngine.run_ticks`."""
         assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
@@ -96,13 +96,13 @@ class CompiledEngine(EpisodeEngine):
 
 
 def laid_out(problem: Problem) -> tuple[KernelBodies, Episode, Structure]:
-    """Return the bodies of a problem, its episode at tick 0 as a tree, and the constants to bind."""
+    """Return the bodies of a simulation setup, its episode at tick 0 as a tree, and its build flags."""
     bodies = _bodies_of(problem)
     return bodies, copied(new_episode(problem, bodies)), structure_of(problem, len(bodies.points))
 
 
 def _bodies_of(problem: Problem) -> KernelBodies:
-    """Bodies of models that share nothing but the ground, one after the other; the last has the feet."""
+    """Return the bodies of models that share only the ground, in order; the last model has the feet."""
     world, bodies = problem.world, list[BodyArrays]()
     for chain in world.chains:
         first = len(bodies)
@@ -113,7 +113,7 @@ def _bodies_of(problem: Problem) -> KernelBodies:
     found = contact_points(world.chains[-1].model, frames)
     points = [point._replace(body=point.body + first) for point in found]
     control = export_bodies(problem.control_model.model)
-    # The last guide of each pelvis, or on the bench the first joint of each chain.
+    # Index of the last guide of each pelvis, or on the bench of the first joint of each chain.
     guides = range(world.model.pelvis_index or 0, len(bodies), world.model.nv)
     return KernelBodies(bodies, points, control, world.model.up_axis, guides, world.slope != 0.0)
 
@@ -121,9 +121,10 @@ def _bodies_of(problem: Problem) -> KernelBodies:
 def loop_of(
     engine: CompiledEngine, on_compile: OnCompile, entry: Callable[[int, int, int], int] = run_at
 ) -> Loop:
-    """The loop for episodes like an engine's, or with :func:`run_part` its plant, compiled if need be.
+    """Return the loop for episodes with the pattern of an engine, compiled if it is not in the code cache.
 
-    Raises UncompiledControllerError if numba cannot compile the controller.
+    ``entry``: function that is compiled; :func:`run_part` gives the plant alone. Raises
+    UncompiledControllerError if numba cannot compile the controller.
     """
 
     def make() -> CompiledLoop:
@@ -143,7 +144,7 @@ def loop_of(
 
 
 def bound_to(engine: CompiledEngine) -> dict[str, Any]:
-    """All that a loop is bound to but for where its episodes are."""
+    """Return all functions and constants that a loop is bound to, except the access to its episodes."""
     return {
         **engine.structure,
         **engine.problem.controller.functions(),
@@ -155,14 +156,14 @@ def bound_to(engine: CompiledEngine) -> dict[str, Any]:
 
 @lru_cache(maxsize=32)
 def text_of(dtype: np.dtype[Any]) -> str:
-    """A dtype as text, which takes NumPy longer than all else in an episode's start."""
+    """Return a dtype as text; cached, because it would be the slowest part of the start of an episode."""
     return repr(dtype)
 
 
 def bound_kernel(bodies: KernelBodies, laws: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
-    """Return the functions of the generated kernel of some bodies by name, to be bound.
+    """Return the functions of the generated kernel of some bodies by name, ready to be bound.
 
-    ``laws``: functions in place of those of ``core`` that the kernel calls, by their names.
+    ``laws``: functions that replace functions of ``core`` that the kernel calls, by their names.
     """
     called = {item.name: laws.get(item.name, item.function) for item in SIDE_BY_SIDE}
     return kernel_functions(write_kernel(bodies), called)
@@ -170,7 +171,10 @@ def bound_kernel(bodies: KernelBodies, laws: Mapping[str, Callable[..., Any]] = 
 
 @lru_cache(maxsize=32)
 def compiled_rows(width: int, noises: int) -> dict[str, Any]:
-    """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
+    """Return the functions of :mod:`twin_gait.simulation.interface` that read rows at addresses.
+
+    ``width`` and ``noises``: numbers in a row of the log and in a row of the noise.
+    """
     from twin_gait.simulation.compiling import jit, rows_at
 
     logs, readings, switches = rows_at(_FLOAT, width), rows_at(_FLOAT, noises), rows_at(SWITCHES)

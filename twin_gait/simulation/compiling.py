@@ -1,8 +1,8 @@
-"""Compile a bound loop with numba.
+"""Compilation of a bound loop with numba.
 
-Four internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
-when one of the first three changes, tests/simulation/test_controllers.py of the last: a pipeline of passes of
-one's own, the template that types a call, what is made of a function once it is lowered, and its types.
+The module uses four internals of numba, checked with numba 0.61 to 0.68: a custom pipeline of passes, the
+template that types a call, the result of lowering a function, and the types of its variables. A change of the
+first three fails tests/simulation/test_compiling.py, one of the last tests/simulation/test_controllers.py.
 """
 
 import ctypes
@@ -34,11 +34,11 @@ from twin_gait.simulation.keeping import ARGUMENTS, CompiledLoop, function_at
 
 _BITS = ir.IntType(64)
 _REFUSED = NumbaError, UnsupportedBytecodeError
-_ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
+_ENDLESS = 1 << 40  # Upper bound of the number of rows at an address; the caller has the real number.
 
 
 class _Inlined(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
-    """Code of a function that becomes a part of its callers', and is never run by itself."""
+    """Code of a function that is inlined into its callers and never runs by itself."""
 
     def _finalize_final_module(self) -> None:
         self._finalized = True
@@ -46,7 +46,10 @@ class _Inlined(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class Lowering(NativeLowering):  # type: ignore[misc]
-    """numba's, but machine code is made of the loop alone; with that of its parts it takes a fifth longer."""
+    """Lowering pass of numba that emits machine code for the loop only.
+
+    With machine code of every function of the loop, a compilation takes a fifth longer.
+    """
 
     _name = "lowering"
 
@@ -57,23 +60,23 @@ class Lowering(NativeLowering):  # type: ignore[misc]
         state.library = _Inlined(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
-        key = list[None]().append  # callers find it by any built-in function that is equal to no other
+        key = list[None]().append  # key for the callers: a built-in function that is equal to no other one
         state.targetctx.insert_user_function(key, state["cr"].fndesc, [state.library])
         state["cr"] = state["cr"]._replace(cfunc=key)
         return True
 
 
 class Pruning(CompilerBase):  # type: ignore[misc]
-    """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
+    """Pipeline of numba without its rewrites of array expressions, but with removal of dead branches."""
 
-    lowering: type[NativeLowering] = Lowering  # The pass that makes LLVM's code.
-    # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops
-    # over the coordinates for long ones and makes the treadmill 15 to 20 % slower.
+    lowering: type[NativeLowering] = Lowering  # Pass that generates the code of LLVM.
+    # Level 3 of LLVM, the default of numba, takes a third longer here and does not give faster code. Its
+    # vectorizer treats loops over the coordinates as long loops and makes the treadmill 15 to 20 % slower.
     level, vectorise = 1, False
 
     def define_pipelines(self) -> list[Any]:
-        """Passes of the one pipeline."""
-        self.state.flags.no_rewrites = True  # would leave out the pruning as well
+        """Return a list with the one pipeline and its passes."""
+        self.state.flags.no_rewrites = True  # this flag alone would also leave out the pruning
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state, "pruning")
         manager.add_pass_after(DeadBranchPrune, ReconstructSSA)
         own = {NativeLowering: self.lowering}
@@ -82,7 +85,7 @@ class Pruning(CompilerBase):  # type: ignore[misc]
         return [manager]
 
 
-# Functions of the loops of this process: the next one compiles only what is different in it.
+# Compiled functions of the loops of this process; the next loop compiles only the functions that differ.
 _made: dict[type[Pruning], dict[Hashable, Any]] = {}
 
 _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -93,18 +96,18 @@ class _Distinct(ir.values.MDValue):  # type: ignore[misc]  # llvmlite has no typ
         buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
 
     def __eq__(self, other: object) -> bool:
-        return self is other  # llvmlite would take metadata with equal operands for one
+        return self is other  # otherwise llvmlite would merge metadata with equal operands
 
     __hash__ = ir.values.MDValue.__hash__
 
 
 def distinct(module: Any) -> Any:
-    """Metadata that is equal to itself only, as LLVM wants its loops and groups of accesses."""
+    """Return metadata that is equal only to itself, as LLVM requires for loops and access groups."""
     return _Distinct(module, (), name=str(len(module.metadata)))
 
 
 def _instruction(taken: Any, given: Any, build: Callable[[Any, Any], Any]) -> Any:
-    """A function of a number that is an instruction or two of the processor's."""
+    """Return a function of one number that is compiled to one or two instructions of the processor."""
 
     @intrinsic  # type: ignore[untyped-decorator]
     def instruction(typing: Any, number: Any) -> Any:
@@ -118,33 +121,33 @@ def _shifted_to_exponent(builder: Any, number: Any) -> Any:
     return builder.bitcast(exponent, ir.DoubleType())
 
 
-# A pointer from a whole number. Of a sum with 1.5 2^52, its lowest bits moved to where the exponent of a
-# number lies, and all its bits.
+# Three conversions: an integer to a pointer; the lowest bits of a sum with 1.5 2^52 to the exponent of a
+# number; and a number to an integer with the same bits.
 _pointer = _instruction(types.int64, types.voidptr, lambda builder, n: builder.inttoptr(n, cgutils.voidptr_t))
 _power_of_two = _instruction(types.float64, types.float64, _shifted_to_exponent)
 _whole_number = _instruction(types.float64, types.int64, lambda builder, n: builder.bitcast(n, _BITS))
-# What :mod:`twin_gait.core.elementary` leaves to machine code, by name, to be bound: as numba compiles them,
-# the functions there are a call of the C library and a round trip through integers.
+# Replacements of functions of :mod:`twin_gait.core.elementary` by name, ready to be bound. Compiled by numba,
+# the originals would be a call of the C library and a conversion to integers and back.
 ON_BITS = {"power_of_two": _power_of_two, "whole_number": _whole_number}
 
 
 def jit(function: Any, *, inline: bool = True, pipeline: type[Pruning] = Pruning) -> Any:
-    """A function of a loop, to be compiled with its callers' types."""
+    """Return a function of a loop that numba compiles for the argument types of its callers."""
     made = numba.njit(**_OPTIONS, pipeline_class=pipeline, forceinline=inline)(function)
     template = made.get_call_template
-    # Otherwise every literal 0, 1, -1 in a call is a type of its own, and compiled anew.
+    # Otherwise every literal 0, 1, -1 in a call has its own type and causes another compilation.
     plain = types.unliteral  # type: ignore[attr-defined]  # numba has no types
     made.get_call_template = lambda args, kws: template(tuple(map(plain, args)), kws)
     return made
 
 
 def record_at(dtype: np.dtype[Any]) -> Any:
-    """Compiled function from an address to the record there."""
+    """Return a compiled function that maps an address to the record at it."""
     return jit(lambda address: numba.carray(_pointer(address), 1, dtype)[0])
 
 
 def rows_at(dtype: np.dtype[Any], *shape: int) -> Any:
-    """Compiled function from an address and a number to that record, or to that row of some shape."""
+    """Return a compiled function that maps an address and a number to that record, or row of a shape."""
     rows = (_ENDLESS, *shape)
     return jit(lambda address, number: numba.carray(_pointer(address), rows, dtype)[number])
 
@@ -152,9 +155,9 @@ def rows_at(dtype: np.dtype[Any], *shape: int) -> Any:
 def compile_loop(
     entry: Callable[..., int], names: Mapping[str, Any], own: str = "", pipeline: type[Pruning] = Pruning
 ) -> CompiledLoop:
-    """Bind an entry, which takes and returns whole numbers, to names, and compile it.
+    """Bind an entry, which takes and returns integers, to names, and compile it.
 
-    ``own``: what messages call functions of the user's among the names; empty without any.
+    ``own``: name of the user's controller for messages; empty if no function of ``names`` is the user's.
     """
 
     def made(function: FunctionType) -> Any:
@@ -175,11 +178,11 @@ def compile_loop(
 
 @contextmanager
 def compiled_in(pipeline: type[Pruning] = Pruning) -> Iterator[None]:
-    """Whatever is compiled in here is compiled as the loops of these passes are."""
+    """Compile the code in this context with the optimization settings of a pipeline."""
     config, collects = numba.config, gc.isenabled()
     kept = config.OPT, config.LOOP_VECTORIZE
     config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(pipeline.level), int(pipeline.vectorise)
-    gc.disable()  # looking through the compiler's millions of small objects takes a tenth of the time
+    gc.disable()  # garbage collection of the compiler's millions of small objects takes a tenth of the time
     try:
         yield
     finally:
@@ -189,7 +192,7 @@ def compiled_in(pipeline: type[Pruning] = Pruning) -> Iterator[None]:
 
 
 def _stands_alone(library: Any) -> bool:
-    """Whether compiled code calls the C library only; LLVM ends the process if it cannot find a name."""
+    """Return whether compiled code calls only the C library; LLVM aborts if it cannot resolve a name."""
     process = ctypes.CDLL(None)
     needed = [item.name for item in library._final_module.functions if item.is_declaration]
     return all(name.startswith("llvm.") or hasattr(process, name) for name in needed)
@@ -197,16 +200,16 @@ def _stands_alone(library: Any) -> bool:
 
 @lru_cache(maxsize=16)
 def compiled_tick(controller: str, tick: Any, assisted: bool, device: np.dtype[Any]) -> Any:
-    """A function of the user's that is a part of a controller, compiled.
+    """Compile a function of the user that is a part of a controller.
 
-    ``assisted``: whether its memory is that beside the assistance. ``device``: layout of the record that it
-    is handed, with its memory in it. Raises UncompiledControllerError if numba cannot compile it,
-    ParameterError if it returns something, or keeps a float in a field of whole numbers.
+    ``assisted``: whether its memory is the one next to that of the assistance. ``device``: layout of the
+    record that the function receives, with its memory. Raises UncompiledControllerError if numba cannot
+    compile it, ParameterError if it returns a value or writes a float into an integer field.
     """
     memory = device["memory"]["other"] if assisted else device["memory"]
     kinds = (numba.from_dtype(memory), numba.from_dtype(device), numba.int64, numba.float64)
     try:
-        checked = numba.njit(nogil=True, boundscheck=True)  # else a wrong index writes into the record
+        checked = numba.njit(nogil=True, boundscheck=True)  # otherwise a wrong index writes into the record
         compiled = tick if isinstance(tick, Dispatcher) else bind(tick, ON_BITS, checked)
         compiled.compile(kinds)
     except (*_REFUSED, TypeError, AttributeError, KeyError, AssertionError) as error:
@@ -218,9 +221,9 @@ def compiled_tick(controller: str, tick: Any, assisted: bool, device: np.dtype[A
 
 
 def _cut(made: Any) -> Iterator[str]:
-    """Fields of whole numbers into which a compiled function, or one that it calls, writes a float.
+    """Yield the integer fields into which a compiled function, or a function that it calls, writes a float.
 
-    Machine code would cut it without a word, where Python keeps it.
+    Machine code would truncate the float without an error, but Python keeps it.
     """
     kinds, calls = made.type_annotation.typemap, made.type_annotation.calltypes
     lists: dict[str, str] = {}

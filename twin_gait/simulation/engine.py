@@ -1,4 +1,4 @@
-"""What the engines share: a run in chunks, and how it stands: switches, ending, trip, traffic of the bus."""
+"""Base class of the engines: a run in chunks, and its switches, status, trip and bus traffic."""
 
 import math
 import time
@@ -22,29 +22,29 @@ from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.run import Run, RunStatus
 
 SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
-_BUS_UNIT = 1e-12  # what a bus counts in, in [s]
+_BUS_UNIT = 1e-12  # Unit of time of the bus in [s].
 
 
 class EpisodeEngine(ABC):
-    """Runs one problem from start to end.
+    """Engine that runs one simulation setup from start to end.
 
     Attributes:
-        chunk_ticks: Between two looks at progress and interruption.
-        problem: The experiment as an engine needs it.
-        episode: The record.
-        state: The record of the episode, its fields as attributes, to be read.
+        chunk_ticks: Ticks between two checks for progress and interruption.
+        problem: Simulation setup.
+        episode: Record of the episode.
+        state: Record of the episode with its fields as attributes, for reading.
         layout: Names and positions of the log's columns.
-        switches: Room for the switches of the phases.
+        switches: Buffer for the switches of the phases.
     """
 
     chunk_ticks: ClassVar[int]
-    scripted: ClassVar[bool] = False  # whether it executes the events of an experiment
+    scripted: ClassVar[bool] = False  # Whether the engine executes the events of an experiment.
     episode: Any
     state: Any
     switches: np.ndarray
 
     def __init__(self, problem: Problem) -> None:
-        """Find the columns of the log; ParameterError for events that the engine does not execute."""
+        """Determine the columns of the log; raises ParameterError for events that it does not execute."""
         if problem.experiment.events and not self.scripted:
             way_out = "leave engine and controller as they are, or leave the events out with --set events=[]"
             raise ParameterError(f"events: only simulate executes them, in the compiled engine; {way_out}")
@@ -53,10 +53,10 @@ class EpisodeEngine(ABC):
 
     @abstractmethod
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
-        """Run ticks ``first`` to ``end`` - 1, fewer if the wearer falls or the state diverges on the way.
+        """Run ticks ``first`` to ``end`` - 1, fewer if the wearer falls or the state diverges earlier.
 
-        ``rows``: log, shape ``(n, n_columns)``, whose first row is that of tick ``first_row``; changed in
-        place. Returns the ticks run since the start.
+        ``rows``: log of shape ``(n, n_columns)`` whose first row belongs to tick ``first_row``; changed in
+        place. Returns the number of ticks since the start.
         """
 
     def run(
@@ -66,18 +66,18 @@ class EpisodeEngine(ABC):
         columns: Sequence[int] | None = None,
         run_tick: Callable[[int, int, np.ndarray, int], int] | None = None,
     ) -> Run:
-        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
+        """Run to the end of the experiment, or to a fall, a divergence or a request to stop.
 
-        ``progress`` is called with ticks done and in all, ``should_stop`` asked now and then. ``columns``:
-        positions of the columns of the log that are kept; all by default. ``run_tick``: runs a single tick in
-        place of :meth:`run_ticks`.
+        ``progress`` is called with the ticks done and the total number of ticks, ``should_stop`` before each
+        chunk. ``columns``: positions of the columns of the log that are kept; all by default. ``run_tick``:
+        runs a single tick in place of :meth:`run_ticks`.
         """
         began = time.perf_counter()
         run_ticks, chunk = (self.run_ticks, self.chunk_ticks) if run_tick is None else (run_tick, 1)
         width, record = len(self.layout.names), bool(self.number("recording", "on"))
         kept = range(width) if columns is None else columns
         total, done, stopped = self.problem.experiment.n_ticks, 0, False
-        # Everybody reads columns: each chunk is turned round while the cache still holds it.
+        # The log is read by columns: each chunk is transposed while it is still in the cache.
         table, rows = np.empty((len(kept), total if record else 0)), np.zeros((chunk if record else 1, width))
         while done < total and self.ending(done)[0] is RunStatus.COMPLETED:
             if progress is not None:
@@ -97,7 +97,10 @@ class EpisodeEngine(ABC):
         return run
 
     def finished(self, done: int, log: np.ndarray, columns: Sequence[int] | None, wall_s: float) -> Run:
-        """The run of some ticks, whose log has shape ``(n_columns, n)``; ``columns`` as in :meth:`run`."""
+        """Return the run of the first ``done`` ticks.
+
+        ``log``: shape ``(n_columns, n)``. ``columns``: see :meth:`run`. ``wall_s``: wall-clock time in [s].
+        """
         problem, (status, reason), names = self.problem, self.ending(done), self.layout.names
         kept = names if columns is None else [names[place] for place in columns]
         return Run(
@@ -114,9 +117,9 @@ class EpisodeEngine(ABC):
         )
 
     def number(self, *path: str) -> int:
-        """Return a whole number of the record by the fields on the way to it.
+        """Return an integer of the record; ``path``: names of the nested fields that lead to it.
 
-        A field of a NumPy record is found ten times as fast by its name as by an attribute.
+        Access to a field of a NumPy record by its name is ten times as fast as by an attribute.
         """
         found = self.episode
         for name in path:
@@ -124,7 +127,7 @@ class EpisodeEngine(ABC):
         return int(found)
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
-        """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
+        """Return status and reason after ``done`` ticks; completed if the run has not ended early."""
         status = self.number("status")
         if status == COMPLETED:
             return RunStatus.COMPLETED, ""
@@ -139,10 +142,10 @@ class EpisodeEngine(ABC):
         return RunStatus.DIVERGED if status == DIVERGED else RunStatus.FELL, reasons[status]
 
     def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
-        """Switches of the phases so far, from one of them on."""
+        """Return the switches of the phases so far, beginning with the one of index ``first``."""
         names, sides = self.problem.table.phase_names, self.problem.sides
         happened = self.number("recording", "n_switches")
-        causes = [*(item.cause for item in self.problem.table.transitions), POSTURE]  # that of transition -1
+        causes = [*(item.cause for item in self.problem.table.transitions), POSTURE]  # last for transition -1
         found = [
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
             for tick, leg, source, target, chosen in self.switches[first:happened].tolist()
@@ -150,37 +153,38 @@ class EpisodeEngine(ABC):
         return tuple(found)
 
     def trip(self) -> Trip | None:
-        """What the safety monitor has tripped on, or None."""
+        """Return the trip of the safety monitor with its tick, cause and place, or None."""
         tick = self.number("controller", "trip", "tick")
         if tick < 0:
             return None
         trip, joints, sides = self.state.controller.trip, self.problem.joints, self.problem.sides
         place, side, joint = int(trip.part), None, None
-        if place >= len(joints):  # behind the joints are the legs
+        if place >= len(joints):  # the legs follow the joints
             side = sides[place - len(joints)]
-        elif place >= 0:  # below is the supply
+        elif place >= 0:  # a negative number is the supply
             side, joint = joints[place].side, joints[place].joint
         return Trip(tick, list(TripCause)[int(trip.cause)], side, joint)
 
     def _traffic(self, ticks: int) -> dict[str, Any] | None:
-        """What the bus has carried in a run of at least 1 tick, as a summary has it; None without one."""
+        """Return the bus traffic of a run of at least 1 tick for the summary; None without a bus."""
         if self.problem.experiment.network is None:
             return None
         network, bus, frames = self.state.network, self.state.network.bus, {}
-        # As the sender believes; by newer ones before they were sent; ended in error frames.
+        # Frames that the sender counts as sent, sent frames that did not arrive, payloads that a newer one
+        # replaced before they were sent, and transmissions that ended in error frames.
         counts = "sent", "lost", "replaced", "destroyed"
         for kind, wires in ((SETPOINT, network.setpoints), (MEASUREMENT, network.measurements)):
             for joint, wire in zip(self.problem.joints, wires, strict=True):
                 frame = bus.frames[int(wire.frame)]
                 frames[f"{joint.side}_{joint.joint}_{kind}"] = {
-                    # Since its sender wrote what its receiver goes by, over all ticks.
+                    # Age of the values that the receiver uses, since the sender wrote them, over all ticks.
                     "mean_age_s": TICK * int(wire.ages) / ticks,
                     "oldest_s": TICK * int(wire.oldest),
                     **{name: int(getattr(frame, name)) for name in counts},
-                    # From the instant at which one was due to its arrival.
+                    # Time from the instant at which a frame was due to its arrival.
                     "worst_response_s": _BUS_UNIT * int(frame.worst_response),
                 }
         totals = {key: sum(frame[key] for frame in frames.values()) for key in ("sent", "lost", "destroyed")}
         bus_offs = {name: int(node.bus_offs) for name, node in zip(NODES, bus.nodes, strict=True)}
-        load = float(bus.busy) / (ticks * float(bus.tick))  # share of the time
+        load = float(bus.busy) / (ticks * float(bus.tick))  # share of the time in which the bus is busy
         return {"bus_load": load, **totals, "bus_offs": bus_offs, "frames": frames}

@@ -1,8 +1,8 @@
-"""An episode: one nested record of everything that a tick reads and writes.
+"""State record of an episode: everything that a tick reads and writes, as nested records.
 
-From these classes come the dtype of the compiled loop, the plain tree that the reference engine runs on and
-the types that are checked (:mod:`twin_gait.simulation.record`). Joints are numbered leg by leg (left hip,
-left knee, right hip, …). With braces the coordinates are those of the device, then those of the wearer.
+These classes define the dtype of the compiled loop, the plain objects that the reference engine uses and the
+types for mypy (:mod:`twin_gait.simulation.record`). Joints are numbered leg by leg (left hip, left knee,
+right hip, …). With braces the coordinates are those of the device, followed by those of the wearer.
 """
 
 import math
@@ -24,143 +24,143 @@ from twin_gait.parameters import JointCondition
 from twin_gait.worlds.arm_policy import ArmPolicy, Sense
 
 COMPLETED, FELL, DIVERGED, TIPPED, LET_GO = 0, 1, 2, 3, 4
-DIVERGED_VELOCITY = 1e3  # [rad] / [s]: a joint that turns faster is no longer physical
-# First hip angle of the normative moments, and from one to the next, in [rad].
+DIVERGED_VELOCITY = 1e3  # Joint velocity above which a state is no longer physical, in [rad] / [s].
+# Lowest hip angle of the normative moments, and the distance of two hip angles, in [rad].
 LOWEST_POSTURE, POSTURE_STEP = math.radians(-30.0), math.radians(2.0)
 
 
 @dataclass(slots=True)
 class Joint:
-    """A controlled joint."""
+    """State of a controlled joint."""
 
-    place: int  # In the coordinates.
-    board: BoardState  # Its board.
+    place: int  # Index of the joint in the coordinates.
+    board: BoardState  # State of the board of the joint.
     motor: Motor  # Motor and gear.
-    line: DelayLine  # Commands on their way to the drive in [N m].
-    reading: float  # What the encoder reads before it quantises, in [rad].
-    current: float = 0.0  # Of the motor in [A].
-    current_deviation: float = 0.0  # From what the drive should give in [A].
-    voltage: float = 0.0  # On the winding in [V].
-    due: float = 0.0  # Command that reaches the drive in this tick, where they come late, in [N m].
-    push: float = 0.0  # Torque from outside, held over the tick, in [N m].
-    outside: float = 0.0  # Torque of wearer, push and imposed motion in [N m], as the log has it.
-    pushed: float = 0.0  # The part of it that is push and imposed motion, in [N m].
-    off: bool = False  # Whether its board is rebooting.
-    heard: Demand = field(default_factory=Demand)  # What its board heard last over the bus.
+    line: DelayLine  # Delay line of the torque commands to the drive in [N·m].
+    reading: float  # Angle that the encoder measures before it is quantized, in [rad].
+    current: float = 0.0  # Motor current in [A].
+    current_deviation: float = 0.0  # Deviation of the current from that of an intact drive, in [A].
+    voltage: float = 0.0  # Voltage on the winding in [V].
+    due: float = 0.0  # Delayed command that reaches the drive in this tick, in [N·m].
+    push: float = 0.0  # Disturbance torque of a push, constant over the tick, in [N·m].
+    outside: float = 0.0  # External torque of wearer, push and imposed motion in [N·m], for the log.
+    pushed: float = 0.0  # Part of the external torque from push and imposed motion, in [N·m].
+    off: bool = False  # Whether the board of the joint is rebooting.
+    heard: Demand = field(default_factory=Demand)  # Last setpoint that the board received over the bus.
 
 
 @dataclass(slots=True)
 class Limb:
-    """A hip or knee of the wearer."""
+    """State of a hip or knee of the wearer."""
 
-    place: int  # In the coordinates of the device.
-    condition: JointCondition  # What the wearer does.
-    moments: list[list[float]]  # Normative moment in [N m] by phase and posture of the hip.
-    effort_line: DelayLine  # Efforts on their way in [N m].
+    place: int  # Index of the joint in the coordinates of the device.
+    condition: JointCondition  # Condition of the wearer's joint.
+    moments: list[list[float]]  # Normative moment in [N·m] by phase and hip angle.
+    effort_line: DelayLine  # Delay line of the voluntary efforts in [N·m].
 
 
 @dataclass(slots=True)
 class Sole:
-    """A foot on the ground: its load sensor, and what the log has of it."""
+    """State of a foot: the load that its sensor measures, and its values in the log."""
 
-    load: float = 0.0  # Of the sensor, over body weight.
-    normal: float = 0.0  # Force of the ground in [N], at right angles to it.
-    friction: float = 0.0  # Along it, forwards positive.
-    clearance: float = 0.0  # Height of the lowest point over the ground in [m].
-    pressure_place: float = 0.0  # Centre of pressure, 0 at the first point to 1 at the last.
+    load: float = 0.0  # Measured foot load as a fraction of body weight.
+    normal: float = 0.0  # Normal component of the ground reaction force in [N].
+    friction: float = 0.0  # Friction component of the ground reaction force in [N], positive forwards.
+    clearance: float = 0.0  # Height of the lowest point of the sole above the ground in [m].
+    pressure_place: float = 0.0  # Centre of pressure as a ratio, 0 at the first point and 1 at the last one.
 
 
 @dataclass(slots=True)
 class Supply:
-    """Battery and bus."""
+    """State of the battery and of the supply of the drives."""
 
     voltage: float  # Open-circuit voltage in [V].
-    resistance: float  # Internal one in [Ω].
-    constant_power: float  # Of inverters and electronics in [W].
-    regeneration: float  # Share of what is fed into the bus that returns to the battery.
-    bus_voltage: float  # Present one in [V].
-    # That is drawn from the battery in this tick in [W]; until all motors are driven, by them alone.
+    resistance: float  # Internal resistance of the battery in [Ω].
+    constant_power: float  # Power of inverters and electronics in [W].
+    regeneration: float  # Share of the power of braking motors that returns to the battery.
+    bus_voltage: float  # Present bus voltage in [V].
+    # Power drawn from the battery in this tick in [W]; during the drive steps the sum of the motors alone.
     power: float = 0.0
 
 
 @dataclass(slots=True)
 class TimedCommand:
-    """A request of the schedule."""
+    """Request to the supervisor at a given tick."""
 
-    tick: int = -1  # In which it is made, -1 for none.
-    request: int = 0  # Its code.
+    tick: int = -1  # Tick of the request, -1 for none.
+    request: int = 0  # Code of the request, counted from 1.
 
 
 @dataclass(slots=True)
 class Stages:
-    """Room of the integrators, one entry per coordinate each."""
+    """Buffers of the integrators, each with one entry per coordinate."""
 
-    q: list[float]  # Coordinates of a stage.
-    v: list[float]  # Its velocities; of a step without stages the mean of those before and after.
+    q: list[float]  # Coordinates of a Runge-Kutta stage.
+    v: list[float]  # Velocities of a stage; in a step without stages the mean of those before and after it.
     sum_v: list[float]  # Weighted sum of the velocities.
-    sum_a: list[float]  # Of the accelerations.
+    sum_a: list[float]  # Weighted sum of the accelerations.
 
 
 @dataclass(slots=True)
 class ReceivedFrame:
-    """A frame as its receiver has it, which may be later than it arrived."""
+    """Received frame, which its receiver may use with an additional delay."""
 
-    halves: list[int] = field(default_factory=lambda: [0, 0])  # Of the frame.
-    tick: int = 0  # From which the receiver would have had it without more delay; 0 for none.
-    written: int = 0  # Tick in which its sender wrote it.
+    halves: list[int] = field(default_factory=lambda: [0, 0])  # Two 32-bit halves of the data of the frame.
+    tick: int = 0  # Tick of the arrival, before the additional delay; 0 for no frame.
+    written: int = 0  # Tick in which the sender wrote the frame.
 
 
 @dataclass(slots=True)
 class Wire:
-    """A frame between a board and the gait controller."""
+    """CAN channel between a board and the gait controller, with the frame that it carries."""
 
-    frame: int  # Its place among those of the bus.
-    layout: list[SignalLayout]  # Of its signals.
-    received: list[ReceivedFrame]  # What has arrived, taken in turn.
-    written: int = 0  # Tick in which its sender wrote what the receiver goes by.
-    ages: int = 0  # Sum over all ticks of how many ticks old that was.
-    oldest: int = 0  # Most of them.
+    frame: int  # Index of the frame among the frames of the bus.
+    layout: list[SignalLayout]  # Layout of the signals in the frame.
+    received: list[ReceivedFrame]  # Ring buffer of received frames.
+    written: int = 0  # Tick in which the sender wrote the values that the receiver uses.
+    ages: int = 0  # Sum of the age of these values over all ticks, in ticks.
+    oldest: int = 0  # Largest age of these values in ticks.
 
 
 @dataclass(slots=True)
 class Network:
-    """The bus, and what is said on it."""
+    """State of the CAN bus and of its channels."""
 
-    bus: Bus  # With all its frames.
-    delay: int  # Ticks by which every frame is used later than it arrives.
-    setpoints: list[Wire]  # To each board.
-    measurements: list[Wire]  # Of each.
-    numbers: list[float]  # Room for what a frame says.
+    bus: Bus  # Bus with all its frames.
+    delay: int  # Ticks between the arrival of a frame and its use.
+    setpoints: list[Wire]  # Channel of the setpoints to each board.
+    measurements: list[Wire]  # Channel of the measurements of each board.
+    numbers: list[float]  # Buffer for the signals of a frame.
 
 
 @dataclass(slots=True)
 class Switch:
-    """A change of phase."""
+    """Change of phase of a leg."""
 
-    tick: int  # At which the new phase begins.
-    leg: int  # Which leg.
-    source: int  # Phase that was left.
-    target: int  # Phase that was entered.
-    transition: int  # Place in the table.
+    tick: int  # Tick in which the new phase begins.
+    leg: int  # Number of the leg.
+    source: int  # Index of the phase before the switch.
+    target: int  # Index of the phase after the switch.
+    transition: int  # Index of the transition in the gait table, -1 for a posture of a mode.
 
 
 @dataclass(slots=True)
 class Recording:
-    """Log, switches and noise; their rows are behind an address."""
+    """Addresses and sizes of log, switches and noise, which are stored outside of the record."""
 
-    most_switches: int  # That there is room for.
-    n_noise: int  # Rows of it, taken in turn.
+    most_switches: int  # Capacity of the buffer of switches.
+    n_noise: int  # Number of rows of noise, which are repeated in a cycle.
     on: bool = True  # Whether the log is written.
-    log: int = 0  # Address of its first row.
-    first_row: int = 0  # Tick of that row.
+    log: int = 0  # Address of the first row of the log.
+    first_row: int = 0  # Tick of the first row of the log.
     switches: int = 0  # Address of the first switch.
-    n_switches: int = 0  # That have happened.
-    noise: int = 0  # Address of what strays, tick by tick.
+    n_switches: int = 0  # Number of switches so far.
+    noise: int = 0  # Address of the noise of each tick.
 
 
 @dataclass(slots=True)
 class Works:
-    """Work done on the leg since the start in [J], by what does it."""
+    """Work done on the legs since the start in [J], by source."""
 
     motor: float = 0.0
     friction: float = 0.0
@@ -173,27 +173,27 @@ class Works:
 
 @dataclass(slots=True)
 class Episode:
-    """Everything that a tick reads and writes."""
+    """State record of an episode: everything that a tick reads and writes."""
 
-    step: float  # Of the integration in [s].
-    substeps: int  # Steps in a tick.
-    gravity: float  # In [m] / [s²].
-    body_weight: float  # Of wearer and device in [N].
-    catch_stiffness: float  # Of the harness that locks at a trip in [N] / [m].
-    catch_dissipation: float  # In [s] / [m].
+    step: float  # Integration step in [s].
+    substeps: int  # Number of integration steps in a tick.
+    gravity: float  # Gravitational acceleration in [m] / [s²].
+    body_weight: float  # Weight of wearer and device in [N].
+    catch_stiffness: float  # Stiffness of the harness that locks at a trip in [N] / [m].
+    catch_dissipation: float  # Dissipation coefficient of the locked harness in [s] / [m].
     fall_height: float  # Height of the pelvis below which the wearer has fallen, in [m].
-    fall_pitch: float  # Pitch of the trunk, either way, beyond which the wearer has fallen, in [rad].
-    longest_reach: float  # Length of arm and crutch beyond which a hand has let go, in [m].
+    fall_pitch: float  # Absolute pitch of the trunk beyond which the wearer has fallen, in [rad].
+    longest_reach: float  # Length of arm and crutch beyond which a hand has lost its crutch, in [m].
     watching: bool  # Whether the safety monitor is on.
     first_fault: int  # First tick with a fault.
     q: list[float]  # Coordinates in [rad] and [m].
-    v: list[float]  # Velocities.
-    a: list[float]  # Accelerations.
-    motor: list[float]  # Motor torques on the coordinates in [N m].
-    external: list[float]  # Torques of push and wearer on them.
-    voluntary: list[float]  # Part of these torques that is the wearer's voluntary effort.
+    v: list[float]  # Velocities in [rad] / [s] and [m] / [s].
+    a: list[float]  # Accelerations in [rad] / [s²] and [m] / [s²].
+    motor: list[float]  # Motor torques on the coordinates in [N·m].
+    external: list[float]  # External torques of push and wearer in [N·m], and forces of the arms in [N].
+    voluntary: list[float]  # Part of the external torques that is the wearer's voluntary effort.
     passive_moment: list[float]  # Part that is the wearer's passive moment with the stretch reflex.
-    torque: list[float]  # All torques on them.
+    torque: list[float]  # Sum of all torques on the coordinates in [N·m], and of all forces in [N].
     stages: Stages
     bodies: list[float]  # Run-time values of the plant's kernel.
     rates: Rates
@@ -204,35 +204,35 @@ class Episode:
     soles: list[Sole]
     network: Network
     limbs: list[Limb]  # Hip and knee of the wearer, leg by leg.
-    ankles: list[int]  # Place of the ankle of each leg in the coordinates; none without.
-    passive: list[int]  # Places of the joints that are not controlled, in the order of the log.
+    ankles: list[int]  # Index of the ankle of each leg in the coordinates; empty without ankles.
+    passive: list[int]  # Indices of the joints that are not controlled, in the order of the log.
     plant: list[Plant]
     ground: Ground
-    points: list[Point]  # Of the soles.
+    points: list[Point]  # Contact points of the soles.
     belt: Belt
     imposed_motion: ImposedMotion
     braces: list[Brace]
-    braced: list[int]  # Joints of the device in the order of the log's braces.
+    braced: list[int]  # Indices of the joints of the device in the order of the log's braces.
     faults: list[Fault]
-    requests: list[TimedCommand]  # That are made of the supervisor, with room for more; none without one.
+    requests: list[TimedCommand]  # Requests to the supervisor, with spare entries; empty without modes.
     recording: Recording
-    trunk: Trunk  # If it is free.
-    trunk_unit: TrunkUnit  # On it, unless its pitch is known exactly.
-    arms: list[Arm]  # That hold a crutch.
-    policy: ArmPolicy  # How they are used.
-    sense: Sense  # What the person feels.
-    swing_phases: list[float]  # 1 for phases in which a leg swings.
-    # What a person feels of a chair in a phase, :class:`twin_gait.worlds.arm_policy.Sense`.
+    trunk: Trunk  # Trunk, if its pitch is free.
+    trunk_unit: TrunkUnit  # Inertial measurement unit of the trunk, if the pitch is not measured exactly.
+    arms: list[Arm]  # Arms with a crutch.
+    policy: ArmPolicy  # Parameters of the use of the crutches.
+    sense: Sense  # Delayed perception of the wearer, on which the use of the arms depends.
+    swing_phases: list[float]  # 1 for each phase of swing, otherwise 0.
+    # Announced state of sitting on a chair by phase, see :class:`twin_gait.worlds.arm_policy.Sense`.
     chair_phases: list[float]
-    seat: Seat  # If there is one.
+    seat: Seat  # Seat, if the wearer has a chair.
     works: Works = field(default_factory=Works)
-    # Of bodies and rotors, and of gravity, in [J], as the log has them.
+    # Kinetic energy of bodies and rotors, and potential energy of gravity, in [J], for the log.
     kinetic_energy: float = 0.0
     potential_energy: float = 0.0
-    guide_force: float = 0.0  # That the guides of the pelvis take, in [N].
-    guide_moment: float = 0.0  # In [N m].
-    diverged_velocity: float = DIVERGED_VELOCITY  # In [rad] / [s].
-    # ``COMPLETED``, ``DIVERGED``, or how the wearer fell: ``FELL``, ``TIPPED`` or ``LET_GO``.
+    guide_force: float = 0.0  # Force of the guides of the pelvis in [N].
+    guide_moment: float = 0.0  # Moment of the guides of the pelvis in [N·m].
+    diverged_velocity: float = DIVERGED_VELOCITY  # Velocity at which the state has diverged, in [rad] / [s].
+    # ``COMPLETED``, ``DIVERGED``, or the kind of fall: ``FELL``, ``TIPPED`` or ``LET_GO``.
     status: int = COMPLETED
-    contact_power: float = 0.0  # Of the contact forces in [W].
-    last_contact_power: float = 0.0  # Of the step before.
+    contact_power: float = 0.0  # Power of the contact forces in [W].
+    last_contact_power: float = 0.0  # Power of the contact forces in the step before, in [W].

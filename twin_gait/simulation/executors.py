@@ -1,9 +1,9 @@
-"""Executors of a schedule: driver functions that run its steps, written as text and bound like every step.
+"""Executors of a schedule: driver functions that run its steps, generated as text and bound like each step.
 
-A scalar driver runs one episode: compiled, in plain Python over Pinocchio or MuJoCo, or printed as C. A
-driver in lanes runs a block of episodes, each step in a loop over ``lanes(e)``; neighbouring steps share one.
-Build flags stay global names in the text, so that binding replaces them and the compiler removes what they
-rule out.
+A scalar driver runs one episode: compiled, in plain Python over Pinocchio or MuJoCo, or printed as C. A lane
+driver runs a block of episodes, each step in a loop over ``lanes(e)``; neighbouring steps share one loop.
+Build flags stay global names in the text, so that binding replaces them and the compiler removes the code
+that they exclude.
 """
 
 import ast
@@ -19,10 +19,10 @@ from twin_gait.simulation.interface import each, lanes
 
 
 class Names(NamedTuple):
-    """Expressions for the names in a schedule; ``{e}`` in them is the episode."""
+    """Expressions for the names in a schedule; ``{e}`` in an expression is the episode."""
 
     arguments: Mapping[str, str]  # Records and numbers by the name of an argument of a step.
-    counts: Mapping[str, str]  # Number of parts by their name; empty if there is only the one at hand.
+    counts: Mapping[str, str]  # Number of parts by the name of the parts; empty if the driver runs one part.
     fields: Mapping[str, str]  # Fields by their name in a condition.
     flags: Mapping[str, Any]  # Build flags that conditions may name, with their default values.
 
@@ -38,8 +38,8 @@ def scalar_driver(
 ) -> Callable[..., Any]:
     """Return the function that runs a schedule for one episode.
 
-    ``result``: test whose result it returns. ``head``: its arguments. ``module`` and ``says``: module and
-    docstring of the function. Raises ValueError for a condition or step that ``names`` does not cover.
+    ``result``: test whose result the function returns. ``head``: its arguments. ``module`` and ``says``: its
+    module and docstring. Raises ValueError for a condition or step that ``names`` does not cover.
     """
     writer = _Writer(names)
     lines = list(writer.scalar(schedule, "    ", "e"))
@@ -50,9 +50,10 @@ def scalar_driver(
 def lane_driver(
     name: str, schedule: Schedule, names: Names, result: Step | None = None
 ) -> Callable[..., Any]:
-    """Return the function that runs a schedule for a block of episodes; arguments of :func:`scalar_driver`.
+    """Return the function that runs a schedule for a block of episodes.
 
-    ``result``: the driver returns whether it holds for any episode.
+    The arguments are those of :func:`scalar_driver`, but with a ``result`` the function returns whether the
+    test is true for any episode.
     """
     writer = _Writer(names)
     lines = list(writer.in_lanes(schedule, "    "))
@@ -62,16 +63,16 @@ def lane_driver(
 
 
 class _Writer:
-    """Writes the statements of a driver."""
+    """Generator of the statements of a driver."""
 
     def __init__(self, names: Names) -> None:
         self.names = names
         self.scope: dict[str, Any] = {}
-        self.flags = 0  # Number of flags over all episodes so far.
+        self.flags = 0  # Number of variables so far that combine a test over all episodes.
 
     @property
     def flag(self) -> str:
-        """Name of the last flag over all episodes."""
+        """Name of the last variable that combines a test over all episodes."""
         return f"any_{self.flags}"
 
     def call(self, step: Step, e: str) -> str:
@@ -85,7 +86,10 @@ class _Writer:
         return f"{name}({', '.join(known[item].format(e=e) for item in parameters)})"
 
     def condition(self, text: str, e: str) -> str:
-        """Return a condition with its fields written out; checks its names."""
+        """Return a condition with expressions for its fields.
+
+        Raises ValueError for a name that is neither a build flag nor a field.
+        """
         flags, fields = self.names.flags, self.names.fields
         for name in _names_in(text):
             if name in flags:
@@ -156,13 +160,13 @@ class _Writer:
         return inspect.isfunction(item)
 
     def loop(self, items: list[Any], pad: str) -> Iterator[str]:
-        """Yield a loop over the lanes with the items that share it."""
+        """Yield a loop over the lanes with the items that share the loop."""
         if items:
             yield f"{pad}for one in lanes(e):"
             yield from self.scalar(tuple(items), f"{pad}    ", "one")
 
     def any_of(self, test: Step, pad: str) -> Iterator[str]:
-        """Yield a loop over the lanes that sets a flag if a test holds for any of them."""
+        """Yield a loop over the lanes that sets a variable to true if a test is true for any lane."""
         self.flags += 1
         yield f"{pad}{self.flag} = False"
         yield f"{pad}for one in lanes(e):"
@@ -179,20 +183,20 @@ class _Writer:
             yield from write(item.otherwise)
 
     def made(self, name: str, head: str, says: str, lines: list[str], module: str) -> Callable[..., Any]:
-        """Return the function of some statements, whose text debuggers and the C printer can read."""
+        """Return the function of some statements; debuggers and the C printer can read its text."""
         text = "\n".join([f"def {name}{head}:", f'    """{says}"""', *lines, ""])
-        # Two drivers of one name have two files.
+        # The checksum gives two drivers with the same name two file names.
         file = f"<schedule: {name} {zlib.crc32(text.encode()):08x}>"
         linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
         scope = {**self.scope, "__name__": module}
-        # The text has names of functions and fields of this package alone, and no text of a user.
+        # The text contains only names of functions and fields of this package, and no text of a user.
         exec(compile(text, file, "exec"), scope)
         made: Callable[..., Any] = scope[name]
         return made
 
 
 def _flat(schedule: Schedule) -> Iterator[Any]:
-    """Yield steps and groups of a schedule and of the schedules in it."""
+    """Yield the steps and groups of a schedule and of the schedules that it contains."""
     for item in schedule:
         yield from _flat(item) if isinstance(item, tuple) else (item,)
 

@@ -1,4 +1,4 @@
-"""The episode of a problem: its record at tick 0, its parts in the order of the fields."""
+"""Initial state: record of an episode at tick 0, with its parts in the order of the fields."""
 
 import math
 import reprlib
@@ -31,17 +31,18 @@ from twin_gait.vocabulary import LEAN, LOWER, REACH_BACK, RISE, SIT, STRAIGHTEN,
 from twin_gait.worlds.arm_policy import LEANS, LOWERS, REACHES, RISES, SITS
 
 MOST_SWITCHES_PER_SECOND = 200
-# Tables of any size up to the next multiple share one loop.
+# Lists are padded to a multiple of this, so that gait tables of similar size share one loop.
 _CAPACITY = 16
-# What is felt of a chair, by phase.
+# Perceived state of sitting on a chair, by phase.
 FELT = {SIT: SITS, LEAN: LEANS, RISE: RISES, STRAIGHTEN: RISES, REACH_BACK: REACHES, LOWER: LOWERS}
-_LATELY = 32  # [ticks]; likewise delays of the bus
+_LATELY = 32  # Ring buffers of the bus are padded likewise, to a multiple of this [ticks].
 
 
 def new_episode(problem: Problem, bodies: KernelBodies) -> episode.Episode:
-    """Return the episode of a problem at tick 0; it may share parts with the world, and have one part twice.
+    """Return the episode of a simulation setup at tick 0.
 
-    ``bodies``: those that the kernels of plant and controller are written for.
+    It may share parts with the world, and refer to one part twice. ``bodies``: bodies for which the kernels
+    of plant and controller are generated.
     """
     experiment, world = problem.experiment, problem.world
     n, stepping, phases = len(world.start_q), experiment.stepping, problem.table.phases
@@ -101,7 +102,7 @@ def _supply(problem: Problem) -> episode.Supply:
 
 
 def limits_of(problem: Problem, network: NetworkParameters | None) -> Limits:
-    """Limits of boards and gait controller, which bear the silence of a network, or without one any."""
+    """Return the limits of boards and gait controller; without a network there is no timeout of messages."""
     control = problem.experiment.control
     safety = control.safety
     heeded = network if safety.enabled else None
@@ -178,7 +179,7 @@ def _leg(problem: Problem, number: int) -> ccu.ControlledLeg:
 
 def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
     table, initial = problem.table, problem.experiment.initial_mode
-    modes = replace(modes, joints=table.joints)  # in whose places the signals stand
+    modes = replace(modes, joints=table.joints)  # the joints determine the order of the signals
     program = compile_guards(modes)
 
     def told(mode: Mode) -> ModeCommand:
@@ -197,7 +198,7 @@ def _supervisor(problem: Problem, modes: ModeTable) -> Supervisor:
 
 
 def _padded(program: GuardProgram) -> GuardProgram:
-    """A program with room, so that tables of like size share one loop."""
+    """Return a guard program with padded lists, so that tables of similar size share one loop."""
     return replace(
         program,
         transitions=_with_room(program.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
@@ -228,25 +229,25 @@ def _joint(problem: Problem, number: int) -> episode.Joint:
             motor=motor,
             friction_model=experiment.control.friction_model[joint.joint],
             bounds=_bounds(problem, number),
-            # What is on its way at the start may take so long.
+            # The first frames may need this number of ticks more.
             silent_ticks=-problem.bus_delay,
         ),
         motor=motor,
-        # What is put in at the end of a tick is taken out for the next one.
+        # A command from the line is kept for the next tick, so the line is one tick shorter than the delay.
         line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         reading=angle,
     )
 
 
 def _bounds(problem: Problem, number: int) -> Bounds:
-    """Bounds of the monitor for a joint."""
+    """Return the bounds of the safety monitor for a joint."""
     joint, control, model = problem.joints[number], problem.experiment.control, problem.control_model
     settings, motor = control.safety, problem.actuator(joint)
     lower, upper = model.position_limits(joint.side, joint.joint)
     continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
     cooling = min(1.0, TICK / settings.thermal_time_constant)
     resistance = motor.resistance + problem.experiment.plant.electronics.inverter_resistance
-    fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 in a URDF that leaves it open
+    fastest = float(model.model.velocityLimit[joint.control_coordinate])  # 0 if the URDF has no limit
     return taken_from(
         Bounds,
         settings,
@@ -289,7 +290,7 @@ def _network(problem: Problem, parameters: NetworkParameters) -> episode.Network
 
 
 def _requests(problem: Problem) -> list[episode.TimedCommand]:
-    """Requests of the schedule, with room, so that schedules of like length share one loop."""
+    """Return the requests of the experiment, padded, so that lists of similar length share one loop."""
     modes, requests = problem.experiment.modes, problem.experiment.requests
     if modes is None:
         return []
@@ -298,7 +299,7 @@ def _requests(problem: Problem) -> list[episode.TimedCommand]:
 
 
 def _trunk_unit(problem: Problem) -> TrunkUnit:
-    """The unit, whose estimate is right at the start."""
+    """Return the inertial measurement unit, whose estimate of the pitch is exact at the start."""
     sensor, place = problem.experiment.sensors.trunk, problem.world.model.pitch_index
     gain, pitch = first_order_gain(TICK, sensor.time_constant), float(problem.world.start_q[place])
     return taken_from(TrunkUnit, sensor, gain=gain, pitch=pitch)

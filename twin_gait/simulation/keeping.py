@@ -1,9 +1,9 @@
-"""Where compiled code is kept, and under which key.
+"""Code cache: files of compiled loops, with a key over every source of a loop.
 
-Whatever is compiled is kept under a hash over every source that it depends on: the generated kernel, all of
-core, the stages of a tick, the versions of numba, llvmlite, numpy and Python, and the processor. An edit of
-any of them is used by the next run. Code is loaded only from the user's own files, and only if a seal with
-the user's secret says that this program wrote them. Nothing here needs the compiler.
+The key is a hash over everything that compiled code depends on: the generated kernel, all of core, the stages
+of a tick, the versions of numba, llvmlite, numpy and Python, and the processor. The next run therefore uses
+an edit of any of them. Code is loaded only from files of the user, and only if a signature with the user's
+secret key proves that this program wrote them. The module does not need the compiler.
 """
 
 import contextlib
@@ -29,33 +29,33 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.simulation.compile_notes import Compilation, Pattern, compile_text, pattern_of, read_records
 
-ARGUMENTS = 3  # of every loop, whole numbers: an address, a first tick, an end
+ARGUMENTS = 3  # Number of arguments of every loop, all integers: an address, a first tick and an end.
 Loop = Callable[..., int]
-OnCompile: TypeAlias = Callable[[], None] | None  # what is called if a loop has to be compiled first
+OnCompile: TypeAlias = Callable[[], None] | None  # Function that is called before a loop is compiled.
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
 KEY_DIGITS = 24
-# What a compiled loop is made of or made by, in this package; folders stand for all their modules.
+# Sources of this package that a compiled loop depends on; a folder includes all its modules.
 _LAWS = "../core", "../control", "../worlds/arm_policy", "../worlds/bench_control"
 SOURCES = *_LAWS, "../kernels", "../gait/signals", "../gait/table", "../network/messages", "."
 
 
 def cache_folder() -> Path | None:
-    """Folder of the compiled code: ``$TWIN_GAIT_CACHE``, or twin_gait in the user's cache folder.
+    """Return the folder of the code cache: ``$TWIN_GAIT_CACHE``, or twin_gait in the user's cache folder.
 
-    Returns the folder, made if needed; None if it cannot be had, belongs to somebody else, or others may
-    write there. What is compiled then stays in memory.
+    The folder is created if it does not exist. The result is None if it cannot be created, belongs to another
+    user, or is writable for others. Compiled code then stays in memory.
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     try:
         return private_folder(Path(chosen) if chosen else _home("XDG_CACHE_HOME", ".cache") / "twin_gait")
-    except (OSError, RuntimeError):  # pathlib's error where the user has no home
+    except (OSError, RuntimeError):  # pathlib raises RuntimeError if the user has no home folder
         return None
 
 
 @lru_cache(maxsize=8)
 def private_folder(folder: Path) -> Path | None:
-    """A folder that is the user's alone to write, made if needed; a warning and None if it is not."""
+    """Return a folder that only the user can write to, created if missing; otherwise warn and return None."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if only_mine(folder.stat()):
         return folder
@@ -69,12 +69,12 @@ def private_folder(folder: Path) -> Path | None:
 
 
 def only_mine(status: os.stat_result) -> bool:
-    """Whether a file or folder belongs to the user and nobody else may write to it."""
+    """Return whether a file or folder belongs to the user and nobody else may write to it."""
     return status.st_uid == os.geteuid() and not status.st_mode & 0o022
 
 
 def read_own(path: Path) -> bytes | None:
-    """Content of a file that is the user's own to write, and not a link; None of any other."""
+    """Return the content of a file that only the user can write to and that is no link; otherwise None."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
             return file.read() if only_mine(os.fstat(file.fileno())) else None
@@ -83,10 +83,10 @@ def read_own(path: Path) -> bytes | None:
 
 
 def seal(name: str, content: bytes) -> str | None:
-    """Proof that this user's own program kept a content under a name: HMAC-SHA256 with the user's secret.
+    """Return a signature which proves that this program stored a content under a name for this user.
 
-    In hexadecimal digits; None if there is no place for a secret. One file in place of another is noticed
-    too.
+    It is an HMAC-SHA256 with the user's secret key, in hexadecimal digits; None if the key cannot be stored.
+    The name is part of it, so that one file in place of another is detected too.
     """
     try:
         secret = _secret(_home("XDG_DATA_HOME", ".local/share") / "twin_gait" / "cache.key")
@@ -97,13 +97,16 @@ def seal(name: str, content: bytes) -> str | None:
 
 @lru_cache(maxsize=1)
 def _secret(path: Path) -> bytes | None:
-    """The user's secret, apart from the code that it protects; made at the first use, read by nobody else."""
+    """Return the user's secret key from a folder apart from the code, created at the first use.
+
+    The result is None if the key is too short or others can read or write its file.
+    """
     if not path.exists():
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         descriptor, new = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)  # 0600
         with os.fdopen(descriptor, "wb") as file:
             file.write(secrets.token_bytes(SECRET_BYTES))
-        # Of two processes that get here at once, both go on with the secret of the first.
+        # If two processes create a key at the same time, both use the key of the first one.
         with contextlib.suppress(FileExistsError):
             os.link(new, path)
         os.unlink(new)
@@ -130,7 +133,7 @@ def _sources() -> bytes:
     digest = hashlib.sha256(_content())
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
-    # This processor, and what numba is told to compile for in place of it.
+    # This processor, and the processor for which numba compiles if these variables are set.
     told = [os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES")]
     here = binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()
     digest.update(repr((platform.python_version(), platform.machine(), *told, *here)).encode())
@@ -139,46 +142,46 @@ def _sources() -> bytes:
 
 @lru_cache(maxsize=1)
 def _content() -> bytes:
-    """Hash over all sources, read once in a process: an edit during a long batch changes nothing in it."""
+    """Return a hash over all sources, read once per process: an edit does not affect a batch that runs."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in source_files())).digest()
 
 
 def source_files() -> list[Path]:
-    """Modules that :data:`SOURCES` stands for."""
+    """Return the files of all modules in :data:`SOURCES`."""
     home, found = Path(__file__).parent, []
     for name in SOURCES:
-        path = home / f"{name}.py"  # before a folder: an older version may have left one of this name
+        path = home / f"{name}.py"  # first, because an older version may have left a folder of this name
         found += [path] if path.is_file() else sorted((home / name).rglob("*.py"))
     return found
 
 
 class CompiledLoop(NamedTuple):
-    """A loop compiled in this process."""
+    """Loop that was compiled in this process."""
 
-    function: Loop  # Takes whole numbers and returns one.
-    # What can be kept of it, the name of the function and an object file behind a line break; None if it
-    # needs more than the C library.
+    function: Loop  # Function of integers that returns an integer.
+    # Code for the cache: the name of the function, a line break and an object file; None if the loop needs
+    # more than the C library.
     code: bytes | None
 
 
 def write_code(path: Path, code: bytes) -> None:
-    """Keep compiled code, sealed; where that is not possible it is not kept."""
+    """Write compiled code with a signature into the code cache, if that is possible."""
     proof = seal(path.name, code)
     if proof is not None:
-        # A full or read-only disk: the code is in memory and need not be kept.
+        # On a full or read-only disk the error is ignored, because the code is in memory.
         with contextlib.suppress(RunDirectoryError):
             write_atomically(path, proof.encode() + b"\n" + code)
 
 
 def read_code(path: Path) -> bytes | None:
-    """Compiled code from a file; None if there is none, it is not the user's own, or not what was kept."""
+    """Return compiled code from a file; None if the file is missing, not the user's, or was changed."""
     proof, _, code = (read_own(path) or b"").partition(b"\n")
     expected = seal(path.name, code)
     return code if expected is not None and hmac.compare_digest(proof, expected.encode()) else None
 
 
 def load_function(code: bytes) -> Loop:
-    """Link compiled code into the process; it runs without the interpreter's lock."""
+    """Link compiled code into the process; its function runs without the lock of the interpreter."""
     symbol, _, object_code = code.partition(b"\n")
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
@@ -190,10 +193,10 @@ def load_function(code: bytes) -> Loop:
 
 
 def function_at(address: int, owner: Any, controller: str | None = None) -> Loop:
-    """A compiled function by the address of a native one, which writes its result through a pointer.
+    """Return a Python function that calls native code at an address; the code returns through a pointer.
 
-    ``owner``: what has to live as long as the function. ``controller``: name of the user's control law in it,
-    if there is one; if that raises something, the function raises ParameterError.
+    ``owner``: object that must exist as long as the function. ``controller``: name of the user's control law
+    in the code, if there is one; if the control law raises an error, the function raises ParameterError.
     """
     pointers = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_void_p)
     native = ctypes.CFUNCTYPE(ctypes.c_int, *pointers, *(ctypes.c_int64,) * ARGUMENTS)(address)
@@ -201,7 +204,7 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Loop
     def call(*arguments: int, _owner: Any = owner) -> int:
         result, exception = ctypes.c_int64(), ctypes.c_void_p()
         status = native(ctypes.byref(result), ctypes.byref(exception), *arguments)
-        # The loop itself raises nothing: what it calls divides as the processor does and asserts nothing.
+        # The loop itself raises no errors: its steps divide like the processor and contain no assertions.
         if status != 0 and controller is not None:
             raise ParameterError(
                 f"{controller}: raised an error, such as a division by zero or an index out of range; "
@@ -214,22 +217,22 @@ def function_at(address: int, owner: Any, controller: str | None = None) -> Loop
     return call
 
 
-_patterns: dict[str, Pattern] = {}  # by key
-# What this process has loaded or compiled; all episodes of a batch mostly share one loop.
+_patterns: dict[str, Pattern] = {}  # Patterns of loops by key.
+# Loops that this process has loaded or compiled; the episodes of a batch mostly share one loop.
 _loops: dict[tuple[str, tuple[Any, ...]], Loop] = {}
 
 
 def kept_loop(
     key: str, make: Callable[[], CompiledLoop], on_compile: OnCompile, own: tuple[Any, ...] = ()
 ) -> Loop:
-    """The loop of a key.
+    """Return the loop of a key, from memory, from the code cache, or compiled.
 
-    With functions of the user's it is compiled once in this process and not kept on disk, because the sources
-    that they depend on are unknown.
+    A loop with functions of the user is compiled once in each process and not stored on disk, because the
+    sources of these functions are unknown.
 
-    ``key``: from :func:`twin_gait.simulation.keeping.source_key`. ``make``: compiles it.
-    ``on_compile``: called if it has to be compiled; without it the logger ``twin_gait`` warns of the wait.
-    ``own``: functions of the user's.
+    ``key``: from :func:`twin_gait.simulation.keeping.source_key`. ``make``: compiles the loop.
+    ``on_compile``: called before a compilation; without it the logger ``twin_gait`` writes a warning.
+    ``own``: functions of the user.
     """
     if (key, own) not in _loops:
         path = None if own else _path_of(key)
@@ -244,7 +247,7 @@ def kept_loop(
             started = time.perf_counter()
             compiled = make()
             if compiled.code is not None and path is not None:
-                # Two processes may do this at once: the file is put in place in one step, both are as good.
+                # Two processes may write at once: a file is replaced in one step, and both files are valid.
                 write_code(path, compiled.code)
                 _write_record(path, key, time.perf_counter() - started)
             _loops[key, own] = compiled.function
@@ -252,14 +255,14 @@ def kept_loop(
 
 
 def _announcement(key: str, *, own: bool) -> str:
-    """Return the line that announces a compilation, by the records of kept loops."""
+    """Return the line that announces a compilation, from the records of the loops in the code cache."""
     folder = cache_folder()
     records = [] if folder is None else read_records(map(read_own, folder.glob("twin_gait_*.json")))
     return compile_text(_pattern(key), _sources().hex(), records, own=own)
 
 
 def _write_record(path: Path, key: str, seconds: float) -> None:
-    """Write the record of a compilation next to the file of a loop, where that is possible."""
+    """Write the record of a compilation next to the file of a loop, if that is possible."""
     kind, flags = _pattern(key)
     record = Compilation(kind, flags, _sources().hex(), round(seconds, 3))
     with contextlib.suppress(RunDirectoryError):
@@ -271,7 +274,7 @@ def _pattern(key: str) -> Pattern:
 
 
 def is_kept(key: str) -> bool:
-    """Whether :func:`kept_loop` would compile nothing, without functions of the user's."""
+    """Return whether the loop of a key without functions of the user needs no compilation."""
     path = _path_of(key)
     return (key, ()) in _loops or (path is not None and path.is_file())
 

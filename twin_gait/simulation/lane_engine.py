@@ -1,8 +1,8 @@
-"""The engine that runs episodes of one pattern in lockstep, each as it would run alone.
+"""Engine that runs episodes of one pattern in lockstep, with the same results as separate runs.
 
-Up to :data:`WIDTH` records stand side by side in a block, and the loop of the compiled engine, compiled over
-the block, takes all of them through a tick. An episode that has ended leaves the block, and its lane goes on
-as a copy of another one's, which changes nothing. With few left the rest run alone.
+A block has up to :data:`WIDTH` interleaved records, and the loop of the compiled engine, compiled for the
+block, advances all of them by a tick. An episode that has ended leaves the block, and its lane repeats a
+running one, which does not change any result. If few episodes are left, they run one by one.
 """
 
 import time
@@ -18,19 +18,19 @@ from twin_gait.simulation.keeping import CompiledLoop, Loop, OnCompile, is_kept,
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.schedule import IN_LANES
 
-# A block with fewer episodes takes longer than they do alone: it breaks even at 8 to 11 of them with AVX-512,
-# at 13 to 19 with AVX2.
+# Fewest episodes of a block. Fewer episodes are slower in a block than alone: the break-even point is 8 to 11
+# episodes with AVX-512 and 13 to 19 with AVX2.
 FEWEST = 16
-_CHUNK_TICKS = 100  # whose rows stand side by side until they are sorted out; they fit into the cache
+_CHUNK_TICKS = 100  # Ticks whose interleaved rows are buffered before a copy; they fit into the cache.
 
 
 class LaneEngine:
-    """Runs compiled engines together from start to end."""
+    """Engine that runs the episodes of several compiled engines together from start to end."""
 
     def __init__(self, engines: Sequence[CompiledEngine]) -> None:
-        """Put the records side by side and get the compiled loop.
+        """Interleave the records and load or compile the loop.
 
-        ``engines``: at tick 0, all of one :func:`kind_of`, at most :data:`WIDTH`.
+        ``engines``: at most :data:`WIDTH` engines at tick 0 with the same :func:`kind_of`.
         """
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
@@ -40,11 +40,14 @@ class LaneEngine:
         self._ends = np.zeros_like(self._totals)
 
     def run(self, columns: Sequence[int] | None = None) -> list[Run]:
-        """Run all episodes to their ends; each run is the one that :meth:`CompiledEngine.run` gives."""
+        """Run all episodes to their ends; each run equals the result of :meth:`CompiledEngine.run`.
+
+        ``columns``: positions of the columns of the log that are kept; all by default.
+        """
         began = time.perf_counter()
         width, record = len(self.engines[0].layout.names), bool(self._numbers("recording.on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
-        # Apart, so that each goes when its run does.
+        # Separate arrays, so that the memory of each is freed with its run.
         logs = [np.empty((len(kept), total if record else 0)) for total in self._totals]
         rows = np.zeros((_CHUNK_TICKS if record else 1, width, WIDTH))
         self._numbers("recording.log")[:] = rows.ctypes.data
@@ -66,12 +69,12 @@ class LaneEngine:
         ]
 
     def _run_ticks(self, first: int, end: int) -> int:
-        """Run some ticks, fewer if an episode ends on the way; their rows go to the begin of the chunk."""
+        """Run ticks ``first`` to ``end`` - 1, fewer if an episode ends; their rows begin at row 0."""
         self._numbers("recording.first_row")[:] = first
         return self._loop(self._block.ctypes.data, first, end)
 
     def _take_out(self, running: np.ndarray, done: int) -> np.ndarray:
-        """Give back the records of lanes that have ended, or of all if few are left; returns the others."""
+        """Copy the records of ended lanes to their engines, or all if few are left; return running lanes."""
         over = (self._numbers("episode.status")[running] != COMPLETED) | (self._totals[running] == done)
         if not over.any():
             return running
@@ -92,14 +95,14 @@ class LaneEngine:
         self._ends[lane] = end
 
     def _numbers(self, name: str) -> np.ndarray:
-        """A whole number of the record in all lanes."""
+        """Return an integer of the record in all lanes, shape ``(WIDTH,)``."""
         return np.asarray(self._block[word_of(self.engines[0].store.dtype, name)])
 
 
 def kind_of(engine: EpisodeEngine) -> Hashable | None:
-    """What episodes have in common that may share a block; None for one that runs alone.
+    """Return a key that is equal for episodes which may share a block; None for one that runs alone.
 
-    Powers of any exponent, of some laws of friction, and a controller of the user's are no vector code.
+    General powers, which some laws of friction need, and a controller of the user are not vectorized.
     """
     if not isinstance(engine, CompiledEngine):
         return None
@@ -110,7 +113,7 @@ def kind_of(engine: EpisodeEngine) -> Hashable | None:
 
 
 def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
-    """The loop for blocks of episodes like an engine's, compiled if need be."""
+    """Return the loop for blocks of episodes with the pattern of an engine, compiled if it is not cached."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
@@ -124,7 +127,7 @@ def lane_loop(engine: CompiledEngine, on_compile: OnCompile = None) -> Loop:
 
 
 def has_lane_loop(engine: EpisodeEngine) -> bool:
-    """Whether the loop for blocks of episodes like this one needs no compiling."""
+    """Return whether the loop for blocks of episodes with this pattern needs no compilation."""
     return isinstance(engine, CompiledEngine) and is_kept(_key_of(engine))
 
 

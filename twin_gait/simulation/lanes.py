@@ -1,16 +1,17 @@
-"""Episodes in lockstep: a field of the record is a vector over the lanes of a block.
+"""Compilation of a loop over a block of episodes, in which a field of the record is a vector over the lanes.
 
-Steps and laws compile over a block (:mod:`twin_gait.simulation.views`) without a change. A loop over
-``lanes`` is marked for LLVM's vectoriser as one whose passes share no memory: its body may write fields of
-its own lane only, which is all that it is handed.
+Steps and laws compile for a block (:mod:`twin_gait.simulation.views`) without a change. A loop over ``lanes``
+is marked for the vectorizer of LLVM as a loop whose iterations share no memory: its body receives only its
+own lane and may write only to the fields of this lane.
 
-Three rules make a body vector code. Fields that are alike in all lanes (``block.SHARED``) are read before any
-condition, since LLVM moves no conditional read out of a loop, and what they lead to would be gathered. A loop
-that sums up a flag reads it from memory, or LLVM makes two loops of it, one for each value. And there is no
-loop of unknown length, no ``continue`` and no call that is not inlined in it.
+LLVM vectorizes a body under three conditions. Fields that are equal in all lanes (``block.SHARED``) are read
+before any condition, because LLVM moves no conditional read out of a loop, and an access that depends on such
+a field would become a gather. A loop that combines a flag over the lanes reads the flag from memory, because
+LLVM would otherwise make two loops, one for each value. The body has no loop of unknown length, no
+``continue`` and no call that is not inlined.
 
-Outside a loop over lanes only what is alike in all of them can be read; numba refuses any other field.
-The driver of a schedule has most of these loops (:mod:`twin_gait.simulation.executors`).
+Outside of a loop over lanes, only fields that are equal in all lanes can be read; numba rejects other fields.
+Most of these loops are in the driver of a schedule (:mod:`twin_gait.simulation.executors`).
 tests/simulation/test_lanes.py compares lanes and single episodes bit for bit.
 """
 
@@ -34,13 +35,13 @@ from twin_gait.simulation.views import INTEGER, WORD, LanesView, ListView, Recor
 
 
 def _number(block: Any) -> int:
-    """Place of a basic block in the function's text."""
+    """Return the number of a basic block in the function, -1 for any other block."""
     found = re.match(r"B(\d+)", block.name)
     return int(found[1]) if found else -1
 
 
 class _Marking(lowering.Lower):
-    """Marks loops over lanes for the vectoriser, and those over lists to be unrolled."""
+    """Lowering that marks loops over lanes for the vectorizer, and loops over lists for unrolling."""
 
     def post_lower(self) -> None:
         super().post_lower()
@@ -51,7 +52,7 @@ class _Marking(lowering.Lower):
                 if _number(block) >= _number(header) and header in getattr(block.terminator, "operands", ())
             ]
             self._mark(header, latches, over)
-            for latch in latches:  # counted here, the last block of the loop keeps its mark
+            for latch in latches:  # the index is advanced here, so that the last block keeps its mark
                 builder = ir.IRBuilder(latch)
                 builder.position_before(latch.terminator)
                 builder.store(builder.add(builder.load(index), INTEGER(1), flags=("nsw",)), index)
@@ -84,14 +85,14 @@ class _MarkingPass(Lowering):
 
 
 class InLanes(Pruning):
-    """The passes of a single episode's loop, with loops over lanes marked."""
+    """Pipeline of the loop of a single episode, with a pass that marks loops over lanes."""
 
     lowering = _MarkingPass
     level, vectorise = 3, True
 
 
 def block_at(dtype: np.dtype[Any]) -> Any:
-    """Compiled function from an address to the block there."""
+    """Return a compiled function that maps an address to the block at it."""
     block = RecordView(numba.from_dtype(dtype), "episode", True)
 
     @intrinsic
@@ -122,9 +123,9 @@ def _through(in_vectors: bool) -> Any:
 
 
 def rows_beside(width: int) -> Any:
-    """Compiled function from an address, a number and a lane to that lane's part of the row of that number.
+    """Return a compiled function that maps an address, a number and a lane to the lane's part of that row.
 
-    Rows of all lanes stand side by side, as their records do.
+    The rows of all lanes are interleaved, like their records. ``width``: numbers in a row.
     """
     row = ListView(types.float64, "log", False, width)
 
@@ -143,16 +144,16 @@ def rows_beside(width: int) -> Any:
 
 @lru_cache(maxsize=32)
 def bound_in_lanes(episode: np.dtype[Any], width: int, noises: int) -> dict[str, Any]:
-    """What a loop over a block is bound to in place of what that of a single episode is.
+    """Return the functions for a block that replace those of a single episode in the bound names of a loop.
 
-    ``width`` and ``noises``: numbers in a row of the log, and in one of the noise.
+    ``width`` and ``noises``: numbers in a row of the log and in a row of the noise.
     """
     row_of, readings = rows_beside(width), rows_at(np.dtype(float), noises)
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)
 
-    # No run of a block is longer than its table, in which a modulo would look for the row.
+    # A run of a block is never longer than its noise table, so that a minimum replaces the modulo.
     def noise_row(e: Any, tick: int) -> Any:
         return readings(e.recording.noise, min(tick, e.recording.n_noise - 1))
 

@@ -1,6 +1,6 @@
-"""Columns of the log: what they are called, where in the episode they are read, and what they mean.
+"""Columns of the log: their names, the expressions that read them from the episode, and their meanings.
 
-From them is written the function that fills a row in every tick (:attr:`LogLayout.writer`).
+The function that writes a row in every tick is generated from them (:attr:`LogLayout.writer`).
 """
 
 from collections.abc import Container, Sequence
@@ -18,169 +18,167 @@ from twin_gait.vocabulary import JointName
 
 LOG_SCHEMA_VERSION = 3
 UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
-# How a unit is written at the end of a name.
+# Suffix of a column name by the unit of the column.
 SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
-CODES = ("safety_state", "trip_cause", "mode", "request", "refused")  # columns without a unit
+CODES = ("safety_state", "trip_cause", "mode", "request", "refused")  # Columns of codes, without a unit.
 
 
 class Columns:
-    """Columns of a thing, or of each of several things of a kind.
+    """Columns of one object, or of each of several objects of a kind.
 
     Attributes:
-        thing: Statement that gives names to what is read, from the episode ``e`` and the number ``n`` of the
-            thing among its kind.
-        columns: Where each is read, and what it means, by its name behind that of the thing.
+        thing: Statement that assigns the names used in ``columns``, from the episode ``e`` and the number
+            ``n`` of the object among its kind.
+        columns: Expression and meaning of each column, by its name without the prefix of the object.
     """
 
     def __init__(self, thing: str = "", /, **columns: tuple[str, str]) -> None:
-        """Declare them."""
+        """Declare columns; see the attributes."""
         self.thing, self.columns = thing, columns
 
 
 PHASE = Columns(phase=("e.controller.legs[n].phase", ""))
 
-# Of a controlled joint; torques act on the joint, positive in flexion.
+# Columns of a controlled joint; torques act on the joint and are positive in flexion.
 JOINT = Columns(
     "joint, asked, demand, place = "
     "e.joints[n], e.joints[n].board.command, e.joints[n].board.demand, e.joints[n].place",
-    angle_rad=("e.q[place]", "true angle; of the device, if braces bind the wearer to it"),
+    angle_rad=("e.q[place]", "true angle; with braces, the angle of the device"),
     velocity_rad_per_s=("e.v[place]", "true velocity"),
     measured_angle_rad=("joint.board.encoder.angle", "encoder angle"),
-    velocity_fast_rad_per_s=("joint.board.encoder.velocity_fast", "first-order, for damper and guards"),
-    velocity_slow_rad_per_s=("joint.board.encoder.velocity_slow", "averaged, for friction compensation"),
-    impedance_torque_Nm=("asked.impedance", "of spring and damper, with a runaway; in the hold of the brake"),
+    velocity_fast_rad_per_s=("joint.board.encoder.velocity_fast", "fast velocity, for damper and guards"),
+    velocity_slow_rad_per_s=("joint.board.encoder.velocity_slow", "slow velocity, for friction compensation"),
+    impedance_torque_Nm=("asked.impedance", "spring, damper and runaway torque; brake torque in the hold"),
     friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
-    gravity_compensation_torque_Nm=("demand.gravity", "share of the gravity torque that is given"),
-    inertia_compensation_torque_Nm=("demand.inertia", "share of the inertia torque that is given"),
-    target_torque_Nm=("demand.target", "added to the command"),
-    motor_command_torque_Nm=("asked.torque", "sum of the five, before limits"),
-    motor_torque_Nm=("e.motor[place]", "of the motor times the gear ratio, before the losses of the gear"),
-    friction_torque_Nm=("e.plant[place].friction_torque", "of motor and gear, with its losses under load"),
-    stop_torque_Nm=("e.plant[place].stop_torque", "of the mechanical stops"),
-    patient_torque_Nm=("joint.outside", "of the wearer, a push or an imposed motion: sum of the next three"),
-    voluntary_torque_Nm=("e.voluntary[place + SHIFT]", "of the wearer's voluntary effort"),
-    passive_torque_Nm=("e.passive_moment[place + SHIFT]", "of the wearer's tissue and stretch reflex"),
-    push_torque_Nm=("joint.pushed", "of a push or an imposed motion"),
-    target_current_A=("asked.target_current", "that the drive is asked for"),
-    measured_current_A=("joint.current", "that flows"),
+    gravity_compensation_torque_Nm=("demand.gravity", "compensated share of the gravity torque"),
+    inertia_compensation_torque_Nm=("demand.inertia", "compensated share of the inertia torque"),
+    target_torque_Nm=("demand.target", "constant torque that is added to the command"),
+    motor_command_torque_Nm=("asked.torque", "sum of the five torques, before limits"),
+    motor_torque_Nm=("e.motor[place]", "motor torque times the gear ratio, before the losses of the gear"),
+    friction_torque_Nm=("e.plant[place].friction_torque", "torque of friction and of gear losses under load"),
+    stop_torque_Nm=("e.plant[place].stop_torque", "torque of the mechanical stops"),
+    patient_torque_Nm=("joint.outside", "external torque, which is the sum of the next three torques"),
+    voluntary_torque_Nm=("e.voluntary[place + SHIFT]", "torque of the wearer's voluntary effort"),
+    passive_torque_Nm=("e.passive_moment[place + SHIFT]", "torque of the wearer's tissue and stretch reflex"),
+    push_torque_Nm=("joint.pushed", "torque of a push or an imposed motion"),
+    target_current_A=("asked.target_current", "current setpoint of the drive"),
+    measured_current_A=("joint.current", "motor current"),
     stiffness_Nm_per_rad=("demand.stiffness", "k of the impedance, blended"),
     damping_Nms_per_rad=("demand.damping", "b of the impedance, blended"),
     equilibrium_rad=("demand.equilibrium", "θ0 of the impedance, blended"),
     friction_compensation_gain=("demand.gain", "G of the friction compensation, blended"),
 )
-# Of a joint that is not controlled, and one more of an ankle that is.
+# Columns of a joint that is not controlled, and an additional one of a controlled ankle.
 PASSIVE = Columns(
     "place = e.passive[n]",
     angle_rad=JOINT.columns["angle_rad"],
     velocity_rad_per_s=JOINT.columns["velocity_rad_per_s"],
-    orthosis_torque_Nm=("e.plant[place].spring_torque", "of the orthosis on the ankle"),
+    orthosis_torque_Nm=("e.plant[place].spring_torque", "torque of the orthosis on the ankle"),
 )
 ANKLE = Columns("place = e.ankles[n]", orthosis_torque_Nm=PASSIVE.columns["orthosis_torque_Nm"])
 
-# Of a foot on the ground.
+# Columns of a foot.
 FOOT = Columns(
     "sole = e.soles[n]",
-    normal_force_N=("sole.normal", "of the ground, at right angles to it"),
-    friction_force_N=("sole.friction", "of the ground, along it, forwards positive"),
-    clearance_m=("sole.clearance", "height of the lowest point of the sole over the ground"),
-    pressure_place=("sole.pressure_place", "centre of pressure, 0 at first to 1 at last point; 0 in the air"),
+    normal_force_N=("sole.normal", "ground reaction force normal to the ground"),
+    friction_force_N=("sole.friction", "ground reaction force along the ground, positive forwards"),
+    clearance_m=("sole.clearance", "height of the lowest point of the sole above the ground"),
+    pressure_place=("sole.pressure_place", "centre of pressure, 0 at heel to 1 at toe; 0 without contact"),
 )
 
-GROUND = Columns(belt_speed_m_per_s=("e.ground.belt_speed", "of the belt, backwards positive; 0 without one"))
+GROUND = Columns(belt_speed_m_per_s=("e.ground.belt_speed", "speed, positive backwards; 0 without a belt"))
 
 PELVIS = Columns(
     "hung = e.plant[PELVIS + SHIFT]",
-    pelvis_height_m=("e.q[PELVIS]", "above the belt"),
-    pelvis_velocity_m_per_s=("e.v[PELVIS]", "upwards"),
-    support_force_N=("hung.spring_torque + hung.stop_torque", "of body-weight support and harness, upwards"),
-    guide_force_N=("e.guide_force", "forward force of the guide; of harness, arms, seat on a free pelvis"),
-    guide_moment_Nm=("e.guide_moment", "pitching moment of the guide; of harness, arms, seat"),
+    pelvis_height_m=("e.q[PELVIS]", "height above the belt"),
+    pelvis_velocity_m_per_s=("e.v[PELVIS]", "vertical velocity, positive upwards"),
+    support_force_N=("hung.spring_torque + hung.stop_torque", "upward force of support and harness"),
+    guide_force_N=("e.guide_force", "forward force of the guide; if free, of harness, arms and seat"),
+    guide_moment_Nm=("e.guide_moment", "pitching moment of the guide; if free, of harness, arms and seat"),
 )
-# Of a pelvis that moves fore-aft, and of a trunk that is free.
+# Columns of a pelvis that moves fore-aft, and of a trunk whose pitch is free.
 FORWARD = Columns(
-    pelvis_forward_m=("e.q[FORWARD]", "in front of where the harness lets it rest"),
-    pelvis_forward_velocity_m_per_s=("e.v[FORWARD]", "of it"),
+    pelvis_forward_m=("e.q[FORWARD]", "distance in front of the rest position of the harness"),
+    pelvis_forward_velocity_m_per_s=("e.v[FORWARD]", "velocity of the pelvis, positive forwards"),
 )
 TRUNK = Columns(
-    trunk_pitch_rad=("e.q[PITCH]", "of pelvis and trunk from upright, forwards positive"),
-    trunk_pitch_velocity_rad_per_s=("e.v[PITCH]", "of it"),
-    measured_trunk_pitch_rad=("e.controller.common.trunk_pitch", "as the gait controller has it"),
+    trunk_pitch_rad=("e.q[PITCH]", "angle of pelvis and trunk from upright, positive forwards"),
+    trunk_pitch_velocity_rad_per_s=("e.v[PITCH]", "angular velocity of the trunk"),
+    measured_trunk_pitch_rad=("e.controller.common.trunk_pitch", "pitch that the gait controller receives"),
 )
 
-# Of an arm and its crutch, and of a seat.
+# Columns of an arm and its crutch, and of a seat.
 CRUTCH = Columns(
     "arm, tip = e.arms[n], e.arms[n].tip",
-    crutch_forward_m=("e.q[arm.place]", "place of the tip"),
-    crutch_height_m=("e.q[arm.place + 1]", "of the tip over the ground"),
-    crutch_normal_force_N=("tip.upward", "of the ground on the tip, upwards"),
-    crutch_friction_force_N=("tip.forward", "of the ground on the tip, forwards positive"),
-    arm_push_N=("arm.push", "of the arm along the line from shoulder to tip, away from the shoulder"),
-    shoulder_moment_Nm=("arm.moment", "of the shoulder, which turns the crutch forwards"),
-    arm_power_W=("arm.power", "that the arm gives to trunk and crutch"),
+    crutch_forward_m=("e.q[arm.place]", "forward position of the tip"),
+    crutch_height_m=("e.q[arm.place + 1]", "height of the tip above the ground"),
+    crutch_normal_force_N=("tip.upward", "upward force of the ground on the tip"),
+    crutch_friction_force_N=("tip.forward", "friction of the ground on the tip, positive forwards"),
+    arm_push_N=("arm.push", "axial force of the arm from shoulder to tip, positive away from the shoulder"),
+    shoulder_moment_Nm=("arm.moment", "moment of the shoulder, which turns the crutch forwards"),
+    arm_power_W=("arm.power", "power that the arm delivers to trunk and crutch"),
 )
 SEAT = Columns(
-    seat_force_N=("e.seat.normal", "of the seat on buttocks and thighs, upwards"),
-    seat_friction_force_N=("e.seat.friction", "of the seat on them, forwards positive"),
-    seat_forward_m=("e.seat.forward", "place of its front edge"),
+    seat_force_N=("e.seat.normal", "upward force of the seat on buttocks and thighs"),
+    seat_friction_force_N=("e.seat.friction", "friction of the seat on them, positive forwards"),
+    seat_forward_m=("e.seat.forward", "position of the front edge of the seat"),
 )
 
 ENERGY = Columns(
-    bus_voltage_V=("e.supply.bus_voltage", "of the drives"),
-    battery_power_W=("e.supply.power", "that the battery gives; below 0 motors charge it"),
-    kinetic_energy_J=("e.kinetic_energy", "of bodies and rotors"),
-    potential_energy_J=("e.potential_energy", "of gravity"),
+    bus_voltage_V=("e.supply.bus_voltage", "voltage of the supply of the drives"),
+    battery_power_W=("e.supply.power", "power that the battery delivers; negative if motors charge it"),
+    kinetic_energy_J=("e.kinetic_energy", "kinetic energy of bodies and rotors"),
+    potential_energy_J=("e.potential_energy", "potential energy of gravity"),
 )
-# Done on the leg since the start, by source; kinetic plus potential energy changes by their sum.
+# Work done on the legs since the start, by source; kinetic plus potential energy changes by the sum.
 WORK = Columns(
-    motor_work_J=("e.works.motor", "of the motors"),
-    friction_work_J=("e.works.friction", "of friction in motors and gears"),
-    stop_work_J=("e.works.stop", "of the mechanical stops"),
-    spring_work_J=("e.works.spring", "of orthosis, support and harness"),
-    contact_work_J=("e.works.contact", "of ground and seat"),
-    patient_work_J=("e.works.patient", "of the wearer, a push or an imposed motion"),
+    motor_work_J=("e.works.motor", "work of the motors"),
+    friction_work_J=("e.works.friction", "work of friction in motors and gears"),
+    stop_work_J=("e.works.stop", "work of the mechanical stops"),
+    spring_work_J=("e.works.spring", "work of orthosis, support and harness"),
+    contact_work_J=("e.works.contact", "work of ground and seat"),
+    patient_work_J=("e.works.patient", "work of the wearer, a push or an imposed motion"),
 )
-BRACE_WORK = Columns(brace_work_J=("e.works.brace", "of the braces"))
+BRACE_WORK = Columns(brace_work_J=("e.works.brace", "work of the braces"))
 MONITOR = Columns(
-    safety_state=("1.0 if e.controller.trip.tick >= 0 else 0.0", "0 watching, 1 hold"),
-    trip_cause=("e.controller.trip.cause", "of twin_gait.control.TripCause, 0 without a trip"),
+    safety_state=("1.0 if e.controller.trip.tick >= 0 else 0.0", "0 before a trip, 1 in the hold"),
+    trip_cause=("e.controller.trip.cause", "code of twin_gait.control.TripCause, 0 without a trip"),
 )
 
-# Of a joint between device and wearer, of the pelvis between them, and of one that moves fore-aft.
+# Columns of a joint with a brace, of the pelvis with a brace, and of a pelvis that moves fore-aft.
 BRACE = Columns(
     "place = e.braced[n]",
-    wearer_angle_rad=("e.q[place + SHIFT]", "the wearer's own angle"),
-    wearer_velocity_rad_per_s=("e.v[place + SHIFT]", "of it"),
-    brace_torque_Nm=("e.braces[place].torque", "of the device on the wearer"),
+    wearer_angle_rad=("e.q[place + SHIFT]", "angle of the wearer's joint"),
+    wearer_velocity_rad_per_s=("e.v[place + SHIFT]", "velocity of the wearer's joint"),
+    brace_torque_Nm=("e.braces[place].torque", "torque of the device on the wearer"),
 )
 PELVIS_BRACE = Columns(
-    wearer_pelvis_height_m=("e.q[PELVIS + SHIFT]", "of the wearer's own pelvis"),
-    wearer_pelvis_velocity_m_per_s=("e.v[PELVIS + SHIFT]", "of it"),
-    pelvis_brace_force_N=("e.braces[PELVIS].torque", "of the device on the wearer, upwards"),
+    wearer_pelvis_height_m=("e.q[PELVIS + SHIFT]", "height of the wearer's pelvis"),
+    wearer_pelvis_velocity_m_per_s=("e.v[PELVIS + SHIFT]", "vertical velocity of the wearer's pelvis"),
+    pelvis_brace_force_N=("e.braces[PELVIS].torque", "upward force of the device on the wearer"),
 )
 FORWARD_BRACE = Columns(
-    wearer_pelvis_forward_m=("e.q[FORWARD + SHIFT]", "of the wearer's own pelvis"),
-    wearer_pelvis_forward_velocity_m_per_s=("e.v[FORWARD + SHIFT]", "of it"),
-    pelvis_forward_brace_force_N=("e.braces[FORWARD].torque", "of the device on the wearer, forwards"),
+    wearer_pelvis_forward_m=("e.q[FORWARD + SHIFT]", "forward position of the wearer's pelvis"),
+    wearer_pelvis_forward_velocity_m_per_s=("e.v[FORWARD + SHIFT]", "velocity of the wearer's pelvis"),
+    pelvis_forward_brace_force_N=("e.braces[FORWARD].torque", "forward force of the device on the wearer"),
 )
-# Of the operating modes; codes are places in their table.
+# Columns of the operating modes; the codes are indices in the table of modes.
 SUPERVISOR = Columns(
     "supervisor = e.controller.supervisor",
     mode=("supervisor.mode", "operating mode, counted from 0"),
-    request=("supervisor.request", "made in this tick, counted from 1; 0 for none"),
-    refused=("supervisor.refused", "the same where nothing has answered it"),
+    request=("supervisor.request", "request in this tick, counted from 1; 0 for none"),
+    refused=("supervisor.refused", "request in this tick if it was rejected, otherwise 0"),
 )
 
 
 class LogArrays:
-    """Columns of a log as an engine wrote them, by name; a phase is its index in the table.
-
-    The length is the number of ticks.
-    """
+    """Columns of a log by name, with phases as indices in the gait table; its length is that of the run."""
 
     def __init__(self, rows: np.ndarray, names: Sequence[str], phases: Sequence[str]) -> None:
-        """Keep the columns.
+        """Store references to the columns.
 
-        ``rows``: shape ``(n_columns, n_ticks)``; ``names`` of the columns; ``phases`` of the gait table.
+        ``rows``: shape ``(n_columns, n_ticks)``. ``names``: names of the columns. ``phases``: names of the
+        phases of the gait table.
         """
         self._rows, self._names, self._phases = rows, names, phases
         self._places = dict(zip(names, range(len(names)), strict=True))
@@ -190,7 +188,7 @@ class LogArrays:
         return int(self._rows.shape[1])
 
     def __contains__(self, name: object) -> bool:
-        """Return whether there is a column."""
+        """Return whether there is a column of this name."""
         return name in self._places or name == "time_s"
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -200,7 +198,7 @@ class LogArrays:
         return np.asarray(self._rows[self._places[name]])
 
     def table(self) -> pd.DataFrame:
-        """Build the table, with ``time_s`` in front and phases by name."""
+        """Build the table with ``time_s`` as the first column and phases by name."""
         rows = self._rows.T
         log = pd.DataFrame(np.asfortranarray(rows), columns=list(self._names), copy=False)
         log.insert(0, "time_s", self["time_s"])
@@ -214,14 +212,14 @@ WORK_SOURCES = tuple(name.removesuffix("_work_J") for name in WORK.columns)
 
 
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
-    """Sources of work that a log has columns for; the braces are one of them if there are any."""
+    """Return the sources of work that a log has columns for, with the braces if it has a column for them."""
     return (*WORK_SOURCES, "brace") if "brace_work_J" in columns else WORK_SOURCES
 
 
 def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
-    """Columns of the coordinates of a model and of its velocities, in its order.
+    """Return the names of the columns of coordinates and of velocities, in the order of a model.
 
-    ``wearer``: whether the state is the wearer's own, where braces bind them to the device.
+    ``wearer``: whether the state is the wearer's own, if braces connect wearer and device.
     """
     own = "wearer_" * wearer
     names = {
@@ -237,7 +235,7 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
 
 
 def unit_of(name: str) -> str:
-    """Unit of a column from the end of its name; ``name`` of a phase and ``code`` of a state."""
+    """Return the unit of a column from the end of its name; ``name`` for a phase, ``code`` for a state."""
     if name.endswith("_phase"):
         return "name"
     units = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()}
@@ -246,7 +244,7 @@ def unit_of(name: str) -> str:
 
 
 def meaning_of(name: str) -> str:
-    """What a column of a log means, as it is declared; empty for one that is not."""
+    """Return the declared meaning of a column of a log; empty if the column is not declared."""
     kinds = (kind for kind in globals().values() if isinstance(kind, Columns))
     known = {own: said for kind in kinds for own, (_, said) in kind.columns.items() if name.endswith(own)}
     return known[max(known, key=len)] if known else ""
@@ -254,12 +252,12 @@ def meaning_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class LogLayout:
-    """What a log has columns of.
+    """Objects that a log has columns of.
 
-    ``time_s`` and the names of the phases are added when the table is made.
+    ``time_s`` and the names of the phases are added when the table is built.
     """
 
-    # In order: name of a thing in front of those of its columns, its number among its kind, and its columns.
+    # Objects in order, each with its prefix of the column names, its number among its kind, and its columns.
     things: tuple[tuple[str, int, Columns], ...]
 
     @cached_property
@@ -269,7 +267,7 @@ class LogLayout:
 
     @cached_property
     def writer(self) -> str:
-        """Source of ``write_row``, which writes all columns into a row of the log."""
+        """Source code of ``write_row``, which writes all columns into a row of the log."""
         lines, place = ["def write_row(e, row):"], count()
         for _, number, kind in self.things:
             lines += [f"n = {number}", kind.thing]
@@ -278,7 +276,7 @@ class LogLayout:
 
 
 def log_layout(problem: Problem) -> LogLayout:
-    """Columns that a problem's log has."""
+    """Return the layout of the log of a simulation setup."""
     world, model = problem.world, problem.world.model
     joints = [f"{item.side}_{item.joint}_" for item in problem.joints]
     passive = [f"{side}_{joint}_" for side, joint in problem.passive]

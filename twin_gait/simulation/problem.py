@@ -1,4 +1,4 @@
-"""An experiment laid out as the arrays that every engine steps through."""
+"""Simulation setup: arrays that every engine needs, computed from an experiment."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,11 +24,11 @@ from twin_gait.simulation.wearer import limbs_of
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World
 
-NEVER = int(np.iinfo(np.int64).max)  # a tick
+NEVER = int(np.iinfo(np.int64).max)  # Tick that is never reached.
 
 
 class ActuatedJoint(NamedTuple):
-    """A joint that is controlled."""
+    """Controlled joint with its positions in the models."""
 
     side: Side  # Leg.
     joint: JointName  # Hip, knee or ankle.
@@ -38,32 +38,32 @@ class ActuatedJoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """What an engine needs, beside the experiment."""
+    """Simulation setup: an experiment and all that an engine computes from it before the first tick."""
 
-    experiment: Experiment  # The experiment.
-    world: World  # Plant and surroundings.
-    control_model: LegModel  # The controller's rigid-body model.
-    table: GaitTable  # The gait table after scaling.
-    program: GuardProgram  # Its guards.
+    experiment: Experiment  # Experiment, with the record of its controller.
+    world: World  # Plant and environment.
+    control_model: LegModel  # Rigid-body model of the controller.
+    table: GaitTable  # Gait table after scaling.
+    program: GuardProgram  # Compiled guards of the gait table.
     joints: tuple[ActuatedJoint, ...]  # Controlled joints, leg by leg in the order of the table.
-    # k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
+    # Values of k, b, θ0, G per joint and the gravity share, shape ``(n_legs, n_phases, n_columns)``.
     phase_rows: np.ndarray
     offset: np.ndarray  # Calibration error of each encoder in [rad], shape ``(n_joints,)``.
     fast_gain: float  # Gain of the fast velocity filter.
-    limbs: list[Limb]  # What the wearer does at hips and knees.
-    controller: Controller  # What decides on the demands.
-    plan: Plan  # What it knows.
+    limbs: list[Limb]  # Hips and knees of the wearer.
+    controller: Controller  # Controller that computes the setpoints.
+    plan: Plan  # Data that the controller receives before the start.
 
     @cached_property
     def noise(self) -> np.ndarray:
-        """What strays in every tick, shape ``(n_ticks or 1, n)``.
+        """Noise of every tick, shape ``(n_ticks or 1, n)``, drawn when it is first read.
 
-        What encoders read in excess of the angle in [rad], noise and offset; shares of the wearer's efforts;
-        with an inertial unit its noise. Drawn when an engine asks: that of an hour takes 0.3 GB and seconds.
+        The columns are noise plus offset of each encoder in [rad], the relative noise of each of the wearer's
+        efforts and, with an inertial unit, its noise. The noise of an hour takes 0.3 GB and some seconds.
         """
         experiment, sensors, patient = self.experiment, self.experiment.sensors, self.experiment.patient
 
-        def drawn(scale: Any, width: int, *stream: int) -> np.ndarray:  # each has a stream of its own
+        def drawn(scale: Any, width: int, *stream: int) -> np.ndarray:  # each stream has its own generator
             generator = np.random.default_rng((experiment.seed, *stream) if stream else experiment.seed)
             return np.asarray(scale * generator.standard_normal((experiment.n_ticks, width)))
 
@@ -82,7 +82,7 @@ class Problem:
 
     @property
     def inertial(self) -> bool:
-        """Whether the pitch of the trunk is found by an inertial unit, not known exactly."""
+        """Whether an inertial unit estimates the pitch of the trunk; otherwise it is measured exactly."""
         return self.experiment.scenario.pelvis is PelvisGuide.FREE and not self.experiment.sensors.ideal
 
     @property
@@ -92,12 +92,12 @@ class Problem:
 
     @property
     def joints_per_leg(self) -> int:
-        """Controlled joints of a leg."""
+        """Number of controlled joints of a leg."""
         return len(self.table.joints)
 
     @property
     def bus_delay(self) -> int:
-        """Ticks by which every frame of the bus is used later than it arrives."""
+        """Ticks between the arrival of a frame of the bus and its use."""
         network = self.experiment.network
         return 0 if network is None else round(network.delay / TICK)
 
@@ -109,16 +109,16 @@ class Problem:
         return tuple((side, joint) for side, joint in every if joint not in controlled)
 
     def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
-        """Motor and gear of a joint."""
+        """Return the parameters of motor and gear of a joint."""
         return self.experiment.plant.actuators[joint.joint]
 
 
 def build_problem(experiment: Experiment, own: Controller | None = None) -> Problem:
-    """Lay an experiment out.
+    """Compute the simulation setup of an experiment.
 
-    ``own``: controller that takes the place of the mode's; the experiment of the result has its record. By
-    default that of the experiment's record. Raises ParameterError if the controller is none, cannot be
-    restored from its record, or what it gives cannot be used.
+    ``own``: controller that replaces the one of the control mode, by default the one in the experiment's
+    record; the experiment of the result has its record. Raises ParameterError if ``own`` is no controller,
+    cannot be restored from its record, or returns values that cannot be used.
     """
     given = own
     if own is None and experiment.controller is not None:
@@ -129,7 +129,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
     control_model, controller = experiment.build_control_model(), experiment.control.controller(own)
     inertia = _inertia_of(control_model)
     plan = plan_of(experiment, control_model.sides, inertia)
-    begin = controller.start(plan)  # angles of the legs that it wants, whatever the scenario says
+    begin = controller.start(plan)  # angles of the legs that the controller sets, whatever the scenario has
     placed = replace(experiment, scenario=experiment.scenario.starting_in(begin)) if begin else experiment
     world = placed.build_world()
     table = scaled_table(experiment, world)
@@ -166,7 +166,7 @@ def build_problem(experiment: Experiment, own: Controller | None = None) -> Prob
 
 
 def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt) -> Plan:
-    """What the controller of an experiment knows."""
+    """Return the data that the controller of an experiment receives before the start."""
     scenario = experiment.scenario
     walking = scenario.walking
     return Plan(
@@ -181,7 +181,7 @@ def plan_of(experiment: Experiment, sides: tuple[Side, ...], inertia: InertiaAt)
 
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:
-    """Gait table adapted to carried mass, belt speed and the height that the controller knows."""
+    """Return the gait table scaled to carried mass, belt speed and the height in ``known_patient``."""
     walking = experiment.scenario.walking
     if walking is None:
         return experiment.table
@@ -201,9 +201,9 @@ def _inertia_of(model: LegModel) -> InertiaAt:
 
 
 def fault_records(problem: Problem) -> list[Fault]:
-    """Faults of an experiment as :mod:`twin_gait.core.faults` reads them."""
+    """Return the faults of an experiment as records for :mod:`twin_gait.core.faults`."""
     places: dict[tuple[Side | None, JointName | None], int]
-    places = {(side, None): number for number, side in enumerate(problem.sides)}  # of feet
+    places = {(side, None): number for number, side in enumerate(problem.sides)}  # numbers of feet
     places |= {(joint.side, joint.joint): number for number, joint in enumerate(problem.joints)}
     return [
         Fault(item.kind.code, places.get((item.side, item.joint), -1), ticks(item.time), float(item.strength))
@@ -212,12 +212,12 @@ def fault_records(problem: Problem) -> list[Fault]:
 
 
 def ticks(time: float) -> int:
-    """Whole ticks of a time in [s], one at least but for 0."""
+    """Return the number of ticks in a time in [s]: 0 for 0, otherwise at least 1."""
     return 0 if time == 0.0 else max(1, round(time / TICK))
 
 
 def phase_time_out_ticks(problem: Problem) -> int:
-    """Longest time in a phase; no limit where the table drives nothing, or has no way out of a phase."""
+    """Return the timeout of a phase in ticks; ``NEVER`` without control by phases or without transitions."""
     control = problem.experiment.control
     if not problem.controller.by_phases or not problem.table.transitions:
         return NEVER

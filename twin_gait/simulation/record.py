@@ -1,11 +1,11 @@
-"""One definition of a record: its class for mypy, a dtype of it for NumPy and numba, plain instances.
+"""Single definition of a record: a class for mypy, its dtype for NumPy and numba, and plain instances.
 
 A record is a dataclass with slots whose fields are ``float``, ``int``, ``bool``, other records, or lists of
-them, all entries of a list alike; parameters that do not change may stand in it as they are declared. A field
-that is an ``object`` holds a record of any class. An instance gives the lengths of the lists, and so the
-dtype; a list that is empty, or a field that is :data:`ABSENT` or of another kind, is left out of it, and only
-code that a constant rules out may name it. Records are never assigned as a whole: that copies in compiled
-code and aliases in plain Python.
+them with entries of one kind. It may contain frozen dataclasses of parameters, which do not change. A field
+of type ``object`` contains a record of any class. An instance determines the lengths of the lists, and so the
+dtype. The dtype leaves out empty lists and fields that are :data:`ABSENT` or have another type; only code
+that a build flag removes may access them. Records are never assigned as a whole, because an assignment copies
+in compiled code but creates an alias in plain Python.
 """
 
 from collections.abc import Callable
@@ -20,12 +20,12 @@ from twin_gait.parameters.quantities import field_names
 
 Record = TypeVar("Record")
 
-ABSENT: Any = None  # what stands in a field that an episode does not have
+ABSENT: Any = None  # Value of a field that an episode does not have.
 _CODES = {float: "f8", int: "i8", bool: "i8"}
 
 
 def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
-    """Name and type of each field of a record that holds numbers or records; of a list, of its entries."""
+    """Return name and type of each field of a record class with numbers or records; of lists, of entries."""
     if kind not in _known:
         hints, result = get_type_hints(kind), []
         for item in fields(kind):
@@ -41,15 +41,15 @@ def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
     return _known[kind]
 
 
-# Reading the type hints takes longer than writing a record.
+# Cache of the fields of each class, because reading the type hints takes longer than writing a record.
 _known: dict[type, tuple[tuple[str, type], ...]] = {}
-_numbers: dict[type, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {}  # records of single numbers
+_numbers: dict[type, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {}  # Cache of records of single numbers.
 
-Pattern = tuple[tuple[str, Any, tuple[int, ...]], ...]  # name, code or pattern, and shape of each field
+Pattern = tuple[tuple[str, Any, tuple[int, ...]], ...]  # Name, code or pattern, and shape of each field.
 
 
 def describe(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
-    """Return the pattern of a record, which determines its dtype, and its values as NumPy takes them."""
+    """Return the pattern of a record, which determines its dtype, and its values as nested tuples."""
     if type(sample) in _numbers:
         whole, read = _numbers[type(sample)]
         return whole, read(sample)
@@ -74,7 +74,7 @@ def describe(sample: Any) -> tuple[Pattern, tuple[Any, ...]]:
 
 @lru_cache(maxsize=1024)  # an episode has about 50 patterns
 def _dtype(pattern: Pattern) -> np.dtype[Any]:
-    """Return the dtype of a pattern, aligned as C would."""
+    """Return the dtype of a pattern, with the alignment of C."""
     fields_of = [
         (name, inner if isinstance(inner, str) else _dtype(inner), shape) for name, inner, shape in pattern
     ]
@@ -82,7 +82,7 @@ def _dtype(pattern: Pattern) -> np.dtype[Any]:
 
 
 def dtype_of(sample: Any) -> np.dtype[Any]:
-    """Return the dtype of a record; lists have the lengths of those of the instance."""
+    """Return the dtype of a record; the lengths of lists are those of the instance."""
     return _dtype(describe(sample)[0])
 
 
@@ -93,12 +93,12 @@ def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
 
 
 def entries(sample: Any) -> tuple[Any, ...]:
-    """Return the values of an instance in the order of its dtype, as NumPy takes them for a record."""
+    """Return the values of an instance in the order of its dtype, for an assignment to a NumPy record."""
     return describe(sample)[1]
 
 
 def is_record(sample: Any) -> bool:
-    """Whether all of something can stand in a record."""
+    """Return whether an object is a record, all of whose fields can be stored in a NumPy record."""
     try:
         stored(sample)
         names = [name for name, _ in kinds_of(type(sample))]
@@ -108,7 +108,7 @@ def is_record(sample: Any) -> bool:
 
 
 def float_in(sample: Any) -> str | None:
-    """Name of a field of a record, or list of them, that is declared as whole and holds a float, or None."""
+    """Return the name of an integer field with a float in a record or list of records, or None."""
     if isinstance(sample, (list, tuple)):
         return next(filter(None, map(float_in, sample)), None)
     for name, kind in () if sample is ABSENT else kinds_of(type(sample)):
@@ -122,7 +122,7 @@ def float_in(sample: Any) -> str | None:
 
 
 def copied(sample: Record | None) -> Record:
-    """A copy that shares nothing with a record, or a list of them; what is absent stays so."""
+    """Return a deep copy of a record or of a list of records; absent fields stay absent."""
     copy: Any = sample
     if isinstance(sample, (list, tuple)):
         copy = [copied(item) for item in sample]

@@ -1,7 +1,7 @@
-"""The engine that runs the steps of a tick as plain Python: the reference implementation.
+"""Reference engine, which runs the steps of a tick as plain Python.
 
-The steps and laws are those of the compiled engine; the dynamics are Pinocchio's, and the phases of the legs
-are carried by machines of `transitions`.
+The steps and laws are those of the compiled engine. Pinocchio computes the dynamics, and state machines of
+the package `transitions` choose the phases of the legs.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,19 +24,20 @@ from twin_gait.simulation.schedule import run_ticks
 
 
 class ReferenceEngine(EpisodeEngine):
-    """Runs one problem from start to end as plain Python.
+    """Engine that runs one simulation setup from start to end as plain Python.
 
     Attributes:
-        episode: The record as a plain tree, which changes as the loop runs.
+        episode: Record as a tree of plain objects, which the loop changes.
         machines: State machine of each leg.
     """
 
     chunk_ticks = 100
 
     def __init__(self, problem: Problem, kernel: Mapping[str, Callable[..., Any]] | None = None) -> None:
-        """Set everything to time 0.
+        """Build the record and the state machines at tick 0.
 
-        ``kernel``: dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
+        ``kernel``: functions of the dynamics by the names of :mod:`twin_gait.simulation.interface`, by
+        default those of Pinocchio.
         """
         super().__init__(problem)
         _, self.episode, structure = laid_out(problem)
@@ -57,7 +58,7 @@ class ReferenceEngine(EpisodeEngine):
         self._run_ticks = bind(run_ticks, names)
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
-        """See :meth:`EpisodeEngine.run_ticks`."""
+        """Run ticks; see :meth:`EpisodeEngine.run_ticks`."""
         self._rows, self._first_row = rows, first_row
         return int(self._run_ticks(self.episode, first, end))
 
@@ -68,19 +69,19 @@ class ReferenceEngine(EpisodeEngine):
         legs, machine = controller.legs, self.machines[number]
         tick = legs[number].entry_tick + legs[number].ticks
         other = legs[1 - number].before if len(legs) == 2 else -1
-        if legs[number].entry_tick != machine.entry_tick:  # sent into a posture by the supervisor
+        if legs[number].entry_tick != machine.entry_tick:  # the supervisor has set a posture
             machine.enter(machine.table.phase_names[legs[number].before], legs[number].entry_tick)
         switch = machine.advance(tick, controller.signals, other)
         legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
     def log_row(self, e: Episode, tick: int) -> Any:
-        """Row of the log for a tick."""
+        """Return the row of the log for a tick."""
         return self._rows[tick - self._first_row]
 
     def switch_row(self, e: Episode, number: int) -> Any:
-        """Room for a switch."""
+        """Return the entry of the buffer for the switch with a number."""
         return self.switches[number]
 
     def noise_row(self, e: Episode, tick: int) -> Any:
-        """What strays in a tick."""
+        """Return the noise of a tick."""
         return self._noise[tick % len(self._noise)]

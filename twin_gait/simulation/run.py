@@ -1,4 +1,4 @@
-"""What a simulation gives back."""
+"""Result of a simulation: log, switches, status, events and measures of a run."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class RunStatus(StrEnum):
-    """How the integration ended; the outcome of the gait is :attr:`Run.verdict`."""
+    """Status at the end of the integration; the outcome of the gait is :attr:`Run.verdict`."""
 
     COMPLETED = "completed"
     FELL = "fell"
@@ -48,17 +48,17 @@ class RunStatus(StrEnum):
     INTERRUPTED = "interrupted"
 
 
-# Statuses that are events; a run with another one ends without.
+# Events of the statuses; a run with any other status has no event at its end.
 _ENDINGS = {RunStatus.FELL: EventKind.FALL, RunStatus.DIVERGED: EventKind.DIVERGENCE}
 
 
 def run_events(
     faults: Iterable[Fault], trip: Trip | None, status: RunStatus, end: float
 ) -> tuple[RunEvent, ...]:
-    """The events of a run in the order of time; of those at the same time the cause stands first.
+    """Return the events of a run in the order of time; a cause comes before its effect at the same time.
 
-    ``faults`` of the experiment; those after the end did not occur; ``trip``: what the safety monitor tripped
-    on, or None; ``end``: last moment of the log in [s].
+    ``faults``: faults of the experiment; those after the end are left out. ``trip``: trip of the safety
+    monitor, or None. ``end``: time of the last row of the log in [s].
     """
 
     def words(name: str) -> str:
@@ -74,7 +74,7 @@ def run_events(
 
 
 class _Log:
-    """Log of a run as a table, built from the arrays of an engine when it is first read."""
+    """Descriptor of the log of a run; the first read builds the table from the arrays of an engine."""
 
     def __get__(self, run: Run | None, owner: type[Run]) -> pd.DataFrame:
         if run is None:
@@ -91,33 +91,33 @@ class _Log:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Run:
-    """A finished simulation.
+    """Result of a finished simulation.
 
-    ``save`` and ``plot`` are those of the public namespace, looked up when they are called: a simulation
-    itself touches no disk and draws nothing.
+    ``save`` and ``plot`` call functions of the public namespace, which are looked up at each call, because
+    the simulation itself writes no files and draws no figures.
     """
 
-    experiment: Experiment  # What was run.
-    table: GaitTable  # The gait table after scaling to wearer, support and speed.
+    experiment: Experiment  # Experiment that was run.
+    table: GaitTable  # Gait table after scaling to wearer, support and speed.
     log: _Log = _Log()  # Table with one row per tick; units are in the column names.
     switches: tuple[PhaseSwitch, ...]  # Every change of phase with its cause.
-    status: RunStatus  # How the run ended.
-    reason: str  # Why, if it did not complete.
+    status: RunStatus  # Status at the end of the run.
+    reason: str  # Reason for the status, if the run did not complete.
     wall_s: float  # Wall-clock time of the integration in [s].
     body_weight: float  # Weight of wearer and device in [N].
-    trip: Trip | None = None  # What the safety monitor tripped on, or None.
-    # What the bus has carried, as the summary has it; None without one, in live walks and runs read back.
+    trip: Trip | None = None  # Trip of the safety monitor, or None.
+    # Traffic of the bus for the summary; None without a bus, in live walks and for runs read from a file.
     traffic: Mapping[str, Any] | None = None
 
     def __repr__(self) -> str:
-        """One line: what was run and how it ended."""
+        """Return one line with the experiment, the outcome and the events."""
         events = "".join(f", {event.text} at {event.time:.2f} s" for event in self.events)
         size = f"{len(self.log)} ticks x {self.log.shape[1]} columns, {len(self.switches)} switches"
         word = self.verdict.outcome or self.status
         return f"<Run {self.experiment.name}: {word}, {self.duration:g} s ({size}){events}>"
 
     def _repr_html_(self) -> str:
-        """The same as a small card in a notebook."""
+        """Return the outcome and the events as a small table for a notebook."""
         word = self.verdict.outcome or self.status
         rows = [
             ("simulated", f"{self.duration:g} s in {self.wall_s:.2f} s, {len(self.log)} ticks"),
@@ -130,16 +130,16 @@ class Run:
         return f"<table><caption>{name}: <b>{escape(word)}</b></caption>{lines}</table>"
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write the run directory; see :func:`twin_gait.save_run`."""
+        """Write the run directory and return its path; see :func:`twin_gait.save_run`."""
         return twin_gait.save_run(self, folder, force=force)
 
     def plot(self, figure: str = "gait_cycle", *, width_mm: float | None = None) -> Figure:
-        """Draw a picture of the run; see :func:`twin_gait.plot_run`."""
+        """Draw a figure of the run; see :func:`twin_gait.plot_run`."""
         return twin_gait.plot_run(self, figure, width_mm=width_mm)
 
     @property
     def columns(self) -> LogColumns:
-        """Columns of the log by name, which are read without building the table."""
+        """Columns of the log by name; access to them does not build the table."""
         columns: LogColumns = vars(self)["log"]
         return columns
 
@@ -150,15 +150,18 @@ class Run:
 
     @property
     def sides(self) -> tuple[Side, ...]:
-        """Legs in the log."""
+        """Sides of the legs in the log."""
         return tuple(self.experiment.leg.legs)
 
     def leg_record(self, side: Side, *, device: bool = False) -> LegRecord:
-        """What gait measures read of a leg; ``device``: angles of the device, not of a wearer in braces."""
+        """Return the data of a leg for gait measures.
+
+        ``device``: whether the angles are those of the device, not those of a wearer in braces.
+        """
         return self._read_leg(side, device=True) if device else self._legs[side]
 
     def leg_records(self) -> list[LegRecord]:
-        """All legs, in the order of :attr:`sides`."""
+        """Return the data of all legs for gait measures, in the order of :attr:`sides`."""
         return list(self._legs.values())
 
     @cached_property
@@ -172,7 +175,7 @@ class Run:
 
     @cached_property
     def waiting(self) -> np.ndarray:
-        """Whether at each tick the legs stand: until somebody asks for a step, or on a belt at rest."""
+        """Mask of the ticks in which the legs stand because no step is requested, or the belt is at rest."""
         modes, log, waiting = self.experiment.modes, self.columns, np.zeros(len(self.columns), dtype=bool)
         if modes is not None:
             codes = [code for code, name in enumerate(modes.phase_names) if modes.waits_for_step(name)]
@@ -188,7 +191,7 @@ class Run:
 
     @cached_property
     def walkway(self) -> Walkway | None:
-        """Belt and support under a walk; None on the bench, and where the support carries all weight."""
+        """Parameters of ground and support; None on the bench, or if the support carries all weight."""
         walking = self.experiment.scenario.walking
         if walking is None or walking.support_share == 1.0:
             return None
@@ -200,7 +203,10 @@ class Run:
         )
 
     def walk_measures(self, *, skip: int = SKIPPED_STRIDES) -> dict[Side, dict[str, float]]:
-        """Ground forces, joints and powers of each leg (:mod:`twin_gait.measures.walk`); by leg."""
+        """Compute ground forces, joint measures and powers by leg (:mod:`twin_gait.measures.walk`).
+
+        ``skip``: strides at the start that do not count. The result is empty without a walkway.
+        """
         walkway, names = self.walkway, self.table.phase_names
         if walkway is None:
             return {}
@@ -214,7 +220,10 @@ class Run:
     def walk_power(
         self, *, skip: int = SKIPPED_STRIDES, legs: Mapping[Side, Mapping[str, float]] | None = None
     ) -> dict[str, float] | None:
-        """Add up who drives the walk; None without a walkway. ``legs``: their walk measures, if known."""
+        """Add up the powers that drive the walk, by names with units; None without a walkway.
+
+        ``legs``: walk measures of the legs, computed by default.
+        """
         walkway = self.walkway
         if walkway is None:
             return None
@@ -225,7 +234,7 @@ class Run:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Outcome of the gait in one word and one line; see :mod:`twin_gait.measures.outcome`."""
+        """Outcome of the gait in one word, and its reason; see :mod:`twin_gait.measures.outcome`."""
         if self.status is RunStatus.DIVERGED:
             return Verdict(Outcome.DIVERGED, self.reason)
         held = "" if self.trip is None else f"held from {self.trip.time:.3f} s on: {self.trip.text}"
@@ -240,17 +249,17 @@ class Run:
 
     @property
     def baseline_problem(self) -> str:
-        """Return why other runs cannot be compared with this one because it does not walk; else nothing."""
+        """Reason why other runs cannot be compared with this one, if it does not walk; otherwise empty."""
         outcome, reason = self.verdict
-        if outcome in (Outcome.WALKED, None):  # where no walk was asked for, nothing has to walk
+        if outcome in (Outcome.WALKED, None):  # None: the experiment has no walk
             return ""
         return f"the baseline does not walk: {outcome}, {reason}" if reason else f"the baseline {outcome}"
 
     @cached_property
     def steady(self) -> Spans:
-        """From when to when in [s] the legs walk evenly: as world and modes have it, and in no safe hold.
+        """Spans of time in [s] in which the legs are to walk evenly.
 
-        Where nobody asks for a step there is no walk.
+        They depend on scenario and modes and end at a trip. A span in which no step is requested is left out.
         """
         first, last = self.experiment.scenario.steady
         if self.trip is not None:
@@ -266,11 +275,11 @@ class Run:
 
     @cached_property
     def answers(self) -> tuple[Answer, ...]:
-        """What became of the requests; see :mod:`twin_gait.simulation.answers`. Nothing without modes."""
+        """Results of the requests; see :mod:`twin_gait.simulation.answers`. Empty without modes."""
         modes, initial, found = self.experiment.modes, self.experiment.initial_mode, list[Answer]()
         if modes is not None:
             first = 0 if initial is None else modes.phase_index(initial)
-            # Before each tick, and after the last.
+            # Mode before each tick, and after the last one.
             codes = np.concatenate([[first], self.log["mode"].to_numpy()]).astype(int)
             entries = np.flatnonzero(np.diff(codes))
             for tick in np.flatnonzero(self.log["request"].to_numpy()).tolist():

@@ -1,7 +1,7 @@
-"""The tick of an episode as a schedule: sensors; watch, decide and command; drives, record and motion.
+"""Schedule of a tick: sensors, then monitor, decisions and commands, then drives, log and motion.
 
-The part between sensors and drives is that of the device (:mod:`twin_gait.control.device_schedule`), with the
-network, faults and the log of the simulation put in.
+The part between sensors and drives is the schedule of the device
+(:mod:`twin_gait.control.device_schedule`), with additional steps for network, faults and log.
 """
 
 import math
@@ -47,7 +47,7 @@ THINK = (
         {
             device.take_demand: when("NETWORKED", network.hear_setpoint, otherwise=(device.take_demand,)),
             check: (when("FAULTY", commands.run_away), check),
-            # Over a bus, which is slow, the joint is held alone.
+            # With a bus, which is slow, each board holds only its own joint.
             device.HOLD: when("NETWORKED", rare(device.is_implausible, refuse), otherwise=(device.HOLD,)),
             device.command_current: commands.set_drive,
         },
@@ -82,14 +82,14 @@ ACT = (
 
 
 def has_ended(e: Episode) -> bool:
-    """Note how an episode goes on, and return whether it ends with this tick."""
+    """Write the status of an episode, and return whether the episode ends with this tick."""
     status = status_of(e)
     e.status = status
     return status != COMPLETED
 
 
 def status_of(e: Episode) -> int:
-    """Return how an episode goes on."""
+    """Return the status of an episode: ``COMPLETED`` unless the wearer fell or the state diverged."""
     status = COMPLETED
     if PELVIS >= 0 and e.q[PELVIS + SHIFT] < e.fall_height:
         status = FELL
@@ -137,7 +137,7 @@ NAMES = Names(
 sense = scalar_driver("sense", SENSE, NAMES)
 think = scalar_driver("think", THINK, NAMES)
 act = scalar_driver("act", ACT, NAMES, result=has_ended)
-# What the drivers are replaced by in the loop over a block of episodes.
+# Replacements of the drivers in the loop over a block of episodes.
 IN_LANES = {
     "sense": lane_driver("sense", SENSE, NAMES),
     "think": lane_driver(
@@ -150,8 +150,8 @@ IN_LANES = {
 def run_ticks(e: Episode, first: int, end: int) -> int:
     """Run ticks ``first`` to ``end - 1``, or until the wearer falls or the state diverges.
 
-    ``e``: the episode, or those that run in lockstep. Returns the ticks that have been run since the start;
-    ``e.status`` says how it stands.
+    ``e``: the episode, or a block of episodes in lockstep. Returns the number of ticks since the start;
+    ``e.status`` has the status after them.
     """
     for tick in range(first, end):
         sense(e, tick)

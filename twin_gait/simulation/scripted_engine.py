@@ -1,4 +1,4 @@
-"""The engine of experiments with events: the compiled loop, changed between ticks as in a live session."""
+"""Engine of experiments with events: the compiled loop, with changes between ticks as in a live session."""
 
 from collections import deque
 from dataclasses import replace
@@ -16,17 +16,17 @@ from twin_gait.simulation.stepping import SteppedRun
 
 
 class ScriptedEngine(EpisodeEngine):
-    """Runs one problem from start to end, and executes the events of its experiment.
+    """Engine that runs one simulation setup from start to end, and executes the events of its experiment.
 
-    The numbers of all changes are computed first, so that a change that cannot be made is an error before the
-    first tick. The other engines run experiments without events.
+    The numbers of all changes are computed first, so that an invalid change raises an error before the first
+    tick. The other engines run experiments without events.
     """
 
     chunk_ticks = CompiledEngine.chunk_ticks
     scripted = True
 
     def __init__(self, problem: Problem, *, on_compile: OnCompile = None) -> None:
-        """Lay the problem out; parameters and errors as of :class:`CompiledEngine`."""
+        """Build the run and the numbers of all changes; see :class:`CompiledEngine` for the arguments."""
         super().__init__(problem)
         plain = replace(problem.experiment, events=())
         self.stepped = SteppedRun(replace(problem, experiment=plain), on_compile=on_compile, spare_faults=0)
@@ -44,7 +44,7 @@ class ScriptedEngine(EpisodeEngine):
             self._due.append((event, numbers))
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
-        """See :meth:`EpisodeEngine.run_ticks`."""
+        """Run ticks; see :meth:`EpisodeEngine.run_ticks`."""
         stepped = self.stepped
         while stepped.tick < end and stepped.status is RunStatus.COMPLETED:
             while self._due and self._due[0][0].tick <= stepped.tick:

@@ -1,4 +1,4 @@
-"""Everything that can change during a run, as one frozen value, and the numbers that the loop gets."""
+"""Settings that can change during a run, as one frozen value, and the numbers that they give the loop."""
 
 from __future__ import annotations
 
@@ -15,47 +15,48 @@ from twin_gait.network.messages import CODES
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import Side
 
-# What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4).
+# Source of the setpoints: the gait table, or one of the three controls of the thesis's monitor (2.4).
 MODES = WALK, FRICTION, TORQUE, IMPEDANCE = CODES["control"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Everything that events and the controls of a live session set.
+    """Settings that events and the controls of a live session change.
 
-    Setups that follow from it are built when they are first read, and kept.
+    Simulation setups that depend on the settings are computed when they are first read, and cached.
     """
 
-    experiment: Experiment  # with the gait table, belt speed and support as they are now
-    monitor: Mapping[Side, PhaseParameters]  # impedances that the monitor sets, as a phase of each leg
-    torques: Mapping[str, float]  # target torques that it sets in [N m], by joint, such as ``left_hip``
-    mode: str = WALK  # what drives the joints, of ``MODES``
-    manual: bool = False  # whether every step waits for a hand
-    # values of the live controls that have been set, by name, in their units
+    experiment: Experiment  # Experiment with the present gait table, belt speed and support.
+    monitor: Mapping[Side, PhaseParameters]  # Impedances that the monitor sets, as one phase of each leg.
+    torques: Mapping[str, float]  # Target torques that the monitor sets in [N·m], by joint (``left_hip``).
+    mode: str = WALK  # Source of the setpoints, one of ``MODES``.
+    manual: bool = False  # Whether every step waits for a command of the operator.
+    # Values of the live controls that have been set, by name, in their units.
     changes: Mapping[str, Any] = field(default_factory=dict)
 
     __hash__ = object.__hash__  # by identity, for caches; a mapping has no hash
 
     @property
     def table(self) -> GaitTable:
-        """The gait table, before scaling."""
+        """Gait table before scaling."""
         return self.experiment.table
 
     @cached_property
     def problem(self) -> Problem:
-        """The experiment as an engine needs it."""
+        """Simulation setup of the experiment."""
         return build_problem(self.experiment)
 
     @cached_property
     def driving_problem(self) -> Problem:
-        """The experiment of :attr:`driving` as an engine needs it."""
+        """Simulation setup of :attr:`driving`."""
         return self.problem if self.driving is self.experiment else build_problem(self.driving)
 
     @cached_property
     def driving(self) -> Experiment:
-        """The experiment with the impedances that the mode puts in force.
+        """Experiment with the impedances of the mode.
 
-        What the monitor sets is that of all phases; friction and torque control have no spring and no damper.
+        The impedances of the monitor are those of all phases; friction and torque control have no spring and
+        no damper.
         """
         if self.mode == WALK:
             return self.experiment
@@ -69,9 +70,9 @@ class Settings:
 
 
 def first_settings(experiment: Experiment) -> Settings:
-    """Settings of a session that begins: those of the experiment.
+    """Return the settings at the start of a session, which are those of the experiment.
 
-    The monitor begins with what the first phase of the table has, so that a wearer who stands goes on
+    The impedances of the monitor are those of the first phase of the table, so that a standing wearer remains
     standing in impedance control.
     """
     problem, monitor = build_problem(experiment), {}
@@ -91,31 +92,31 @@ LoopNumbers = Mapping[str, Any]
 
 
 def numbers_of(problem: Problem) -> dict[str, Any]:
-    """What a loop needs of an experiment, in SI, its table scaled and damping ratios resolved."""
+    """Return the changeable numbers of a loop in SI units, with scaled table and resolved damping ratios."""
     world, pelvis = problem.world, problem.world.model.pelvis_index
     torques = problem.experiment.control.target_torque
     return {
-        # k, b, θ0, G per joint and gravity share, by leg and phase
+        # Values of k, b, θ0, G per joint and the gravity share, by leg and phase.
         "phase_rows": problem.phase_rows.tolist(),
         "comparisons": [asdict(comparison) for comparison in problem.program.comparisons],
         "target_torque": [torques.get(item.joint, 0.0) for item in problem.joints],
         "belt_speed": float(world.belt.cruise),
-        # None where no pelvis hangs
+        # None without a pelvis in a body-weight support.
         "support_force": None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
-        "held_phase": None,  # which no leg leaves by itself
-        "watching": True,  # whether the monitor watches how long a leg stays in a phase
+        "held_phase": None,  # phase that a leg leaves only when it is released
+        "watching": True,  # whether the safety monitor checks the timeout of a phase
     }
 
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
-    """Lay settings out as the loop takes them."""
+    """Return the numbers of a loop for settings."""
     numbers = numbers_of(settings.problem)
     if settings.mode != WALK:
         asked = settings.mode == TORQUE
         numbers |= {
             "phase_rows": settings.driving_problem.phase_rows.tolist(),
             "target_torque": [torque if asked else 0.0 for torque in settings.torques.values()],
-            "belt_speed": 0.0,  # without a gait it would carry the feet away
+            "belt_speed": 0.0,  # without a gait the belt would carry the feet away
             "watching": False,
         }
     if settings.manual:
@@ -124,18 +125,21 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
 
 
 def found_at(record: Any, path: str) -> Any:
-    """What stands deep inside of a record, under fields and keys with dots between them."""
+    """Return a nested value of a record; ``path``: fields and keys with dots between them."""
     for step in path.split("."):
         record = record[step] if isinstance(record, (dict, Mapping)) else getattr(record, step)
     return record
 
 
-# Only one of the two is given.
+# Pairs of keys of which only one is set.
 _EITHER = {"damping": "damping_ratio", "damping_ratio": "damping"}
 
 
 def changed_at(record: Any, path: str, value: Any) -> Any:
-    """A record with another value there; a damping and a damping ratio replace each other."""
+    """Return a copy of a record with another value at a path of fields and keys with dots between them.
+
+    Damping and damping ratio replace each other.
+    """
     step, _, rest = path.partition(".")
     inner = changed_at(found_at(record, step), rest, value) if rest else value
     if isinstance(record, Mapping):
@@ -146,7 +150,7 @@ def changed_at(record: Any, path: str, value: Any) -> Any:
 def settings_after(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """Return settings with new values at some paths.
 
-    A phase that a side of the table does not have yet begins as the common one.
+    A phase that one side of the table does not define yet is first copied from the phase of both sides.
     """
     for path, value in changes.items():
         _, *steps = path.split(".")

@@ -1,4 +1,4 @@
-"""Simulate an experiment: the one entry, and it touches no disk."""
+"""Simulation of one experiment or of many, without access to files except the code cache."""
 
 import reprlib
 import warnings
@@ -19,16 +19,16 @@ from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.scripted_engine import ScriptedEngine
 
-FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
-# Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
-# that a summary reads.
+FEWEST_IN_ALL = 2 * WIDTH  # Fewest episodes for which the compilation of a loop for blocks saves time.
+# Most ticks in the logs of a block, which are all in memory at the same time: 32 walks of a minute, or 0.7 GB
+# with the 46 columns that a summary reads.
 MOST_TICKS = 2_000_000
-ALWAYS_KEPT = ("_phase", "mode")  # ends of the names of columns by which a run tells when its legs walk
-_LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
+ALWAYS_KEPT = ("_phase", "mode")  # Ends of the names of columns from which a run derives when its legs walk.
+_LAID_OUT = 4 * WIDTH  # Number of episodes that are prepared at a time and grouped into blocks.
 
 
 class SlowControllerWarning(UserWarning):
-    """A controller could not be compiled, so the run steps through Python."""
+    """Warning that a controller could not be compiled, so that the run uses the reference engine."""
 
 
 def simulate(
@@ -42,15 +42,15 @@ def simulate(
     """Run an experiment from start to end.
 
     A fall or a divergence ends the run and is a result, not an exception: see ``run.status``. A trip of the
-    safety monitor is one too, and the run goes on in the safe hold: see ``run.trip``.
+    safety monitor is a result too, and the run continues in the safe hold: see ``run.trip``.
 
     Args:
         experiment: Everything that the run needs.
-        controller: Takes the place of the one that ``control.mode`` names. A tick that numba can compile is
-            fused into the compiled engine. Any other steps through the reference engine, slower, with a
-            :class:`SlowControllerWarning`.
-        progress: Called now and then with ticks done and ticks in all.
-        should_stop: Asked now and then; True ends the run and marks it as interrupted.
+        controller: Controller that replaces the one of ``control.mode``. If numba can compile its functions,
+            they become a part of the compiled loop. Otherwise the run uses the reference engine, which is
+            slower, and issues a :class:`SlowControllerWarning`.
+        progress: Called regularly with the ticks done and the total number of ticks.
+        should_stop: Called regularly; True ends the run and marks it as interrupted.
         on_compile: Called if the engine has to be compiled for this model first, which takes 10 to 20 s.
 
     Returns:
@@ -58,9 +58,9 @@ def simulate(
 
     Raises:
         ModelError: If the URDF cannot be used.
-        ParameterError: If something in the experiment does not fit together, or the controller does not take
-            or give what it should.
-        MeasurementError: If, without a safety monitor, the state machine is handed something not finite.
+        ParameterError: If parts of the experiment are incompatible, or the controller does not accept or
+            return the values that it should.
+        MeasurementError: If, without a safety monitor, the state machine receives a value that is not finite.
     """
     if not isinstance(experiment, Experiment):
         raise ParameterError(
@@ -71,7 +71,7 @@ def simulate(
 
 
 def engine_of(problem: Problem, on_compile: Callable[[], None] | None = None) -> EpisodeEngine:
-    """The engine that an experiment asks for, at tick 0."""
+    """Return the engine that an experiment selects, at tick 0."""
     if problem.experiment.engine is Engine.COMPILED:
         try:
             engine = ScriptedEngine if problem.experiment.events else CompiledEngine
@@ -83,16 +83,17 @@ def engine_of(problem: Problem, on_compile: Callable[[], None] | None = None) ->
 
 
 def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tuple[int, ...]]:
-    """Cut episodes into blocks of the same kind (None for one that runs alone) and of similar duration.
+    """Group episodes into blocks of the same kind (None for one that runs alone) and of similar duration.
 
-    Returns every position once: those that run one by one in front, then blocks for the lanes of one loop.
+    ``kinds`` and ``ticks``: kind and duration in ticks of each episode. Returns every position once: first
+    the episodes that run one by one, then the blocks.
     """
     groups = defaultdict[Hashable, list[int]](list)
     for place in sorted(range(len(kinds)), key=ticks.__getitem__):
         groups[kinds[place]].append(place)
     alone, blocks = groups.pop(None, []), []
     for group in groups.values():
-        while group:  # the longest first: the rest, which runs alone, is short
+        while group:  # the longest first, because the shortest may be left over and run alone
             size = _most(ticks[group[-1]])
             block, group = group[-size:], group[:-size]
             if len(block) >= FEWEST:
@@ -103,39 +104,39 @@ def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[tu
 
 
 def _most(ticks: int) -> int:
-    """Episodes of a duration whose logs fit into memory together."""
+    """Return the number of episodes of a duration whose logs fit into memory together, at most ``WIDTH``."""
     return max(1, min(WIDTH, MOST_TICKS // max(1, ticks)))
 
 
 def simulate_together(
     experiments: Iterable[Experiment], *, columns: tuple[str, ...] | None = None
 ) -> Iterator[tuple[int, Run]]:
-    """Run many experiments; each run is the same, bit for bit, as that of :func:`simulate`.
+    """Run many experiments; each run is identical, bit for bit, to the result of :func:`simulate`.
 
-    A fall, a trip or a divergence ends its own episode only.
+    A fall, a trip or a divergence affects only its own episode.
 
     Args:
-        experiments: Taken as they are needed, some more than a block at a time.
+        experiments: Read as they are needed, several blocks at a time.
         columns: Ends of the names of the columns that the logs keep; all by default. Time, phases and
-            operating mode stay.
+            operating mode are always kept.
 
     Yields:
-        Position and run of each, in the order in which they are done.
+        Position and run of each experiment, in the order in which the runs are completed.
 
     Raises:
-        JobFailed: If one cannot be run; of those that are laid out with it none is.
+        JobFailed: If an experiment cannot be run; none of those that are prepared together with it is run.
     """
     waiting, first = iter(experiments), 0
     while engines := _laid_out(islice(waiting, _LAID_OUT), first):
         for block in blocks_of(_kinds(engines), [engine.problem.experiment.n_ticks for engine in engines]):
             runs = _run([engines[place] for place in block], first + block[0], columns)
-            for place in reversed(block):  # each is gone when it has been looked at
+            for place in reversed(block):  # the memory of each run is freed when the caller has used it
                 yield first + place, runs.pop()
         first += len(engines)
 
 
 def _laid_out(experiments: Iterable[Experiment], first: int) -> list[EpisodeEngine]:
-    """Engines of some episodes, of which the first has a number; JobFailed if one cannot be laid out."""
+    """Return the engines of experiments numbered from ``first``; raises JobFailed if one cannot be built."""
     engines: list[EpisodeEngine] = []
     try:
         for experiment in experiments:
@@ -146,7 +147,7 @@ def _laid_out(experiments: Iterable[Experiment], first: int) -> list[EpisodeEngi
 
 
 def _kinds(engines: Sequence[EpisodeEngine]) -> list[Hashable | None]:
-    """What those share that may share a block; None where a loop would have to be compiled for a few."""
+    """Return the kind of each episode, None if a loop would have to be compiled for a few episodes."""
     kinds = [kind_of(engine) for engine in engines]
     numbers = Counter(kinds)
     kept = {kind for kind, engine in zip(kinds, engines, strict=True) if has_lane_loop(engine)}
@@ -154,9 +155,10 @@ def _kinds(engines: Sequence[EpisodeEngine]) -> list[Hashable | None]:
 
 
 def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] | None) -> list[Run]:
-    """Runs of the episodes of a block, or of a single one.
+    """Run the episodes of a block, or a single one.
 
-    Raises JobFailed if a single one cannot be run, telling that it is the one with this number.
+    ``columns``: see :func:`simulate_together`. Raises JobFailed with the number ``first`` if a single episode
+    cannot be run.
     """
     names, kept = engines[0].layout.names, None
     if columns is not None:
@@ -170,9 +172,10 @@ def _run(engines: Sequence[EpisodeEngine], first: int, columns: tuple[str, ...] 
 
 
 def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> int:
-    """Compile what many like an experiment need, and keep it; if it cannot be run, that is told later.
+    """Compile the loops for many experiments like one, and store them in the code cache.
 
-    Returns how many of them to hand over at a time, so that they can be run as a block.
+    An experiment that cannot be run raises no error here. Returns the number of experiments to pass to
+    :func:`simulate_together` at a time, so that they can be run as a block. ``total``: number of experiments.
     """
     with suppress(TwinGaitError):
         engine = engine_of(build_problem(experiment), on_compile)

@@ -1,9 +1,9 @@
-"""A run that is advanced piece by piece and changed in between, in compiled code.
+"""Run in compiled code that its caller advances in steps and changes between the steps.
 
-A live session advances it against a clock, and :mod:`twin_gait.simulation.scripted_engine` from event to
-event: the caller advances the walk by some ticks, changes the parameters of the phases, the belt or the
-support, pushes the leg or injects a fault, and goes on. The rows do not depend on how many ticks are advanced
-at a time; without a change they are those of ``simulate``, bit for bit.
+A live session advances it with a clock, and :mod:`twin_gait.simulation.scripted_engine` from event to event:
+the caller advances the walk by some ticks, changes the parameters of the phases, the belt or the support,
+pushes a joint or injects a fault, and continues. The rows of the log do not depend on the number of ticks per
+call; without a change they are identical, bit for bit, to those of ``simulate``.
 """
 
 import base64
@@ -32,20 +32,20 @@ from twin_gait.simulation.run import RunStatus, log_table, run_events
 from twin_gait.simulation.settings import LoopNumbers, numbers_of
 from twin_gait.worlds.faults import Fault, FaultKind
 
-BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
-WAIT_TICKS = 10  # whether a leg waits is looked up in every tick that is a multiple of this
-MOST_FAULTS = 16  # that can be injected into one walk
+BELT_TICKS = 200  # Ticks in which the belt stops for a leg that waits, and in which it starts again.
+WAIT_TICKS = 10  # Period in ticks of the check whether a leg waits.
+MOST_FAULTS = 16  # Most faults that can be injected into one walk.
 
 
 class SteppedRun:
-    """One walk in compiled code that its caller advances and changes.
+    """Walk in compiled code that its caller advances and changes.
 
     Attributes:
-        problem: The experiment as an engine needs it, as the walk began.
+        problem: Simulation setup at the start of the walk.
         engine: Engine that runs the ticks.
         layout: Names and positions of the log's columns.
-        tick: Ticks that have been run.
-        numbers: In force, or fading in.
+        tick: Number of ticks that have been run.
+        numbers: Numbers that are in force or that fade in.
         injected: Faults that have been injected, with their times.
     """
 
@@ -56,10 +56,10 @@ class SteppedRun:
         on_compile: Callable[[], None] | None = None,
         spare_faults: int | None = None,
     ) -> None:
-        """Lay the walk out; no tick is run.
+        """Build the record and the loop of the walk without running a tick.
 
-        ``problem`` from :func:`twin_gait.simulation.problem.build_problem`; ``on_compile``: called if the
-        loop has to be compiled first, which takes 10 to 20 s; ``spare_faults``: number of faults that can be
+        ``problem``: from :func:`twin_gait.simulation.problem.build_problem`. ``on_compile``: called if the
+        loop has to be compiled first, which takes 10 to 20 s. ``spare_faults``: number of faults that can be
         injected, ``MOST_FAULTS`` by default.
         """
         self.problem = problem
@@ -79,16 +79,16 @@ class SteppedRun:
         self._first_numbers: LoopNumbers = numbers_of(problem)
         self.numbers: LoopNumbers = self._first_numbers
         self._values = self._changeable()
-        # Values before a fade by name, its first tick, its length; None without one. JSON takes it as it is.
+        # Values before a fade by name, its first tick, its length; None without a fade. JSON can encode it.
         self._fade: tuple[dict[str, Any], int, int] | None = None
         self._push_ends = np.full(len(problem.joints), NEVER)
         self.injected: tuple[Fault, ...] = ()
         self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
         self._belt_waits = False
-        self._were_held = np.zeros(len(problem.sides), dtype=bool)  # legs in the held phase at the last look
+        self._were_held = np.zeros(len(problem.sides), dtype=bool)  # legs in the held phase at the last check
 
     def _changeable(self) -> dict[str, np.ndarray]:
-        """Where in the record the numbers stand that fade."""
+        """Return views of the numbers in the record that fade, by name."""
         controller, model = self._episode["controller"], self.problem.world.model
         joints = controller["joints"]
         found = {
@@ -97,24 +97,24 @@ class SteppedRun:
             "target_torque": joints["target"],
             "belt_speed": self.engine.store["belt"]["cruise"],
         }
-        if model.pelvis_index is not None:  # the wearer's hangs in the support
+        if model.pelvis_index is not None:  # the support acts on the wearer's pelvis
             hung = model.pelvis_index + self.problem.world.wearer_shift
             found["support_force"] = self._episode["plant"]["spring"]["force"][hung : hung + 1]
         return found
 
     @property
     def status(self) -> RunStatus:
-        """How the walk stands; ``completed`` as long as nothing has ended it."""
+        """Status of the walk; ``completed`` as long as it has not ended early."""
         return self.engine.ending(self.tick)[0]
 
     @property
     def reason(self) -> str:
-        """Why it has ended; empty before that."""
+        """Reason for the end of the walk; empty before the end."""
         return self.engine.ending(self.tick)[1]
 
     @property
     def trip(self) -> Trip | None:
-        """What the safety monitor tripped on, or None."""
+        """Trip of the safety monitor, or None."""
         return self.engine.trip()
 
     @property
@@ -124,9 +124,9 @@ class SteppedRun:
         return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
 
     def advance(self, ticks: int) -> np.ndarray:
-        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
+        """Run some ticks, fewer if the wearer falls or the state diverges earlier.
 
-        Returns rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
+        Returns their rows of the log, shape ``(ticks, n_columns)`` in the order of the layout.
         """
         first = self.tick
         rows = np.zeros((ticks, len(self.layout.names)))
@@ -135,9 +135,9 @@ class SteppedRun:
         return self._log[-1][1]
 
     def advance_into(self, rows: np.ndarray, first_row: int, end: int) -> None:
-        """Run the ticks before ``end``, and write them into the log of the caller.
+        """Run the ticks before ``end``, and write their rows into the log of the caller.
 
-        ``rows``: shape ``(n, n_columns)``, changed in place; its first row is that of tick ``first_row``.
+        ``rows``: shape ``(n, n_columns)``, changed in place; its first row belongs to tick ``first_row``.
         """
         while self.tick < end and self.status is RunStatus.COMPLETED:
             by_hand = self.numbers["held_phase"] is not None or self._belt_waits
@@ -153,13 +153,13 @@ class SteppedRun:
             self.tick = self.engine.run_ticks(self.tick, until, rows, first_row)
 
     def _watch_steps(self) -> None:
-        """Stop the belt while a leg waits for its step, and let the next one wait after a step."""
+        """Stop the belt while a leg waits for its step, and hold the next leg after a step."""
         held = self._legs_in_held_phase()
         if (self._were_held & ~held).any():
             self._hold()
         self._were_held = held
         waits = bool(self.waiting())
-        if waits != self._belt_waits:  # it would carry the leg away
+        if waits != self._belt_waits:  # a moving belt would carry the leg away
             self._belt_waits = waits
             self._begin_fade(BELT_TICKS)
 
@@ -167,7 +167,7 @@ class SteppedRun:
         self._fade = {name: values.tolist() for name, values in self._values.items()}, self.tick, ticks
 
     def _targets(self) -> dict[str, Any]:
-        """What the numbers ask of the values that fade, by name."""
+        """Return the target values of the numbers that fade, by name."""
         rows = np.array(self.numbers["phase_rows"])
         by_joint = rows[..., :-1].reshape(*rows.shape[:2], -1, COLUMNS_PER_JOINT).swapaxes(1, 2)
         return {
@@ -190,11 +190,11 @@ class SteppedRun:
             self._fade = None
         legs = self._episode["controller"]["legs"]
         lengths = np.take_along_axis(legs["blend_ticks"], legs["phase"][:, None], axis=1)[:, 0]
-        # A leg whose own fade is over no longer reads the parameters of its phase.
+        # After the blending of a phase, the leg no longer reads its parameters; they are written here.
         self._arrive(self.tick - legs["entry_tick"] > lengths)
 
     def _arrive(self, chosen: np.ndarray) -> None:
-        """Give the chosen legs the parameters of their phases."""
+        """Write the parameters of their phases into the chosen legs; ``chosen``: mask of the legs."""
         controller = self._episode["controller"]
         joints = controller["joints"].reshape(len(chosen), -1)
         for leg, own, wanted in zip(controller["legs"], joints, chosen, strict=True):
@@ -203,25 +203,25 @@ class SteppedRun:
                 leg["gravity"] = leg["gravity_shares"][leg["phase"]]
 
     def _fade_anew(self) -> None:
-        """Let every leg fade from its present parameters."""
+        """Set the present parameters of every leg as the start of its blending."""
         joints, legs = self._episode["controller"]["joints"], self._episode["controller"]["legs"]
         joints["blend_start"], legs["gravity_start"] = joints["blended"], legs["gravity"]
 
     def rows(self, first: int = 0) -> np.ndarray:
-        """The log from a tick on that has not been forgotten, shape ``(tick - first, n_columns)``."""
+        """Return the stored log from tick ``first`` on, shape ``(tick - first, n_columns)``."""
         parts = [rows[max(first - begin, 0) :] for begin, rows in self._log if begin + len(rows) > first]
         return np.concatenate([np.zeros((0, len(self.layout.names))), *parts])
 
     def forget_rows(self, before: int) -> None:
-        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds."""
+        """Free the memory of rows before a tick; a long walk then needs no more memory than a short one."""
         self._log = [(begin, rows) for begin, rows in self._log if begin + len(rows) > before]
 
     def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
-        """Switches of the phases so far."""
+        """Return the switches of the phases so far, beginning with the one of index ``first``."""
         return self.engine.phase_switches(first)
 
     def moment(self) -> dict[str, Any]:
-        """The present moment, from which another run of the same problem can go on: plain values for JSON."""
+        """Return a snapshot from which another run of the same setup can be restored, as values for JSON."""
         return {
             "tick": self.tick,
             "record": base64.b64encode(self.engine.store.tobytes()).decode(),
@@ -233,9 +233,9 @@ class SteppedRun:
         }
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
-        """Take over a moment of another run of the same problem; rows and switches before it are unknown."""
+        """Restore a snapshot of another run of the same setup; rows and switches before it are missing."""
         self.engine.store[:] = np.frombuffer(base64.b64decode(moment["record"]), self.engine.store.dtype)
-        self.engine.point_at_rows()  # addresses are those of a process
+        self.engine.point_at_rows()  # the addresses in the snapshot are not valid in this process
         self._episode["recording"]["n_switches"] = 0
         self.tick, self._log = moment["tick"], []
         self.numbers, self._belt_waits = moment["numbers"], moment["belt_waits"]
@@ -244,19 +244,19 @@ class SteppedRun:
         self._were_held[:] = moment["were_held"]
 
     def set(self, numbers: LoopNumbers, *, fade_ticks: int = FADE_TICKS) -> None:
-        """Let other numbers fade in by the minimum-jerk law, in some ticks or, with 0, at once.
+        """Fade to other numbers along the minimum-jerk polynomial, in some ticks or, with 0, at once.
 
-        ``numbers`` as :func:`~twin_gait.simulation.settings.numbers_of` has them; those that are in force
-        already change nothing. Parameters of the phases fade in all phases at once, also in one whose own
-        fade is over; thresholds change at once. As long as a phase is held the monitor does not watch how
-        long a leg stays. Without a fade in tick 0 the walk starts with them.
+        ``numbers``: from :func:`~twin_gait.simulation.settings.numbers_of`; numbers that are already in force
+        change nothing. Parameters of the phases fade in all phases at the same time, also in a phase whose
+        blending is over; thresholds change at once. While a phase is held, the monitor does not check the
+        timeout of a phase. In tick 0 without a fade, the walk starts with the numbers.
         """
         if numbers == self.numbers:
             return
         held, self.numbers = self.numbers["held_phase"], numbers
         given = [entries(Comparison(**comparison)) for comparison in numbers["comparisons"]]
         program = self._episode["controller"]["program"]
-        program["comparisons"][: len(given)] = given  # the record has room for more
+        program["comparisons"][: len(given)] = given  # the list in the record is padded
         self._begin_fade(fade_ticks)
         if numbers["held_phase"] != held:
             self._were_held[:] = False
@@ -268,12 +268,12 @@ class SteppedRun:
             self._fade_anew()
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
-        """Push a joint of ``problem.joints`` for some ticks, in [N m], positive towards flexion."""
+        """Push joint number ``joint`` with a torque in [N·m] for some ticks, positive in flexion."""
         self._episode["joints"]["push"][joint] = torque
         self._push_ends[joint] = self.tick + ticks
 
     def inject(self, fault: Fault) -> None:
-        """Inject a fault in the next tick, whatever time it has.
+        """Inject a fault in the next tick; its own time is ignored.
 
         Raises ParameterError if the fault does not fit the experiment, or too many have been injected.
         """
@@ -288,12 +288,12 @@ class SteppedRun:
         self._episode["first_fault"] = faults["start_tick"].min()
 
     def request(self, name: str) -> Answer:
-        """Ask the supervisor for something, run the next tick, which hears it, and give its answer.
+        """Send a request to the supervisor, run the next tick, which processes it, and return the result.
 
-        ``name`` of a request that the modes know. Raises ParameterError if too many wait.
+        ``name``: request of the table of modes. Raises ParameterError if too many requests are pending.
         """
         problem, modes, tick = self.problem, self.problem.experiment.modes, self.tick
-        assert modes is not None  # else nothing is asked
+        assert modes is not None  # without modes there are no requests
         asked, supervisor = self._episode["requests"], self._episode["controller"]["supervisor"]
         free = np.flatnonzero(asked["tick"] < tick)
         if len(free) == 0 or tick in asked["tick"]:
@@ -308,25 +308,25 @@ class SteppedRun:
 
     @property
     def _minimum_ticks(self) -> np.ndarray:
-        """How long a leg stays in a phase at least, by phase."""
+        """Shortest time of a leg in a phase in ticks, by phase."""
         return np.asarray(self._episode["controller"]["program"]["minimum_ticks"])
 
     def _legs_in_held_phase(self) -> np.ndarray:
         return np.asarray(self._episode["controller"]["legs"]["phase"] == self.numbers["held_phase"])
 
     def waiting(self) -> tuple[int, ...]:
-        """Legs that stand in the held phase with an exit open."""
+        """Return the numbers of the legs that are in the held phase with an exit that is due."""
         controller = self._episode["controller"]
         legs, rules = controller["legs"], controller["program"]["transitions"]
         due = (rules["source"] == self.numbers["held_phase"]) & (legs["debounce"] >= rules["debounce_ticks"])
         return tuple(np.flatnonzero(self._legs_in_held_phase() & due.any(axis=1)).tolist())
 
     def release(self) -> None:
-        """Let one leg leave the held phase, now or as soon as an exit opens."""
+        """Release one leg from the held phase, now or as soon as an exit is due."""
         self._minimum_ticks[:] = self.problem.program.minimum_ticks
 
     def _hold(self) -> None:
-        """Let no leg leave the held phase, or all legs go their way if there is none."""
+        """Hold all legs in the held phase, or release all legs if there is none."""
         self.release()
         if self.numbers["held_phase"] is not None:
             self._minimum_ticks[self.numbers["held_phase"]] = NEVER
@@ -336,14 +336,14 @@ class SteppedRun:
         watched = numbers["watching"] and numbers["held_phase"] is None
         before, limit = limits["phase_ticks"], phase_time_out_ticks(self.problem) if watched else NEVER
         limits["phase_ticks"] = limit
-        if before == NEVER and limit < NEVER:  # the present phase of every leg begins anew
+        if before == NEVER and limit < NEVER:  # the present phase of every leg begins again
             self._episode["controller"]["legs"]["entry_tick"] = self.tick
             self._fade_anew()
 
     def stop(self) -> None:
-        """Trip the monitor by hand: from the next tick on the legs are held and lowered.
+        """Trip the safety monitor as the operator: from the next tick on the legs are held and lowered.
 
-        As after any trip the belt comes to rest and the harness locks; only :meth:`restart` takes it back.
+        As after any trip, the belt comes to rest and the harness locks; only :meth:`restart` ends the hold.
         """
         if self.trip is not None:
             return
@@ -353,7 +353,7 @@ class SteppedRun:
         trip["tick"], trip["cause"], trip["part"] = self.tick, OPERATOR_TRIP, -1
 
     def restart(self) -> None:
-        """Go back to tick 0 with the present numbers; pushes and injected faults are forgotten."""
+        """Reset the walk to tick 0 with the present numbers and without pushes and injected faults."""
         self.engine.store[:] = self._start
         self.tick, self._log, self.injected, self._belt_waits = 0, [], (), False
         self._push_ends[:], self._were_held[:], self._fade = NEVER, False, None

@@ -1,6 +1,6 @@
-"""What an episode's structure is: constants that a loop is bound to; what they rule out is not compiled.
+"""Build flags: constants that a loop is bound to; code that they exclude is not compiled.
 
-The steps import these names; :mod:`twin_gait.simulation.binding` puts those of a problem in their place.
+The steps import these names; :mod:`twin_gait.simulation.binding` replaces them by those of a setup.
 """
 
 from typing import TypeAlias
@@ -10,25 +10,25 @@ from twin_gait.experiment import IntegrationMethod
 from twin_gait.parameters import ImpedancePlace
 from twin_gait.simulation.problem import Problem
 
-# Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
-# place of the pelvis' height, of its fore-aft motion and of its pitch, -1 without; how far behind a
-# coordinate of the device that of the wearer stands, 0 if they are one; crutches; whether there is a seat.
+# Flags in addition to those of the gait controller (twin_gait.control.gait_controller): contact points of a
+# foot; index of the height, the fore-aft motion and the pitch of the pelvis, -1 if it is fixed; difference
+# between the index of a wearer's coordinate and the device's, 0 without braces; number of crutches; a seat.
 POINTS_PER_FOOT, PELVIS, FORWARD, PITCH, SHIFT, CRUTCHES, SEATED = 0, -1, -1, -1, 0, 0, False
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
-# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, commands come
-# late, the ground rises, boards and gait controller talk over a bus, the springs are in the gait controller,
-# and an inertial unit finds the pitch of the trunk.
+# Whether legs have ankles, the integration is a Runge-Kutta method, the run has faults, the wearer has
+# moments, commands are delayed, the ground has a slope, boards and gait controller communicate over a bus,
+# the gait controller computes the springs, and an inertial unit estimates the pitch of the trunk.
 ANKLES = RK4 = FAULTY = WEARER = DELAYED = SLOPED = NETWORKED = CENTRAL = INERTIAL = False
 
-# All of these, which conditions of a schedule may name.
+# All build flags of this module, which conditions of a schedule may contain.
 FLAGS = {name: value for name, value in globals().items() if name.isupper()}
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 
 
 def structure_of(problem: Problem, n_points: int) -> Structure:
-    """Constants that a loop is bound to."""
+    """Return the build flags of a simulation setup; ``n_points``: number of contact points of all feet."""
     experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
     legs = len(problem.sides)
     return {

@@ -1,8 +1,8 @@
-"""What is done to several things that do not touch each other: a loop that LLVM turns into vectors.
+"""Laws for several independent objects of one episode, as loops that LLVM vectorizes.
 
-Its vectoriser is off for a single episode, because it takes loops over the coordinates for long ones; it
-still takes those that are marked as here. Vectors have 2, 4 or 8 lanes, and a loop goes on until they are
-full. Every number goes through the same operations in the same order as alone.
+The vectorizer is off for a single episode, because it treats loops over the coordinates as long loops; it
+still processes loops with the marks of this module. Vectors have 2, 4 or 8 lanes, and a loop continues until
+they are full. Every number undergoes the same operations in the same order as without vectors.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,7 @@ from twin_gait.simulation.compiling import ON_BITS, distinct, jit
 
 _COUNT, _NUMBER = ir.IntType(64), ir.DoubleType()
 _WIDTHS = (2, 4, 8)
-_CACHE_LINE = 64  # [bytes]
+_CACHE_LINE = 64  # Size of a cache line in bytes.
 
 
 def _width(count: int) -> int:
@@ -32,7 +32,7 @@ def _passes(count: int) -> int:
 
 
 def _loop(builder: Any, count: int, body: Callable[[Any], None]) -> None:
-    """A loop whose passes share no memory, from 0 to the next full vector."""
+    """Generate a loop whose iterations share no memory, from 0 to the next full vector."""
     before, inside, after = builder.block, *(builder.append_basic_block(name) for name in ("pass", "done"))
     builder.branch(inside)
     builder.position_at_end(inside)
@@ -56,20 +56,20 @@ def _loop(builder: Any, count: int, body: Callable[[Any], None]) -> None:
 
 
 def _law(typing: Any, function: Any, given: Sequence[Any]) -> tuple[Any, Any]:
-    """Type of a compiled function, and its signature for some types."""
+    """Return the type of a compiled function and its signature for the argument types ``given``."""
     kind = types.Dispatcher(function)
     signature = kind.get_call_type(typing, tuple(given), {})
-    assert signature is not None  # it has just been compiled
+    assert signature is not None  # the function has just been compiled
     return kind, signature
 
 
 def _in_turn(
     context: Any, builder: Any, law: tuple[Any, Any], common: Sequence[Any], rows: Sequence[Sequence[Any]]
 ) -> list[list[Any]]:
-    """Call a law for each of several things in a loop that may become vectors.
+    """Generate calls of a law for each of several objects in a loop that can be vectorized.
 
-    ``law``: type and signature. ``common``: arguments that all have in common; they come first. ``rows``:
-    numbers of each.
+    ``law``: type and signature. ``common``: first arguments, which are the same for all objects. ``rows``:
+    further arguments of each object. Returns the results of each object.
     """
     kind, signature = law
     count, passes, arguments = len(rows), _passes(len(rows)), len(rows[0])
@@ -81,7 +81,7 @@ def _in_turn(
     def at(row: int, number: Any) -> Any:
         return cgutils.gep_inbounds(builder, room, 0, builder.add(_COUNT(row * passes), number))
 
-    for number in range(passes):  # the last one again and again until the vectors are full
+    for number in range(passes):  # the last object is repeated until the vectors are full
         for row, value in enumerate(rows[min(number, count - 1)]):
             builder.store(value, at(row, _COUNT(number)))
 
@@ -99,9 +99,9 @@ def _in_turn(
 
 @lru_cache(maxsize=8)
 def _each(item: Called) -> Any:
-    """Compiled function that calls another one for each of several things.
+    """Return a compiled function that calls another one for each of several objects.
 
-    It takes what all things have in common, then the numbers of each; those of the first thing come first.
+    Its arguments are those that all objects share, then the arguments of the first object, the second, etc.
     """
     function, shared, arguments = bind(item.function, ON_BITS, jit), item.shared, item.arguments
 
@@ -125,7 +125,7 @@ def _each(item: Called) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]
 def side_by_side(typing: Any, e: Any, places: Any, staged: Any, take: Any, law: Any, give: Any) -> Any:
-    """What :func:`twin_gait.simulation.interface.side_by_side` is bound to for one episode."""
+    """Generate the vectorized version of :func:`twin_gait.simulation.interface.side_by_side`."""
     taken = _law(typing, take.dispatcher, (e, types.int64, staged))
     ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
     given = _law(typing, give.dispatcher, (e, types.int64, ruled[1].return_type))
@@ -143,7 +143,10 @@ def side_by_side(typing: Any, e: Any, places: Any, staged: Any, take: Any, law: 
 
 
 def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
-    """What a loop of one episode is bound to so that laws for several things at once become vectors."""
+    """Return the functions that vectorize laws in the loop of one episode, by the names that they replace.
+
+    ``kernel``: functions of the kernel by name.
+    """
     found = {"side_by_side": side_by_side}
     for item in SIDE_BY_SIDE:
         each = _each(item)

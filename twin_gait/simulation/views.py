@@ -1,8 +1,8 @@
-"""Types that show numba a block of episodes as the record of one.
+"""Types of numba that present a block of episodes like the record of one episode.
 
-A block (:func:`~twin_gait.simulation.block.side_by_side`), a lane of it, and every record or list in
-them are views: an address and a lane, with the fields of the record. What is alike in all lanes is read
-once, in the first one; of a block as a whole nothing else can be read, and nothing written.
+A block (:func:`~twin_gait.simulation.block.side_by_side`), a lane of it, and every record or list in them are
+views: an address and a lane, with the fields of the record. Fields that are equal in all lanes are read once,
+in the first lane; other fields of a block as a whole cannot be read, and none can be written.
 """
 
 # numba and llvmlite have no types.
@@ -29,36 +29,36 @@ INTEGER = ir.IntType(64)
 
 @lru_cache(maxsize=1024)
 def _short(item: Any) -> str:
-    """Name of a type; that of a record would be a page, in the name of every function that takes it."""
+    """Return a short name of a type; the full name of a record would make all function names too long."""
     return hashlib.blake2b(str(item).encode(), digest_size=6).hexdigest()
 
 
 class View(types.Type):
-    """What stands at a place of a block.
+    """Type of a record, a list or the lanes at an address in a block.
 
     Attributes:
         item: numba's type of the record, or of an entry of the list.
-        field: Name of the field that it stands in, as far as that matters; see :func:`_field`.
-        whole: Whether it is that of all lanes.
-        count: Entries of a list.
+        field: Name of the field that contains the view; see :func:`_field`.
+        whole: Whether the view is of all lanes.
+        count: Number of entries of a list.
     """
 
     def __init__(self, item: Any, field: str, whole: bool, count: int = 0) -> None:
-        """Name the type by all that it depends on."""
+        """Name the type by all values that it depends on."""
         self.item, self.field, self.whole, self.count = item, field, whole, count
         super().__init__(f"{type(self).__name__}({_short(item)}, {field}, {whole}, {count})")
 
 
 class RecordView(View):
-    """A record."""
+    """View of a record."""
 
 
 class ListView(View, types.IterableType):
-    """A list of records or numbers with ``count`` entries."""
+    """View of a list of records or numbers with ``count`` entries."""
 
     @property
     def iterator_type(self) -> Any:
-        """Of its entries."""
+        """Type of the iterator over the entries."""
         entry = _found(self, self.item, self.field)
         if entry is None:
             raise TypingError(f"{self.field}: unlike in the lanes")
@@ -66,19 +66,19 @@ class ListView(View, types.IterableType):
 
 
 class LanesView(View, types.IterableType):
-    """The lanes of a block, one after the other; ``count`` says whether in vectors."""
+    """View of the lanes of a block in order; ``count`` is 1 if the loop over them is vectorized, else 0."""
 
     @property
     def iterator_type(self) -> Any:
-        """Of lanes."""
+        """Type of the iterator over the lanes."""
         return ViewIterator(self, RecordView(self.item, self.field, False))
 
 
 class ViewIterator(types.SimpleIteratorType):
-    """Goes through a list or the lanes."""
+    """Iterator over a list or over the lanes."""
 
     def __init__(self, over: View, entry: Any) -> None:
-        """Name it by what it goes through."""
+        """Name the type by the view that it iterates over."""
         self.over = over
         super().__init__(f"iter({over.name})", entry)
 
@@ -98,12 +98,12 @@ class _IteratorModel(extending.models.StructModel):
 
 
 def _field(owner: str, name: str) -> str:
-    """Name of a field, after that of its record if the lanes have it in common."""
+    """Return the name of a field, with the name of its record as a prefix if all lanes share the field."""
     return f"{owner}.{name}" if f"{owner}.{name}" in SHARED else name
 
 
 def _found(view: Any, item: Any, field: str) -> Any:
-    """Type of what stands in a view: a number, None if it may not be read, or a view of what is larger."""
+    """Return the type of an item of a view: a number, a view, or None if the item must not be read."""
     if isinstance(item, types.Record):
         return RecordView(item, field if field in _OWNERS else "", view.whole)
     if isinstance(item, types.NestedArray):
@@ -151,7 +151,7 @@ class _Stores(templates.AbstractTemplate):
 
 
 @extending.overload(len)
-def _length(view):  # numba compares this with the signature of what it returns
+def _length(view):  # numba compares this signature with that of the returned function
     if isinstance(view, ListView):
         count = view.count
         return lambda view: count
@@ -162,20 +162,20 @@ def _length(view):  # numba compares this with the signature of what it returns
 
 
 def make_view(context: Any, builder: Any, kind: Any, base: Any, lane: Any) -> Any:
-    """A view in machine code, from the address of its part of the first lane and the lane that is meant."""
+    """Generate a view from the address of its data in the first lane and the number of its lane."""
     made = cgutils.create_struct_proxy(kind)(context, builder)
     made.base, made.lane = base, lane
     return made._getvalue()
 
 
 def _address(context: Any, builder: Any, kind: Any, view: Any, offset: Any) -> tuple[Any, Any]:
-    """Where something stands, ``offset`` bytes of a block from a view, and which lane is meant."""
+    """Generate the address of an item, ``offset`` bytes of a block from a view, and its lane."""
     view = cgutils.create_struct_proxy(kind)(context, builder, view)
     return builder.gep(view.base, [offset], inbounds=True), view.lane
 
 
 def _load(context: Any, builder: Any, kind: Any, view: Any, item: Any, field: str, offset: Any) -> Any:
-    """A number, or the view of what is larger."""
+    """Generate the read of a number, or the view of a record or list."""
     base, lane = _address(context, builder, kind, view, offset)
     found, shared = _found(kind, item, field), field in SHARED
     if isinstance(found, View):
@@ -185,7 +185,7 @@ def _load(context: Any, builder: Any, kind: Any, view: Any, item: Any, field: st
         address = builder.gep(address, [lane], inbounds=True)
     number = builder.load(address, align=WORD)
     _label(builder, number, field)
-    if shared:  # read in the first lane, once
+    if shared:  # the value of the first lane is read once
         number.set_metadata("invariant.load", builder.module.add_metadata([]))
     return number
 
@@ -201,19 +201,22 @@ def _store(
 
 
 def _label(builder: Any, access: Any, name: str) -> None:
-    """Fields of different names lie apart: LLVM need not compare their places, which are too many for it."""
+    """Mark an access by the name of its field, because fields of different names never overlap.
+
+    LLVM then does not compare the addresses, which are too many for its analysis.
+    """
     note = builder.module.add_metadata
     label = note([name, note(["lanes"]), INTEGER(0)])
     access.set_metadata("tbaa", note([label, label, INTEGER(0)]))
 
 
 def _part(kind: Any, name: str) -> tuple[Any, str, Any]:
-    """Type, name and place of a field of a record."""
+    """Return type, name and offset in bytes of a field of a record."""
     return kind.item.typeof(name), _field(kind.field, name), INTEGER(kind.item.offset(name) * WIDTH)
 
 
 def _entry(builder: Any, kind: Any, index: Any) -> tuple[Any, str, Any]:
-    """Likewise of an entry of a list."""
+    """Return type, name and offset in bytes of an entry of a list."""
     offset = builder.mul(index, INTEGER(_bytes_of(kind.item) * WIDTH), flags=("nsw",))
     return kind.item, kind.field, offset
 
@@ -260,7 +263,7 @@ def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
     loops = builder.function.__dict__.setdefault("view_loops", [])
     loops.append((header, state.index, over))
     if isinstance(over, LanesView):
-        # Without a branch: a lane kept from before would tie one pass to the next.
+        # There is no branch, because a lane from the last iteration would make the iterations dependent.
         block = cgutils.create_struct_proxy(over)(context, builder, state.over)
         result.yield_(make_view(context, builder, kind.yield_type, block.base, index))
         return

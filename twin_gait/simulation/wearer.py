@@ -1,4 +1,4 @@
-"""What the wearer does at hips and knees, limb by limb, and when in the stride: by phase and hip angle."""
+"""Wearer's hips and knees: their normative moments, by phase and hip angle."""
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -17,19 +17,19 @@ from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation.episode import LOWEST_POSTURE, POSTURE_STEP, Limb
 from twin_gait.vocabulary import JointName
 
-# Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance
-# and swing begin and end, then what divides them, the coarsest division first: the heel rises, the other foot
-# has left the ground, it lands (between terminal stance and pre-swing); initial and mid swing end.
+# Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). The first two are
+# begin and end of stance and of swing; the others divide them, the coarsest division first: rise of the heel,
+# toe-off and landing of the other foot (between terminal stance and pre-swing); end of initial and mid swing.
 _STANCE_EVENTS = (0.0, 62.0, 31.0, 12.0, 50.0)
 _SWING_EVENTS = (62.0, 100.0, 75.0, 87.0)
-POSTURES = 41  # hip angles of the normative moments
-_SAMPLES = 51  # of the cycle in a phase
+POSTURES = 41  # Number of hip angles of the normative moments.
+_SAMPLES = 51  # Number of samples of the reference curve in a phase.
 
 
 def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[Limb]:
-    """Hips and knees of the wearer of an experiment, leg by leg; without moments if the wearer does nothing.
+    """Return hips and knees of the wearer, leg by leg; without moments if there is no wearer or only a mass.
 
-    Raises ParameterError if the wearer makes an effort, and the table's cycle is no stride.
+    Raises ParameterError if the wearer makes an effort and the cycle of the table is not a stride.
     """
     patient, places = experiment.patient, [(side, joint) for side in model.sides for joint in WEARER_JOINTS]
     if patient is None or patient.is_mass_alone:
@@ -48,16 +48,16 @@ def limbs_of(experiment: Experiment, table: GaitTable, model: LegModel) -> list[
 
 
 def phase_spans(table: GaitTable) -> dict[str, tuple[float, float]]:
-    """Where the phases of a table lie in healthy walking, by their order in its cycle.
+    """Assign spans of the healthy gait cycle to the phases of a table, by their order in its cycle.
 
-    The phases of a stance divide it among them at the events of Perry's cycle, and those of a swing likewise:
-    two phases of stance meet where the heel rises, three are those of the five, a fourth begins where the
-    other foot lands. Where there are more phases than events, the longest is halved. The cycle is the first
-    that the table names, or its phases in their order. A phase of swing outside it begins a walk and is the
-    first swing of any stride.
+    The phases of stance divide it at the events of Perry's cycle, and the phases of swing likewise: two
+    phases of stance meet where the heel rises, the boundaries of three are the rise of the heel and the
+    toe-off of the other foot, and a fourth begins where the other foot lands. If there are more phases than
+    events, the longest span is halved. The cycle is the first one of the table, or all phases in their order.
+    A phase of swing outside of the cycle begins a walk and has the span of the first swing phase.
 
-    Returns the first and last instant in [%] of the cycle by phase; nothing for a phase of stance outside the
-    cycle, in which the wearer stands still. Raises ParameterError if the cycle has no stance, or no swing.
+    Returns the first and last instant in [%] of the cycle by phase, without the phases of stance outside of
+    the cycle, in which the wearer stands still. Raises ParameterError if the cycle has no stance or no swing.
     """
     cycle = table.cycles[0] if table.cycles else table.phase_names
     begins = [i for i in range(len(cycle)) if table.is_swing(cycle[i - 1]) and not table.is_swing(cycle[i])]
@@ -87,13 +87,14 @@ def _cuts(events: Sequence[float], phases: int) -> list[float]:
 def _moments(
     experiment: Experiment, table: GaitTable, spans: Mapping[str, tuple[float, float]], joint: JointName
 ) -> np.ndarray:
-    """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
+    """Return normative moments in [N·m] by phase and hip angle, shape ``(n_phases, POSTURES)``.
 
-    On the ground the legs carry what the support leaves, and stance moments shrink with it; a leg in the
-    air carries nothing. A wearer who stands still leaves that to the device.
+    The moment is that of the instant of the phase with the nearest hip angle. Stance moments are scaled by
+    the carried share of the weight, swing moments are not. In phases without a span, in which the wearer
+    stands still, they are 0, because the device alone supports the wearer.
     """
     patient, walking, speed, carried = experiment.patient, experiment.scenario.walking, SLOWEST, 0.0
-    assert patient is not None  # else there are no moments
+    assert patient is not None  # without a wearer there are no moments
     if walking is not None:
         speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
     rows = np.zeros((len(table.phases), POSTURES))
@@ -107,13 +108,13 @@ def _moments(
 
 @lru_cache(maxsize=64)
 def _instants(span: tuple[float, float], speed: float, height: float) -> np.ndarray:
-    """Instants of a span of the cycle in [%] at which the healthy hip is nearest to each posture.
+    """Return the instants of a span in [%] of the cycle at which the healthy hip is nearest to each angle.
 
-    The same for all limbs of a wearer, and for all tables that are tried on one.
+    They are cached, because all limbs of a wearer and all tables of one wearer use the same instants.
     """
     percent = np.linspace(*span, _SAMPLES)
     hip = reference_curve(JointName.HIP, percent, speed=speed, height=height)
     postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
     found = np.asarray(percent[np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)])
-    found.setflags(write=False)  # it is kept
+    found.setflags(write=False)  # the array is cached
     return found

@@ -1,6 +1,6 @@
-"""A test on the joint bench: one nested record of everything that a tick reads and writes.
+"""State record of a test on the joint bench: everything that a tick reads and writes.
 
-What is said of motor and rotor is what the joint sees of them, behind the gear.
+Quantities of motor and rotor are those at the joint, on the output of the gear.
 """
 
 from dataclasses import dataclass, field
@@ -15,150 +15,150 @@ from twin_gait.core.plant import ImposedMotion
 from twin_gait.simulation.episode import COMPLETED, Recording
 from twin_gait.simulation.log import Columns, LogLayout
 
-# What drives the winding.
+# Drive of the winding.
 OPEN, IDEAL, PI, DUTY = range(4)
-# What the inertia compensation takes its acceleration from: the encoder, or what an inertial unit measures.
+# Source of the acceleration for the inertia compensation: the encoder, or a sensor of the inertial unit.
 ENCODER, GYROSCOPE, ACCELEROMETER = range(3)
 
 
-# The columns of the thesis's log files, then what no bench can see.
+# Columns of the thesis's log files, followed by quantities that no bench can measure.
 BENCH = Columns(
     "encoder, winding, torques, demand, asked = e.encoder, e.winding, e.torques, e.demand, e.asked",
-    time_s=("e.time", "since the start"),
+    time_s=("e.time", "time since the start"),
     position_rad=("encoder.angle", "encoder angle"),
-    target_position_rad=("demand.equilibrium", "of the path, or the equilibrium of the impedance"),
-    measured_current_A=("winding.sample", "sample of the shunts that the current loop works with"),
-    target_current_A=("winding.target_current", "that the drive is asked for, or what a duty should drive"),
-    bus_voltage_V=("e.bus_voltage", "of the drive"),
-    target_torque_Nm=("demand.target", "added to the command, with what the path's acceleration needs"),
-    velocity_rad_per_s=("(encoder.angle - encoder.last_angle) / TICK", "of the encoder angle over a tick"),
+    target_position_rad=("demand.equilibrium", "angle of the path, or equilibrium angle of the impedance"),
+    measured_current_A=("winding.sample", "current sample that the current loop uses"),
+    target_current_A=("winding.target_current", "current setpoint, or expected current of a duty"),
+    bus_voltage_V=("e.bus_voltage", "voltage of the supply of the drive"),
+    target_torque_Nm=("demand.target", "torque added to the command, with that for the path's acceleration"),
+    velocity_rad_per_s=("(encoder.angle - encoder.last_angle) / TICK", "change of encoder angle per tick"),
     duty=("winding.duty", "share of the bus voltage on the winding"),
     motor_angle_rad=("e.rotor.angle", "true angle of the rotor at the joint"),
-    motor_velocity_rad_per_s=("e.rotor.velocity", "of it"),
-    motor_acceleration_rad_per_s2=("e.rotor.acceleration", "of it"),
+    motor_velocity_rad_per_s=("e.rotor.velocity", "true velocity of the rotor at the joint"),
+    motor_acceleration_rad_per_s2=("e.rotor.acceleration", "true acceleration of the rotor at the joint"),
     link_angle_rad=("e.link.angle", "true angle of the link"),
-    link_velocity_rad_per_s=("e.link.velocity", "of it"),
-    velocity_fast_rad_per_s=("encoder.velocity_fast", "first-order estimate"),
-    velocity_slow_rad_per_s=("encoder.velocity_slow", "decimated and averaged estimate"),
+    link_velocity_rad_per_s=("e.link.velocity", "true velocity of the link"),
+    velocity_fast_rad_per_s=("encoder.velocity_fast", "fast velocity, a first-order estimate"),
+    velocity_slow_rad_per_s=("encoder.velocity_slow", "slow velocity, a decimated and averaged estimate"),
     current_A=("winding.current", "true current of the winding"),
-    voltage_V=("winding.voltage", "on the winding"),
-    impedance_torque_Nm=("asked.impedance", "of virtual spring and damper"),
+    voltage_V=("winding.voltage", "voltage on the winding"),
+    impedance_torque_Nm=("asked.impedance", "torque of virtual spring and damper"),
     friction_compensation_torque_Nm=("asked.friction", "G times the friction of the model"),
-    inertia_compensation_torque_Nm=("demand.inertia", "share of the inertia torque that is compensated"),
-    motor_command_torque_Nm=("asked.torque", "sum of the four, before limits"),
-    motor_torque_Nm=("torques.motor", "of the current, before the losses of the gear"),
-    friction_torque_Nm=("torques.friction", "of motor and gear on the rotor"),
-    gear_loss_torque_Nm=("torques.gear_loss", "that the gear loses under load, on the rotor"),
-    load_torque_Nm=("torques.load", "of gravity on the link"),
-    stop_torque_Nm=("torques.stop", "of the mechanical stops on the link"),
-    imposed_motion_torque_Nm=("e.imposed_motion.torque", "of the hand that leads the link"),
+    inertia_compensation_torque_Nm=("demand.inertia", "compensated share of the inertia torque"),
+    motor_command_torque_Nm=("asked.torque", "sum of the four torques, before limits"),
+    motor_torque_Nm=("torques.motor", "torque of the current, before the losses of the gear"),
+    friction_torque_Nm=("torques.friction", "friction of motor and gear on the rotor"),
+    gear_loss_torque_Nm=("torques.gear_loss", "loss of the gear under load, on the rotor"),
+    load_torque_Nm=("torques.load", "torque of gravity on the link"),
+    stop_torque_Nm=("torques.stop", "torque of the mechanical stops on the link"),
+    imposed_motion_torque_Nm=("e.imposed_motion.torque", "torque of the hand that leads the link"),
 )
 LAYOUT = LogLayout((("", 0, BENCH),))
-# Columns of the thesis's log files, in this order.
+# Columns of the thesis's log files, in the order of the files.
 LOG_COLUMNS = LAYOUT.names[:9]
 
 
 @dataclass(frozen=True, eq=False)
 class BenchVariation:
-    """What differs from one test to the next though nothing was changed."""
+    """Random differences between repeated tests with the same parameters."""
 
-    current_offset: float = 0.0  # Of the current measurement in [A].
-    friction_ratio: float = 1.0  # On the friction law.
-    ripple_phase: float = 0.0  # Of the friction that repeats with the angle, in [rad].
+    current_offset: float = 0.0  # Offset of the current measurement in [A].
+    friction_ratio: float = 1.0  # Factor on the friction law.
+    ripple_phase: float = 0.0  # Phase of the friction that is periodic in the angle, in [rad].
     duty_start: int = 0  # Ticks that the sine of (2.1a) has run when the test begins.
 
 
 @dataclass(slots=True)
 class Winding:
-    """Winding of the motor, with the inverter on it and the loop that drives it."""
+    """State of the winding of the motor, of its inverter and of its current loop."""
 
-    drive: int  # ``OPEN`` winding, ``IDEAL`` or ``PI`` current loop, or a ``DUTY`` without one.
-    periods: int  # Of the current loop in a tick.
-    period: float  # Its length in [s].
-    proportional_gain: float  # K_p in [V] / [A].
-    integral_gain: float  # K_i in [V] / [A s].
-    line: DelayLine  # Samples of the current on their way to the loop in [A].
-    sample: float = 0.0  # With which the loop works in [A].
-    target_current: float = 0.0  # In [A].
+    drive: int  # Drive: ``OPEN`` winding, ``IDEAL`` or ``PI`` current loop, or a ``DUTY`` without one.
+    periods: int  # Number of periods of the current loop in a tick.
+    period: float  # Length of a period of the current loop in [s].
+    proportional_gain: float  # Gain K_p of the current loop in [V] / [A].
+    integral_gain: float  # Gain K_i of the current loop in [V] / [A s].
+    line: DelayLine  # Delay line of the current samples in [A].
+    sample: float = 0.0  # Sample that the current loop uses in [A].
+    target_current: float = 0.0  # Target current in [A].
     integral: float = 0.0  # Voltage of the integral part in [V].
-    voltage: float = 0.0  # In [V].
-    duty: float = 0.0  # Share of the bus voltage.
-    current: float = 0.0  # In [A].
-    mean_current: float = 0.0  # Over the last period in [A].
-    energy: float = 0.0  # Drawn in this tick in [J].
+    voltage: float = 0.0  # Voltage on the winding in [V].
+    duty: float = 0.0  # Share of the bus voltage on the winding.
+    current: float = 0.0  # Current of the winding in [A].
+    mean_current: float = 0.0  # Mean current over the last period in [A].
+    energy: float = 0.0  # Energy drawn in this tick in [J].
 
 
 @dataclass(slots=True)
 class Acceleration:
-    """Acceleration for the inertia compensation, as the firmware estimates it."""
+    """State of the firmware's estimate of the acceleration for the inertia compensation."""
 
     source: int  # ``ENCODER``, whose fast velocity is differentiated, ``GYROSCOPE`` or ``ACCELEROMETER``.
-    gain: float  # Of the filter.
-    line: DelayLine  # Samples of the inertial unit on their way.
-    last_sample: float = 0.0  # The last one that was used.
-    estimate: float = 0.0  # In [rad] / [s²].
+    gain: float  # Gain of the first-order filter.
+    line: DelayLine  # Delay line of the samples of the inertial unit.
+    last_sample: float = 0.0  # Last sample that was used.
+    estimate: float = 0.0  # Filtered angular acceleration in [rad] / [s²].
 
 
 @dataclass(slots=True)
 class Body:
-    """What turns: rotor with wave generator, or link with weight."""
+    """State of a rotating body: rotor with wave generator, or link with weight."""
 
-    inertia: float  # In [kg m²].
-    angle: float  # In [rad].
-    velocity: float  # In [rad] / [s].
-    acceleration: float = 0.0  # In [rad] / [s²], as the log has it.
+    inertia: float  # Moment of inertia at the joint in [kg m²].
+    angle: float  # Angle in [rad].
+    velocity: float  # Angular velocity in [rad] / [s].
+    acceleration: float = 0.0  # Angular acceleration in [rad] / [s²], for the log.
 
 
 @dataclass(slots=True)
 class Torques:
-    """What acts beside torsion and imposed motion, as it was last, in [N m]."""
+    """Last torques on rotor and link in [N·m], except torsion and imposed motion."""
 
-    motor: float = 0.0  # Of the current, as the log has it.
-    friction: float = 0.0  # On the rotor.
-    gear_loss: float = 0.0  # On the rotor.
-    load: float = 0.0  # Of gravity on the link.
-    stop: float = 0.0  # On the link.
+    motor: float = 0.0  # Torque of the current, for the log.
+    friction: float = 0.0  # Friction torque on the rotor.
+    gear_loss: float = 0.0  # Torque on the rotor that the gear loses under load.
+    load: float = 0.0  # Torque of gravity on the link.
+    stop: float = 0.0  # Torque of the mechanical stops on the link.
 
 
 @dataclass(slots=True)
 class BenchEpisode:
-    """Everything that a tick reads and writes.
+    """State record of a test: everything that a tick reads and writes.
 
-    Parts that a test may lack stand here all the same, so that all tests share one compiled loop.
+    Parts that a test may lack are included, so that all tests share one compiled loop.
     """
 
     test: worlds.BenchJoint  # Parameters of the parts that every test has.
-    variation: BenchVariation  # What chance adds to them.
-    fast_gain: float  # Of the fast velocity filter.
-    encoder: Encoder  # On the motor.
+    variation: BenchVariation  # Random differences from other tests with these parameters.
+    fast_gain: float  # Gain of the filter of the fast velocity.
+    encoder: Encoder  # Encoder on the motor.
     motor: Motor  # Motor and gear.
     winding: Winding
-    bus_voltage: float  # Present one in [V].
+    bus_voltage: float  # Present bus voltage in [V].
     rotor: Body
     link: Body
-    horizontal_angle: float  # At which the link is level, in [rad].
-    moment: float  # Of weight and link in [kg m].
-    torsion: worlds.Torsion  # Of the gear.
-    compliant: bool  # Whether there is torsion.
-    efficiency: worlds.CatalogueEfficiency  # Of the gear, from its catalogue or constant.
-    friction: PlantFriction  # Of motor and gear.
-    ripple_cosine: float  # Part in [N m] of the friction that repeats with the angle.
-    ripple_sine: float  # Likewise.
-    imposed_motion: ImposedMotion  # Of the link; its place is 0, or -1 for none.
+    horizontal_angle: float  # Angle at which the link is level, in [rad].
+    moment: float  # Mass moment of weight and link in [kg m].
+    torsion: worlds.Torsion  # Torsion of the gear.
+    compliant: bool  # Whether the gear has torsion.
+    efficiency: worlds.CatalogueEfficiency  # Efficiency of the gear, from its catalogue or constant.
+    friction: PlantFriction  # Friction of motor and gear.
+    ripple_cosine: float  # Cosine amplitude of the friction that is periodic in the angle, in [N·m].
+    ripple_sine: float  # Sine amplitude of this friction in [N·m].
+    imposed_motion: ImposedMotion  # Imposed motion of the link; its place is 0, or -1 for none.
     unit: worlds.InertialUnit  # Inertial unit on the link.
-    acceleration: Acceleration  # For the inertia compensation.
-    torque_control: worlds.TorqueControl  # What the torque control asks for.
-    path: worlds.CosinePath  # Of its equilibrium angle.
+    acceleration: Acceleration  # Acceleration for the inertia compensation.
+    torque_control: worlds.TorqueControl  # Parameters of the torque control.
+    path: worlds.CosinePath  # Path of the equilibrium angle.
     old_model: worlds.OldFrictionModel  # TWIN's old friction model.
-    old: bool  # Whether it takes the place of the compensator's friction model.
-    duty_control: worlds.DutyControl  # What the control of duties asks for.
-    ticks_at_stop: int = 0  # Since the upper stop was reached.
+    old: bool  # Whether the old model replaces the friction model of the compensation.
+    duty_control: worlds.DutyControl  # Parameters of the duty control.
+    ticks_at_stop: int = 0  # Ticks since the link reached the upper stop.
     status: int = COMPLETED  # ``COMPLETED`` or ``DIVERGED``.
-    # Of the bristles that some laws of friction have, at the start of the step, in [rad].
+    # Deflection of the bristles in some friction laws at the start of the step, in [rad].
     deflection: float = 0.0
-    demand: Demand = field(default_factory=Demand)  # What the control of torques feeds forward, and its θ0.
-    asked: Command = field(default_factory=Command)  # What it asks of the drive.
+    demand: Demand = field(default_factory=Demand)  # Feed-forward torques and θ0 of the torque control.
+    asked: Command = field(default_factory=Command)  # Torques of the command to the drive.
     torques: Torques = field(default_factory=Torques)
-    time: float = 0.0  # Of the tick in [s].
-    # Of the noise each number is a row, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.
+    time: float = 0.0  # Time of the tick in [s].
+    # Each number of the noise is a row, see :func:`~twin_gait.simulation.bench_joint.loop.bench_noise`.
     recording: Recording = field(default_factory=lambda: Recording(most_switches=0, n_noise=1))

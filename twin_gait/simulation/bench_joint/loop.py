@@ -1,4 +1,4 @@
-"""A test on the joint bench: its record at tick 0, and its run in a loop that is compiled and kept."""
+"""Simulation of a test on the joint bench: its record at tick 0, and its run in a cached compiled loop."""
 
 import math
 from dataclasses import dataclass, replace
@@ -30,15 +30,16 @@ from twin_gait.simulation.run import RunStatus
 
 @dataclass(frozen=True, eq=False)
 class BenchRun:
-    """What a test left behind."""
+    """Result of a test."""
 
-    test: worlds.BenchJoint  # The test.
-    # One row per tick; behind ``LOG_COLUMNS`` what no bench can see: friction, true motion, true current.
+    test: worlds.BenchJoint  # Parameters of the test.
+    # Log with one row per tick; after ``LOG_COLUMNS`` come quantities that no bench can measure: friction,
+    # true motion and true current.
     log: pd.DataFrame
-    status: RunStatus  # Completed or diverged.
+    status: RunStatus  # Status at the end, completed or diverged.
 
     def column(self, name: str) -> np.ndarray:
-        """A column by its name, with its unit, shape ``(n_ticks,)``."""
+        """Return a column by its name, which includes the unit, shape ``(n_ticks,)``."""
         return self.log[name].to_numpy()
 
 
@@ -52,16 +53,16 @@ def simulate_bench(
     """Simulate a test.
 
     Args:
-        test: The bench and what is done on it.
-        seed: Of the noise of current and encoder.
-        variation: What chance adds to this test.
+        test: Parameters of the bench and of the test.
+        seed: Seed of the noise of encoder, inertial unit and current.
+        variation: Random differences from other tests, by default none.
         on_compile: Called if the loop has to be compiled.
 
     Returns:
         The run.
 
     Raises:
-        ParameterError: If parts of the test do not go together.
+        ParameterError: If parts of the test are incompatible.
     """
     ticks = max(1, round(test.duration / TICK))
     episode, noise = bench_episode(test, variation or record.BenchVariation()), bench_noise(test, ticks, seed)
@@ -75,7 +76,7 @@ def simulate_bench(
 
 
 def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Loop:
-    """The compiled loop of tests of one layout; the laws beside (3.1) slow the others down."""
+    """Return the compiled loop of tests with one layout, without the slow laws besides (3.1) if possible."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
@@ -91,15 +92,15 @@ def _loop(episode: np.dtype[Any], other_laws: bool, on_compile: OnCompile) -> Lo
 
 
 def bound_rooms(other_laws: bool) -> dict[str, Any]:
-    """What the rooms of a test are bound to, beside the rows of its log and its noise."""
+    """Return the names that the steps of a test are bound to, except the rows of log and noise."""
     return {"OTHER_LAWS": other_laws, **kernel_functions(record.LAYOUT.writer, {"TICK": TICK})}
 
 
 def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
-    """Draw the noise of a test; what is not noisy draws nothing.
+    """Draw the noise of a test; sensors without noise draw no random numbers.
 
-    Returns shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial
-    unit and of the sample of the current in each period of its loop.
+    Returns shape ``(ticks, 2 + periods)``: noise of the encoder in [rad], then standard normal numbers for
+    the inertial unit and for the current sample in each period of the current loop.
     """
     rng, sensors, periods = np.random.default_rng(seed), test.sensors, _periods(test)
     noise = np.zeros((ticks, CURRENT_NOISE + periods))
@@ -113,9 +114,9 @@ def bench_noise(test: worlds.BenchJoint, ticks: int, seed: int) -> np.ndarray:
 
 
 def bench_episode(test: worlds.BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
-    """The record of a test at tick 0.
+    """Return the record of a test at tick 0.
 
-    Raises ParameterError if parts of the test do not go together.
+    Raises ParameterError if parts of the test are incompatible.
     """
     link, friction, sensors = test.link, test.friction, test.sensors
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
@@ -180,5 +181,5 @@ def _acceleration(test: worlds.BenchJoint, unit: worlds.InertialUnit) -> record.
 
 def _torque_control(test: worlds.BenchJoint) -> worlds.TorqueControl:
     if not isinstance(test.control, worlds.TorqueControl):
-        return worlds.TorqueControl(friction_model=KNEE_FRICTION)  # not looked at
+        return worlds.TorqueControl(friction_model=KNEE_FRICTION)  # not used
     return replace(test.control, friction_model=test.control.friction_model.normalised())

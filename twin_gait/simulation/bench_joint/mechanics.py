@@ -1,4 +1,4 @@
-"""Winding, rotor and link: currents, torques, and a step in time."""
+"""Mechanics of the joint bench: current of the winding, torques on rotor and link, and a step in time."""
 
 from twin_gait.core.actuator import current_to_torque, voltage_limited_current
 from twin_gait.core.contact import mechanical_stop_torque
@@ -17,7 +17,7 @@ from twin_gait.simulation.bench_joint.episode import IDEAL, OPEN, PI, BenchEpiso
 
 
 def drive_winding(e: BenchEpisode, velocity: float) -> None:
-    """Current at the end of a period and its mean, at the joint velocity in the middle of it."""
+    """Compute the current at the end of a period and its mean, at the joint velocity in its middle."""
     motor, winding, counts = e.motor, e.winding, e.test.drive.counts
     if winding.drive == OPEN:
         return
@@ -43,12 +43,12 @@ def drive_winding(e: BenchEpisode, velocity: float) -> None:
 
 
 def motor_torque(e: BenchEpisode, current: float) -> float:
-    """Torque of a current at the joint, before the losses of the gear."""
+    """Return the torque of a current in [A] at the joint in [N·m], before the losses of the gear."""
     return current_to_torque(current, e.motor.torque_constant, e.motor.gear_ratio)
 
 
 def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
-    """Accelerations of rotor and link at the present state and current."""
+    """Return the accelerations of rotor and link in [rad] / [s²] at the present state and current."""
     torque = motor_torque(e, e.winding.current)
     e.torques.motor = torque
     return accelerations(e, time, torque, e.rotor.angle, e.rotor.velocity, e.link.angle, e.link.velocity)
@@ -57,9 +57,9 @@ def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
 def accelerations(
     e: BenchEpisode, time: float, torque: float, q1: float, v1: float, q2: float, v2: float
 ) -> tuple[float, float]:
-    """Accelerations of rotor and link, at angles and velocities of the rotor (1) and of the link (2).
+    """Return the accelerations of rotor and link at angles and velocities of rotor (1) and link (2).
 
-    What acts on them beside the motor's torque is kept in ``e.torques`` and the imposed motion.
+    ``torque``: motor torque in [N·m]. The other torques are written to ``e.torques`` and the imposed motion.
     """
     torques, motion, link = e.torques, e.imposed_motion, e.test.link
     base = link.stops
@@ -104,13 +104,13 @@ def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> fl
 
 
 def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> float:
-    r"""Torque on the rotor that the gear loses under load.
+    r"""Return the torque on the rotor that the gear loses under load, in [N·m].
 
-    A loss :math:`T_l = s\,\tau` slows the rotor, whose inertia gives back the share :math:`c` of it to the
-    load of the gear: :math:`\tau = \tau_0 + c\,T_l = \tau_0 / (1 - c s)`.
+    A loss :math:`T_l = s\,\tau` slows the rotor, and the rotor's inertia adds the share :math:`c` of it to
+    the load of the gear: :math:`\tau = \tau_0 + c\,T_l = \tau_0 / (1 - c s)`.
 
-    ``load``: :math:`\tau_0`, what the gear would pass on without losses, in [N m]. ``velocity``: of the rotor
-    at the joint in [rad] / [s]. ``share``: :math:`c` of the rotor in the inertia that turns with it.
+    ``load``: torque :math:`\tau_0` that the gear would transmit without losses, in [N·m]. ``velocity``:
+    velocity of the rotor at the joint in [rad] / [s]. ``share``: :math:`c`, rotor inertia over total inertia.
     """
     gear = e.efficiency
     efficiency = drive_efficiency(gear.temperature, e.motor.gear_ratio * velocity, gear.coefficients)

@@ -1,9 +1,9 @@
-"""A tick of the joint bench: measure, control, record; then periods of the current loop.
+"""Tick of the joint bench: measurement, control and log, followed by periods of the current loop.
 
-In every period: sample the current, set the voltage, advance winding and mechanics. These two take turns:
-the back-EMF is that of the velocity in the middle of the period, the winding is solved exactly, and the mean
-current drives a Runge-Kutta step of the mechanics. The error shrinks with the square of the period, and to
-nothing at constant speed.
+Each period samples the current, sets the voltage and advances winding and mechanics in alternation: the
+back-EMF is that of the velocity in the middle of the period, the winding is solved exactly, and the mean
+current drives a Runge-Kutta step of the mechanics. The error decreases with the square of the period, and is
+zero at constant speed.
 """
 
 from twin_gait.core.actuator import dead_zone, sagged_bus_voltage
@@ -21,19 +21,19 @@ from twin_gait.simulation.episode import DIVERGED, DIVERGED_VELOCITY
 from twin_gait.simulation.interface import log_row, noise_row, write_row
 from twin_gait.worlds.bench_control import cosine_path, transparency_duty
 
-# Places in the noise of a tick; the samples of the current follow, one for each period of the loop.
+# Indices in the noise of a tick; the samples of the current follow, one for each period of the current loop.
 ANGLE_NOISE, UNIT_NOISE, CURRENT_NOISE = range(3)
 
 
 def noise(e: BenchEpisode, tick: int, place: int) -> float:
-    """Noise of a tick: of the encoder in [rad], else standard normal."""
+    """Return the noise of a tick at an index: in [rad] for the encoder, otherwise standard normal."""
     return noise_row(e, tick * (CURRENT_NOISE + e.winding.periods) + place)[0]
 
 
 def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
-    """Run ticks ``first`` to ``end - 1``, or until the test is over or has diverged, as ``e.status`` says.
+    """Run ticks ``first`` to ``end - 1``, or until the test is over or has diverged (see ``e.status``).
 
-    Returns the ticks that have been run since the start.
+    Returns the number of ticks since the start.
     """
     for tick in range(first, end):
         e.time = tick * TICK
@@ -57,7 +57,7 @@ def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
 
 
 def measure(e: BenchEpisode, tick: int) -> None:
-    """Encoder on the motor, the two velocity estimates, and the acceleration."""
+    """Read the encoder on the motor, and update both velocity estimates and the acceleration."""
     encoder, acceleration = e.encoder, e.acceleration
     reading = e.rotor.angle + noise(e, tick, ANGLE_NOISE)
     measure_joint(encoder, tick, reading, TICK, e.fast_gain, e.test.sensors.decimation)
@@ -71,7 +71,7 @@ def measure(e: BenchEpisode, tick: int) -> None:
 
 
 def _sense(e: BenchEpisode, tick: int) -> None:
-    """Angular acceleration of the link from the inertial unit on it; a sample is used after its delay."""
+    """Estimate the angular acceleration of the link from delayed samples of its inertial unit."""
     unit, acceleration = e.unit, e.acceleration
     taken = _unit_reading(e) + unit.noise * noise(e, tick, UNIT_NOISE)
     sample = delayed_sample(acceleration.line, tick, taken)
@@ -88,7 +88,7 @@ def _sense(e: BenchEpisode, tick: int) -> None:
 
 
 def _unit_reading(e: BenchEpisode) -> float:
-    """What the unit would report without noise: velocity, or specific force along its path."""
+    """Return the reading of the inertial unit without noise: velocity, or specific force along its path."""
     if e.acceleration.source != ACCELEROMETER:
         return e.link.velocity
     _, acceleration = present_accelerations(e, e.time)
@@ -97,7 +97,7 @@ def _unit_reading(e: BenchEpisode) -> float:
 
 
 def control(e: BenchEpisode, tick: int) -> None:
-    """Target current or duty of a tick."""
+    """Compute the target current or the duty of a tick."""
     if e.winding.drive == DUTY:
         _control_duty(e, tick)
     elif e.winding.drive != OPEN:
@@ -105,19 +105,19 @@ def control(e: BenchEpisode, tick: int) -> None:
 
 
 def _control_duty(e: BenchEpisode, tick: int) -> None:
-    """Duty that lets the joint be moved; no current loop is asked for anything."""
+    """Compute the duty with which the joint can be moved by hand, without a current loop."""
     motor, winding, velocity, counts = e.motor, e.winding, e.encoder.velocity_fast, e.test.drive.counts
     tick += e.variation.duty_start
     duty = transparency_duty(e.duty_control, motor, tick, velocity, e.bus_voltage, counts)
     winding.voltage = inverter_voltage(duty, counts, e.bus_voltage)
     winding.duty = winding.voltage / e.bus_voltage
-    # What the firmware can know of it: the current that this voltage drives at the measured speed.
+    # The firmware has only an estimate of the current: that of this voltage at the measured speed.
     back_emf = motor.torque_constant * motor.gear_ratio * velocity
     winding.target_current = (winding.voltage - back_emf) / motor.resistance
 
 
 def _control_torque(e: BenchEpisode) -> None:
-    """Torque of impedance, compensations and target, and the current that gives it."""
+    """Compute the torque of impedance, compensations and target, and the target current for it."""
     law, limits, encoder = e.torque_control, e.test.limits, e.encoder
     demand, asked = e.demand, e.asked
     inertia = e.rotor.inertia + e.link.inertia
@@ -133,7 +133,7 @@ def _control_torque(e: BenchEpisode) -> None:
 
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
-    """Friction torque of the compensator's model; the old one knew no slow velocity."""
+    """Return the friction torque of the compensation's model; the old model uses the fast velocity."""
     law, old, own = e.torque_control, e.old_model, e.torque_control.friction_model
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if law.follows_path else measured, law.dead_zone)
@@ -145,7 +145,7 @@ def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
 
 
 def advance(e: BenchEpisode, tick: int, number: int) -> None:
-    """One period of the current loop: sample, set the voltage, advance winding and mechanics."""
+    """Run one period of the current loop: sample, set the voltage, advance winding and mechanics."""
     winding, step = e.winding, e.winding.period
     sample_current(e, tick, number)
     time = e.time + number * step
@@ -156,7 +156,7 @@ def advance(e: BenchEpisode, tick: int, number: int) -> None:
 
 
 def sample_current(e: BenchEpisode, tick: int, number: int) -> None:
-    """Read the shunts in a period of a tick; the loop sees the sample after its delay."""
+    """Sample the current in a period of a tick; the current loop receives the sample after its delay."""
     winding, drive = e.winding, e.test.drive
     stray = e.variation.current_offset + drive.noise * noise(e, tick, CURRENT_NOISE + number)
     motor_angle = e.motor.gear_ratio * e.rotor.angle

@@ -1,4 +1,4 @@
-"""Steps of the drives: torques of the motors from their set points, and the voltage of the battery."""
+"""Steps of the drives: torques of the motors from their target currents, and the bus voltage."""
 
 from twin_gait.control.joint_board import note_drive
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
@@ -9,12 +9,12 @@ from twin_gait.simulation.structure import FAULTY
 
 
 def begin_power(e: Episode) -> None:
-    """Begin the sum of the power that the motors draw."""
+    """Reset the sum of the power that the motors draw."""
     e.supply.power = 0.0
 
 
 def drive(e: Episode, number: int, tick: int) -> None:
-    """Let a motor follow its set point."""
+    """Compute current and torque of a motor from its target current, with faults."""
     _drive(e, number)
     if FAULTY and tick >= e.first_fault and not e.joints[number].board.command.drive_off:
         _drive_faulty(e, number, tick)
@@ -22,7 +22,7 @@ def drive(e: Episode, number: int, tick: int) -> None:
 
 
 def draw_power(e: Episode) -> None:
-    """Draw the power of motors and electronics from the battery."""
+    """Compute the power of motors and electronics that the battery delivers."""
     battery = e.supply
     battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
 
@@ -48,7 +48,7 @@ def _drive_faulty(e: Episode, number: int, tick: int) -> None:
 
 
 def _note_drive(e: Episode, number: int) -> None:
-    """What the board sees of its drive, and what the motor draws."""
+    """Write the signals that the board measures at its drive, and add the power that the motor draws."""
     joint = e.joints[number]
     motor, velocity, current = joint.motor, e.v[joint.place], joint.current
     joint.voltage = winding_voltage(motor, current, velocity)
@@ -67,7 +67,7 @@ def sag(e: Episode, tick: int) -> None:
 
 
 def _dip(e: Episode, tick: int) -> None:
-    """Let a fault of the supply lower its voltage."""
+    """Reduce the bus voltage by a fault of the supply."""
     drop, highest = supply_drop(tick, e.faults), 0.0
     if drop > 0.0:
         for joint in e.joints:

@@ -1,15 +1,15 @@
-"""What boards, soles and gait controller tell each other in a tick: at once, or over the bus.
+"""Steps of the network: messages between boards, soles and gait controller, immediate or over the bus.
 
-Over the bus the gait controller hears measurements, and the boards set points, as they came last, rounded to
-the steps of their frames. Load sensors are wired to the boards of the knees, the sensor of the bus voltage to
-the gait controller. At the start the gait controller knows how the legs stand; a board that has been told
-nothing yet asks for no torque.
+Over the bus the gait controller receives measurements, and the boards receive setpoints. Both use the values
+received last, rounded to the resolution of the frames. Load sensors are connected to the boards of the knees,
+the sensor of the bus voltage to the gait controller. At the start the gait controller has the angles of the
+legs; a board that has not received a setpoint yet commands no torque.
 """
 
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, hear_board, hear_load, trip
 from twin_gait.control.joint_board import hear
 from twin_gait.core.can_bus import REBOOT, Frame, is_due
-from twin_gait.core.can_bus import advance as carry  # a name of its own in the schedule
+from twin_gait.core.can_bus import advance as carry  # every step needs a unique name in the schedule
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import BUS_TRIP, DRIVE_TRIP, NO_TRIP
@@ -17,7 +17,7 @@ from twin_gait.network.messages import CODES, COUNTS, MEASUREMENT, SETPOINT
 from twin_gait.simulation.episode import Episode, Wire
 from twin_gait.simulation.structure import CENTRAL, POINTS_PER_FOOT
 
-# Places of the numbers of a measurement and of a set point, and states of the latter.
+# Indices of the signals of a measurement and of a setpoint, and codes of the state in a setpoint.
 ANGLE, VELOCITY, CURRENT, FOOT_LOAD, CAUSE, COUNTER = map(
     list(MEASUREMENT).index, ("angle", "velocity", "current", "foot_load", "trip_cause", "counter")
 )
@@ -25,23 +25,23 @@ STIFFNESS, DAMPING, EQUILIBRIUM, GAIN, TORQUE, STATE, NUMBER = map(
     list(SETPOINT).index, ("stiffness", "damping", "equilibrium", "gain", "torque", "state", "counter")
 )
 HOLD, RUN = (float(CODES["state"].index(state)) for state in ("hold", "run"))
-_CCU = 0  # number of the node
+_CCU = 0  # Number of the node of the central unit.
 
 
 def hear_sole(e: Episode, number: int) -> None:
-    """Take the load of a foot."""
+    """Pass the load of a foot to the gait controller."""
     hear_load(e.controller, number, e.soles[number].load)
 
 
 def hear_supply(e: Episode) -> None:
-    """Take the bus voltage."""
+    """Pass the bus voltage to the gait controller."""
     e.controller.supply.voltage = e.supply.bus_voltage
 
 
 def _receive(e: Episode, wire: Wire, tick: int) -> bool:
-    """Whether a receiver hears a frame in this tick, whose numbers are read then.
+    """Return whether a receiver receives a frame in this tick, and unpack the frame into the buffer.
 
-    How old that is by which the receiver goes is counted.
+    The age of the values that the receiver uses is counted.
     """
     came = tick - e.network.delay
     received = wire.received[came % len(wire.received)]
@@ -55,13 +55,13 @@ def _receive(e: Episode, wire: Wire, tick: int) -> bool:
 
 
 def hear_measurement(e: Episode, number: int, tick: int) -> None:
-    """Take the measurement of a board over the bus, if one comes."""
+    """Receive the measurement of a board over the bus, if there is one in this tick."""
     controller, numbers = e.controller, e.network.numbers
     measured, heard = controller.joints[number].measurement, _receive(e, e.network.measurements[number], tick)
     measured.last_angle, measured.last_velocity = measured.angle, measured.velocity
     if heard:
         measured.angle, measured.velocity = numbers[ANGLE], numbers[VELOCITY]
-        measured.motor_speed = numbers[VELOCITY]  # the frame has no room for the speed that the drive infers
+        measured.motor_speed = numbers[VELOCITY]  # the frame has no signal for the speed from the drive
         if measured.cause == NO_TRIP:
             measured.cause = int(numbers[CAUSE])
         if POINTS_PER_FOOT > 0 and (number + 1) % JOINTS_PER_LEG == 0:
@@ -70,14 +70,14 @@ def hear_measurement(e: Episode, number: int, tick: int) -> None:
 
 
 def hear_setpoint(e: Episode, number: int, tick: int) -> None:
-    """Let a board hear a set point, if one comes, and do what it demands."""
+    """Receive the setpoint of a board over the bus, if there is one in this tick, and execute it."""
     numbers, heard = e.network.numbers, e.joints[number].heard
     came = _receive(e, e.network.setpoints[number], tick)
     if came:
         heard.stiffness, heard.damping = numbers[STIFFNESS], numbers[DAMPING]
         heard.equilibrium, heard.gain = numbers[EQUILIBRIUM], numbers[GAIN]
         heard.held = numbers[STATE] != RUN
-        # With the springs on the board it is all that is fed forward.
+        # If the board computes the spring, the torque of the frame is the whole feed-forward.
         given = CENTRAL and not heard.held
         heard.gravity = 0.0 if given else numbers[TORQUE]
         heard.target = numbers[TORQUE] if given else 0.0
@@ -85,24 +85,24 @@ def hear_setpoint(e: Episode, number: int, tick: int) -> None:
 
 
 def send_frames(e: Episode, number: int, tick: int) -> None:
-    """Write the frames to and from a board that are due."""
+    """Write the frames that are due, to and from a board."""
     _send_setpoint(e, number, tick)
     _send_measurement(e, number, tick)
 
 
 def carry_frames(e: Episode, tick: int) -> None:
-    """Let the bus carry frames until the next tick."""
+    """Simulate the transmission of frames on the bus until the next tick."""
     carry(e.network.bus, tick)
 
 
 def keep_frames(e: Episode, number: int, tick: int) -> None:
-    """Keep the frames to and from a board that arrive until the next tick."""
+    """Store the frames to and from a board that arrive until the next tick."""
     _arrive(e, e.network.setpoints[number], tick + 1)
     _arrive(e, e.network.measurements[number], tick + 1)
 
 
 def _arrive(e: Episode, wire: Wire, tick: int) -> None:
-    """Keep what came, for when it is used."""
+    """Store an arrived frame in the ring buffer of its channel until it is used."""
     frame, received = e.network.bus.frames[wire.frame], wire.received[tick % len(wire.received)]
     received.tick = 0
     if frame.arrived == tick:
@@ -115,7 +115,7 @@ def _count(frame: Frame) -> float:
 
 
 def _send_setpoint(e: Episode, number: int, tick: int) -> None:
-    """Write the frame to a board, if it is due."""
+    """Write the setpoint frame of a board, if it is due."""
     network, joint, wire = e.network, e.controller.joints[number], e.network.setpoints[number]
     frame = network.bus.frames[wire.frame]
     if is_due(network.bus, frame, tick):
@@ -134,7 +134,7 @@ def _send_setpoint(e: Episode, number: int, tick: int) -> None:
 
 
 def _send_measurement(e: Episode, number: int, tick: int) -> None:
-    """Write the frame of a board, if it is due."""
+    """Write the measurement frame of a board, if it is due."""
     network, joint, wire = e.network, e.joints[number], e.network.measurements[number]
     frame = network.bus.frames[wire.frame]
     if is_due(network.bus, frame, tick):
@@ -149,10 +149,10 @@ def _send_measurement(e: Episode, number: int, tick: int) -> None:
 
 
 def reboot(e: Episode, tick: int) -> None:
-    """Note which boards are off. Who is back does not walk on.
+    """Mark the boards that are rebooting; a board that restarted stays in the safe hold.
 
-    A board holds its joint and tells so as a drive that failed, the gait controller trips. Encoders are
-    absolute, and their filters go on: what they would take to settle is not simulated.
+    A board that reboots holds its joint and reports a failed drive; a reboot of the central unit is a trip.
+    Encoders are absolute, and their filters continue: the time in which they settle is not simulated.
     """
     bus = e.network.bus
     for place in range(bus.next_outage):

@@ -1,4 +1,4 @@
-"""The state machines of both legs: the record of their switches, and the guards of many episodes at once."""
+"""Steps of the state machines of both legs: records of their switches, and guards of a block of episodes."""
 
 from twin_gait.control.gait_controller import LEGS, sent_to
 from twin_gait.control.supervisor import NO_POSTURE
@@ -14,14 +14,14 @@ def note_switch(e: Episode, number: int, tick: int) -> None:
 
 
 def note_posture(e: Episode, number: int, tick: int) -> None:
-    """Record that a mode sends a leg into a posture, if it does."""
+    """Record the switch of a leg to the posture of a mode, if there is one."""
     posture = sent_to(e.controller, number)
     if posture != NO_POSTURE:
         _note(e, number, tick, posture, NO_TRANSITION)
 
 
 def _note(e: Episode, number: int, tick: int, target: int, transition: int) -> None:
-    """Record a switch, if there is room left."""
+    """Record a switch if the buffer is not full, and count it."""
     if e.recording.n_switches < e.recording.most_switches:
         row = switch_row(e, e.recording.n_switches)
         row.tick = tick
@@ -45,7 +45,7 @@ def choose_in_lanes(e: Episode, number: int) -> None:
         occupied |= 1 << leg.before
     for index in range(program.n_transitions):
         rule = program.transitions[index]
-        if (occupied >> rule.source) & 1 == 1:  # elsewhere nothing is counted
+        if (occupied >> rule.source) & 1 == 1:  # otherwise no leg is in its source phase
             for one in lanes(e):
                 one.controller.legs[number].results = 0
             for node in range(rule.first_node, rule.end_node):
@@ -63,7 +63,7 @@ def _evaluate(e: Episode, number: int, node: int) -> None:
 
 
 def _count(e: Episode, number: int, index: int) -> None:
-    """Count the ticks for which a transition's guard has been open, and choose it if it is due."""
+    """Count the ticks for which the guard of a transition has been true, and choose it if it is due."""
     controller, leg = e.controller, e.controller.legs[number]
     source = controller.program.transitions[index].source
     is_open = leg.before == source and (leg.results & 1) == 1 and controller.trip.tick < 0

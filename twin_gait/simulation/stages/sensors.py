@@ -1,4 +1,4 @@
-"""Steps of the sensors: encoders, loads of the feet, and the inertial unit of the trunk."""
+"""Steps of the sensors: encoders, load sensors of the feet, and the inertial unit of the trunk."""
 
 from twin_gait.core.contact import along_slope
 from twin_gait.core.faults import faulty_angle, faulty_load
@@ -9,7 +9,7 @@ from twin_gait.simulation.structure import FAULTY, FORWARD, INERTIAL, PELVIS, PI
 
 
 def read_encoder(e: Episode, number: int, tick: int) -> None:
-    """Read the encoder of a joint."""
+    """Read the encoder of a joint, with noise, offset and faults."""
     joint = e.joints[number]
     reading = e.q[joint.place] + noise_row(e, tick)[number]
     if FAULTY and tick >= e.first_fault:
@@ -18,12 +18,12 @@ def read_encoder(e: Episode, number: int, tick: int) -> None:
 
 
 def press_soles(e: Episode) -> None:
-    """Compute the forces of the ground on the soles."""
+    """Compute the ground reaction forces on the soles."""
     contact_forces(e.q, e.v, e.bodies, e.ground, e.points)
 
 
 def read_load(e: Episode, number: int, tick: int) -> None:
-    """Read the load of a foot over body weight."""
+    """Read the load of a foot as a fraction of body weight, with faults."""
     sole = e.soles[number]
     load = normal_force(e, number) / e.body_weight
     if FAULTY and tick >= e.first_fault:
@@ -32,12 +32,12 @@ def read_load(e: Episode, number: int, tick: int) -> None:
 
 
 def read_trunk(e: Episode) -> None:
-    """Give the gait controller, whose sensor it is, the pitch of the trunk."""
+    """Pass the pitch of the trunk to the gait controller, to which its sensor is connected."""
     e.controller.common.trunk_pitch = trunk_pitch(e)
 
 
 def trunk_pitch(e: Episode) -> float:
-    """Pitch of the trunk as it is known in [rad], forwards positive; none if the pelvis is guided."""
+    """Return the measured pitch of the trunk in [rad], positive forwards; 0 if the pelvis is guided."""
     if INERTIAL:
         return e.trunk_unit.pitch
     if PITCH >= 0:
@@ -46,7 +46,7 @@ def trunk_pitch(e: Episode) -> float:
 
 
 def measure_pitch(e: Episode, tick: int) -> None:
-    """Estimate the pitch of the trunk from the last accelerations, those of rest at the start."""
+    """Estimate the pitch of the trunk from the accelerations of the last tick, which are 0 at the start."""
     unit, noise, first = e.trunk_unit, noise_row(e, tick), len(e.joints) + len(e.limbs)
     rate, a = e.v[PITCH], e.a
     ahead, up = trunk_specific_force(unit, e.q[PITCH], rate, a[PITCH], a[FORWARD], a[PELVIS], e.gravity)
@@ -54,7 +54,7 @@ def measure_pitch(e: Episode, tick: int) -> None:
 
 
 def normal_force(e: Episode, leg: int) -> float:
-    """Sum of the normal forces on the points of a foot in [N]."""
+    """Return the sum of the normal forces on the points of a foot in [N]."""
     total = 0.0
     for number in range(leg * POINTS_PER_FOOT, (leg + 1) * POINTS_PER_FOOT):
         _, normal = point_force(e, number)
@@ -63,7 +63,7 @@ def normal_force(e: Episode, leg: int) -> float:
 
 
 def point_force(e: Episode, number: int) -> tuple[float, float]:
-    """Force of the ground on a point of a sole along the ground and at right angles to it, in [N]."""
+    """Return the force of the ground on a point of a sole, along the ground and normal to it, in [N]."""
     point, ground = e.points[number], e.ground
     if SLOPED:
         return along_slope(ground.slope_sine, ground.slope_cosine, point.forward, point.upward)

@@ -1,4 +1,4 @@
-"""What acts from outside in a tick: the belt, the command to walk, the harness, a push, and the wearer."""
+"""Steps of the environment: belt, requests, harness, pushes, seat, crutches, and torques of the wearer."""
 
 import math
 
@@ -16,11 +16,11 @@ from twin_gait.simulation.interface import noise_row
 from twin_gait.simulation.structure import ANKLES, CRUTCHES, FORWARD, PELVIS, PITCH, SEATED, SHIFT
 from twin_gait.worlds.arm_policy import REACHES, move_arm
 
-LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
+LIMBS_PER_LEG = 2  # Thigh and shank, which move hip and knee, controlled or not.
 
 
 def command(e: Episode, tick: int) -> None:
-    """Let the belt follow its profile or come to rest after a trip; say what is asked for."""
+    """Set the belt speed by its profile, or to rest after a trip, and the requests of the tick."""
     time = tick * e.rates.period
     trip_time = e.controller.trip.tick * e.rates.period if e.controller.trip.tick >= 0 else math.inf
     e.ground.belt_speed = treadmill_speed(e.belt, time, trip_time)
@@ -35,7 +35,7 @@ def command(e: Episode, tick: int) -> None:
 
 
 def catch(e: Episode, tick: int) -> None:
-    """In the tick of a trip the harness locks at the height of the wearer's pelvis, a stop from below."""
+    """Lock the harness in the tick of a trip, as a stop from below at the height of the wearer's pelvis."""
     if PITCH >= 0:
         if e.controller.trip.tick == tick:
             harness = e.trunk.harness
@@ -54,17 +54,17 @@ def _lock(e: Episode, stop: Stop, height: float) -> None:
 
 
 def free_limb(e: Episode, number: int) -> None:
-    """Begin the sum of the torques from outside on a hip or knee of the wearer."""
+    """Reset the sum of the external torques on a hip or knee of the wearer."""
     e.external[e.limbs[number].place + SHIFT] = 0.0
 
 
 def push(e: Episode, number: int) -> None:
-    """Push a joint."""
+    """Set the external torque on a joint to the torque of a push."""
     e.external[e.joints[number].place] = e.joints[number].push
 
 
 def push_leg(e: Episode, number: int, tick: int) -> None:
-    """Add the torques of the wearer on hip and knee of a leg."""
+    """Add the wearer's torques on hip and knee of a leg to the external torques."""
     first = number * LIMBS_PER_LEG
     thigh, shank = e.limbs[first], e.limbs[first + 1]
     hip, knee, ankle = e.q[thigh.place + SHIFT], e.q[shank.place + SHIFT], 0.0
@@ -77,7 +77,7 @@ def push_leg(e: Episode, number: int, tick: int) -> None:
 
 
 def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
-    """Add the wearer's torque on hip or knee; the effort comes with a delay."""
+    """Add the wearer's passive torque and the delayed voluntary effort on a hip or knee, in [N·m]."""
     limb, phase = e.limbs[number], e.controller.legs[number // LIMBS_PER_LEG].phase
     condition, place = limb.condition, limb.place + SHIFT
     moments = limb.moments[phase]
@@ -92,7 +92,7 @@ def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> Non
 
 
 def hold_trunk(e: Episode, q: list[float], v: list[float]) -> None:
-    """Add what harness and seat do to the torques."""
+    """Add the forces of harness and seat to the torques."""
     if PITCH >= 0:
         pull_harness(e, q, v)
     if SEATED:
@@ -100,7 +100,7 @@ def hold_trunk(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def pull_harness(e: Episode, q: list[float], v: list[float]) -> None:
-    """Add the pull of the harness to the torques of the pelvis."""
+    """Add the force and the moment of the harness to the torques of the pelvis."""
     sine, cosine = sine_cosine(q[PITCH])
     harness = e.trunk.harness
     ahead, up = harness.height * sine, harness.height * cosine
@@ -131,7 +131,7 @@ def press_seat(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def place_chair(e: Episode, tick: int) -> None:
-    """Put the chair behind a standing wearer when the device announces that it will sit down."""
+    """Set the position of the chair behind a standing wearer when the device announces sitting down."""
     leg, seat = e.controller.legs[0], e.seat
     announced = e.chair_phases[leg.phase] == REACHES and leg.entry_tick == tick
     if announced and e.q[PELVIS] > seat.height + 2.0 * seat.buttocks.thickness:
@@ -139,14 +139,14 @@ def place_chair(e: Episode, tick: int) -> None:
 
 
 def push_tips(e: Episode, q: list[float], v: list[float]) -> None:
-    """Forces of the arms, as torques from outside on trunk and tips."""
+    """Set the forces of the arms as external torques on trunk and tips."""
     sine, cosine = sine_cosine(q[PITCH])
     shoulder_ahead, shoulder_up = e.trunk.shoulder * sine, e.trunk.shoulder * cosine
     on_forward, on_pelvis, on_pitch = 0.0, 0.0, 0.0
     for number in range(CRUTCHES):
         arm = e.arms[number]
         ahead, up = q[arm.place] - q[FORWARD], q[arm.place + 1] - q[PELVIS]
-        # As the trunk sees it, which turns about the hips.
+        # Velocity of the tip relative to the trunk, which rotates about the hips.
         forward = v[arm.place] - v[FORWARD] - up * v[PITCH]
         upward = v[arm.place + 1] - v[PELVIS] + ahead * v[PITCH]
         fx, fz = arm_force(arm, sine, cosine, ahead - shoulder_ahead, up - shoulder_up, forward, upward)
@@ -161,7 +161,7 @@ def push_tips(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
-    """Accelerations of the tips of the crutches, on the ground or in the air."""
+    """Compute the accelerations of the tips of the crutches and the power of their contact forces."""
     for number in range(CRUTCHES):
         arm, ground = e.arms[number], e.ground
         place, tip = arm.place, arm.tip
@@ -176,14 +176,14 @@ def move_tips(e: Episode, q: list[float], v: list[float]) -> None:
 
 
 def drag_tips(e: Episode) -> None:
-    """End a step of the tips: what slides takes the place with it where it sticks."""
+    """Move the anchor of the friction of each sliding tip at the end of an integration step."""
     for number in range(CRUTCHES):
         arm = e.arms[number]
         arm.anchor = dragged_anchor(arm, e.q[arm.place], arm.tip.upward, e.ground.friction_coefficient)
 
 
 def use_crutches(e: Episode, tick: int) -> None:
-    """What the person feels, late, and does with the arms in this tick."""
+    """Compute the delayed perception of the wearer, and move the arms with it."""
     sense = e.sense
     stepping, chair = 0.0, 0.0
     for leg in e.controller.legs:
@@ -204,7 +204,7 @@ def use_crutches(e: Episode, tick: int) -> None:
 
 
 def tip_energy(e: Episode) -> tuple[float, float]:
-    """Kinetic and potential energy of the tips in [J]."""
+    """Return the kinetic and potential energy of the tips in [J]."""
     kinetic, potential = 0.0, 0.0
     for number in range(CRUTCHES):
         arm: Arm = e.arms[number]
