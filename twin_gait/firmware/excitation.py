@@ -1,6 +1,6 @@
-"""Inputs that excite the constants of boards, gait controller and codec: bounds, time-outs, silence, heat.
+"""Inputs that excite the constants of boards, gait controller and codec: bounds, timeouts and heat.
 
-A walk stays inside the bounds of the monitor. Here each bound is approached from both sides.
+A walk stays inside the bounds of the monitor. These inputs approach each bound from both sides.
 """
 
 import math
@@ -21,13 +21,13 @@ Values: TypeAlias = np.ndarray  # Signals of all legs and of the device, shape `
 BESIDE = 0.003  # Distance from a bound or a threshold, as a share of it.
 HEAT = 12.0  # Heat to which the winding tends while the heat model is excited; the monitor trips at 1.
 LONG = 1000.0  # Time in a phase in [s] that opens every guard on it.
-SEED = 48
+SEED = 48  # Seed of the random inputs.
 
 
 def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterator[Rows]:
     """Yield inputs of a joint board that excite its bounds, its limits and its friction model.
 
-    ``repeated``: whether a board before has the same constants, which are printed once.
+    ``repeated``: whether an earlier board has the same constants, which are printed once.
     """
     settings, bounds = unit.settings, unit.state.bounds
     rows = BoardInputs(bounds, settings.rates.period, dtype)
@@ -54,12 +54,12 @@ def board_episodes(unit: Any, dtype: np.dtype[Any], *, repeated: bool) -> Iterat
 
 
 class BoardInputs:
-    """Inputs of a board whose drive and encoder agree."""
+    """Inputs of a board, with signals of the drive that are consistent with the encoder."""
 
     def __init__(
         self, bounds: Bounds, period: float, dtype: np.dtype[Any], middle: float | None = None
     ) -> None:
-        """Keep the constants of a board; ``middle``: angle at rest in [rad], by default between the stops."""
+        """Store the constants of a board; ``middle``: rest angle in [rad], by default between the stops."""
         self.bounds, self.period, self.dtype = bounds, period, dtype
         self.middle = 0.5 * (bounds.lower + bounds.upper) if middle is None else middle
 
@@ -75,7 +75,10 @@ class BoardInputs:
         self, ticks: int, *, speed: float = 0.0, current: float = 0.0, deviation: float = 0.0,
         target: float = 0.0,
     ) -> Rows:  # fmt: skip
-        """Return rows with a joint at rest, and a motor with a speed, a current and a demand."""
+        """Return rows with a joint at rest, and a motor with a speed, a current and a target torque.
+
+        ``speed`` in [rad] / [s], ``current`` and its ``deviation`` in [A], ``target`` in [N·m].
+        """
         rows = self.moving(np.full(ticks + 2, self.middle))
         rows["current"][2:], rows["current_deviation"][2:] = current, deviation
         rows["voltage"][2:] = self.bounds.emf_constant * speed + self.bounds.model_resistance * current
@@ -87,7 +90,7 @@ class BoardInputs:
         return self.moving(end + speed * self.period * np.minimum(np.arange(-ticks, 4), 0))
 
     def monitored(self) -> Iterator[Rows]:
-        """Yield rows on both sides of each bound of the monitor that the drive or the encoder can meet."""
+        """Yield rows on both sides of each bound of the monitor that drive or encoder can exceed."""
         bounds = self.bounds
         for side in (1.0 - BESIDE, 1.0 + BESIDE):
             yield self.travelling(side * bounds.highest_speed, self.middle)
@@ -118,7 +121,7 @@ class BoardInputs:
             )
 
     def against_setpoint(self) -> Iterator[Rows]:
-        """Yield rows with a spring so stiff that the command lags behind its set point, around the bound."""
+        """Yield rows with a spring so stiff that the command lags behind its setpoint, around the bound."""
         bounds = self.bounds
         speed = 0.6 * bounds.highest_speed
         for side in (1.0 - BESIDE, 1.0 + BESIDE):
@@ -128,7 +131,7 @@ class BoardInputs:
             yield rows
 
     def wandering(self, random: np.random.Generator, ticks: int = 1500) -> Rows:
-        """Return rows with smooth motions of all speeds, and demands that change."""
+        """Return rows with smooth motions of all speeds, and setpoints that change."""
         times, bounds = np.arange(ticks) * self.period, self.bounds
         angles = np.full(ticks, self.middle)
         for part in (0.3, 0.15, 0.05):
@@ -148,7 +151,7 @@ class BoardInputs:
 
 
 def controller_episodes(unit: Any, dtype: np.dtype[Any]) -> Iterator[Rows]:
-    """Yield inputs of the gait controller that excite its time-outs, and what it watches."""
+    """Yield inputs of the gait controller that excite its timeouts and its bounds of supply and loads."""
     limits, state = unit.settings.limits, unit.state
     supply, per_leg = state.supply, len(state.joints) // len(state.legs)
     for side in (1.0 - BESIDE, 1.0 + BESIDE):

@@ -1,4 +1,4 @@
-"""What ``twin-gait firmware`` leaves behind: readable C, a walk to compare it with, how to use it."""
+"""Firmware project of an experiment: the C of all units, and the units in Python to compare it with."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -42,13 +42,13 @@ _INCLUDE = templates_in(Path(__file__).with_name("include"), keep_trailing_newli
 
 @dataclass(frozen=True)
 class Project:
-    """The firmware of an experiment."""
+    """Firmware of an experiment."""
 
-    problem: Problem  # the experiment, laid out
-    linked: LinkedUnit  # gait controller and boards as one unit
-    messages: Mapping[str, Message]  # of the CAN network, by name; none where cantools is not installed
-    program: Program  # all units in C
-    samples: Sequence[UnitSample]  # boards, gait controller, exoskeleton and codec at tick 0
+    problem: Problem  # Simulation setup of the experiment.
+    linked: LinkedUnit  # Gait controller and boards as one unit.
+    messages: Mapping[str, Message]  # Messages of the CAN network by name; empty without cantools.
+    program: Program  # All units in C.
+    samples: Sequence[UnitSample]  # Boards, gait controller, exoskeleton and codec at tick 0.
 
     @property
     def joints(self) -> list[str]:
@@ -56,7 +56,7 @@ class Project:
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
     def manifest(self, document: Mapping[str, Any]) -> dict[str, Any]:
-        """What the C was printed from, and the RAM that its records take on a Cortex-M."""
+        """Return the sources of the C, with the provenance of a document, and the RAM of its records."""
         return {
             "experiment": self.problem.experiment.name,
             "table": self.problem.table.name,
@@ -68,13 +68,13 @@ class Project:
 
     @property
     def record_bytes(self) -> dict[str, int]:
-        """RAM that the records of the units take on a Cortex-M, by unit."""
+        """RAM in bytes that the records of the units need on a Cortex-M, by unit."""
         records = (units.JointBoard, units.GaitController, units.Exoskeleton)
         sizes = [self.program.records.dtype(item, "f4").itemsize for item in records]
         return dict(zip((JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON), sizes, strict=True))
 
     def write_linked(self, folder: Path) -> Unit:
-        """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
+        """Write only the C of all units into an existing folder, and return the linked unit in it."""
         for name, text in self.program.files.items():
             (folder / name).write_text(text, encoding="utf-8")
         return Unit(EXOSKELETON, folder)
@@ -82,7 +82,10 @@ class Project:
     def dtypes(
         self, *, double: bool, sample: UnitSample | None = None
     ) -> tuple[np.dtype[Any], np.dtype[Any]]:
-        """Return the layouts in C of inputs and outputs of a unit, by default of the linked one."""
+        """Return the layouts in C of inputs and outputs of a unit, by default of the linked one.
+
+        ``double``: whether numbers have double instead of single precision.
+        """
         real = "f8" if double else "f4"
         sample = sample or next(item for item in self.samples if item.name == EXOSKELETON)
         if sample.name == CAN_CODEC:  # Its records are those of the test, and no unit uses them.
@@ -97,15 +100,15 @@ class Project:
         )
 
     def python_unit(self, sample: UnitSample) -> PythonUnit:
-        """Return a unit in Python, bound as the simulation binds it."""
+        """Return a unit in Python that is bound to the same names as in the simulation."""
         return PythonUnit(sample, self.linked.structure, self.linked.kernel)
 
 
 def print_project(experiment: Experiment) -> Project:
     """Print the firmware of an experiment.
 
-    Raises FirmwareError if it uses something that the firmware does not have; key, value and way out. Raises
-    GaitTableError if its table has more phases or conditions than the device's whole numbers have bits.
+    Raises FirmwareError, with key, value and remedy, if it uses a function that the firmware does not have,
+    GaitTableError if its table has more phases or conditions than an integer of the device has bits.
     """
     refuse_what_c_has_not(experiment)
     problem = build_problem(experiment)
@@ -133,7 +136,7 @@ def print_project(experiment: Experiment) -> Project:
 
 
 def refuse_what_c_has_not(experiment: Experiment) -> None:
-    """Refuse, with key, value and way out, what the simulation does in the firmware's place."""
+    """Raise FirmwareError, with key, value and remedy, for functions that only the simulation has."""
     control, network = experiment.control, experiment.network
     if experiment.controller is not None:
         raise FirmwareError(
@@ -166,7 +169,7 @@ def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
 
 
 def limits_apart(problem: Problem) -> Limits:
-    """Of units that hear each other: none bears silence for good, also where the simulation has no bus."""
+    """Return the limits of separate units, which have timeouts even if the simulation has no bus."""
     return limits_of(problem, problem.experiment.network or NetworkParameters())
 
 
@@ -184,7 +187,7 @@ def _shapes(linked: LinkedUnit) -> list[Any]:
 
 
 def _codec_sample(messages: list[CanMessage]) -> UnitSample:
-    """Return the codec as the unit that the test runs."""
+    """Return the codec as a unit for the test."""
     nothing = [0.0] * len(messages[0].signals)
     inputs, outputs = CanCodecInputs(0, nothing), CanCodecOutputs(CanFrame(), False, nothing)
     return UnitSample(CAN_CODEC, CAN_CODEC, can_codec_step, CanCodec(messages), inputs, outputs)

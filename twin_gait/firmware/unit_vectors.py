@@ -1,4 +1,4 @@
-"""Inputs and expected outputs of every unit of a project: of walks in the simulation, and of excitations."""
+"""Test vectors of every unit of a project: inputs and outputs of simulated walks, and of excitations."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,30 +15,30 @@ from twin_gait.firmware.linked import Vectors
 from twin_gait.firmware.project import CAN_CODEC, EXOSKELETON, GAIT_CONTROLLER, JOINT_BOARD, Project
 from twin_gait.firmware.python_unit import PythonUnit, UnitSample
 
-HASH_FACTOR = 1_099_511_628_211  # Odd, as it has to be; the runner has the same.
+HASH_FACTOR = 1_099_511_628_211  # Factor of the hash, which must be odd; the runner has the same factor.
 _CONVERSIONS = {"f": "(real)", "i": "(int32_t)", "b": "0.0 != "}
-MOST_ROWS = 2500  # Longest episode in a file, in rows of equal inputs; --verify runs the others as well.
+MOST_ROWS = 2500  # Longest episode in a file, in rows of equal inputs; --verify also runs longer ones.
 
 
 @dataclass(frozen=True, eq=False)
 class UnitVectors:
-    """Runs of a unit from its tick 0 on; rows are laid out as in C with double numbers."""
+    """Runs of a unit from its tick 0 on; the layout of the rows is that of C with double precision."""
 
-    sample: UnitSample
+    sample: UnitSample  # Unit at tick 0.
     inputs: Sequence[np.ndarray]  # Inputs of each run, shape ``(n_ticks,)``.
-    expected: Sequence[np.ndarray]  # Outputs of the simulation, likewise.
+    expected: Sequence[np.ndarray]  # Outputs of the simulation for each run, shape ``(n_ticks,)``.
 
 
 def walks_of(project: Project, sample: UnitSample, walks: Sequence[Vectors]) -> UnitVectors:
-    """Return the part that a unit has in runs of the simulation without a bus.
+    """Return the inputs and outputs of a unit in runs of the simulation without a bus.
 
-    A board receives the demand of the tick in which it measures, as in the simulation. Its rows end where it
-    finds a cause to trip: from then on a board without a bus is held by the gait controller, and one apart
-    holds itself.
+    A board receives the setpoint of the tick in which it measures, as in the simulation. Its rows end before
+    the tick in which it detects a cause of a trip: from then on the gait controller holds a board without a
+    bus, but a separate board holds itself.
     """
     given, taken = project.dtypes(double=True, sample=sample)
     inputs, expected = list[np.ndarray](), list[np.ndarray]()
-    for walk in walks if sample.name != CAN_CODEC else ():  # No walk without a bus has a frame.
+    for walk in walks if sample.name != CAN_CODEC else ():  # A walk without a bus has no frames.
         read, answered = walk.inputs, walk.outputs
         rows, answers = np.zeros(len(read), given), np.zeros(len(read), taken)
         if sample.name == EXOSKELETON:
@@ -63,15 +63,15 @@ def walks_of(project: Project, sample: UnitSample, walks: Sequence[Vectors]) -> 
 
 
 def _copy(rows: np.ndarray, **fields: np.ndarray) -> None:
-    """Copy records into fields of rows, by the names of the fields that the rows have."""
+    """Copy records into fields of rows, for those names that the fields of the rows have."""
     for name, values in fields.items():
         rows[name] = require_fields(values, rows.dtype[name].base)
 
 
 def excitations_of(project: Project) -> list[UnitVectors]:
-    """Return generated inputs of every unit, and what the functions of the simulation give for them.
+    """Return generated inputs of every unit, and the outputs of the simulation's functions for them.
 
-    Those of the last firmware are kept, because they depend on nothing but its source.
+    The result of the last firmware is cached, because it depends only on the source of the firmware.
     """
     if project.program.source_hash not in _last:
         _last.clear()
@@ -126,10 +126,10 @@ def members(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, str]]
 
 
 def excitation_csv(excitations: Sequence[UnitVectors]) -> str:
-    """Return excitations as the runner reads them.
+    """Return excitations as a file for the runner.
 
-    A line has the number of the unit, 1 if it begins at tick 0, the ticks with these inputs, the inputs, and
-    the hash of all outputs in these ticks.
+    A line contains the number of the unit, 1 if it begins at tick 0, the number of ticks with these inputs,
+    the inputs, and the hash of all outputs in these ticks.
     """
     lines = ["unit,restart,ticks,inputs and the hash of the outputs"]
     for number, vectors in enumerate(excitations):
@@ -158,7 +158,7 @@ def _hashes(outputs: np.ndarray) -> list[int]:
 
 
 def _joined(hashes: Sequence[int]) -> int:
-    """Return the hash of some ticks from the hashes of each."""
+    """Return the hash of several ticks from the hash of each."""
     found = 0
     for item in hashes:
         found = (found * HASH_FACTOR + item) % 2**64
@@ -166,7 +166,7 @@ def _joined(hashes: Sequence[int]) -> int:
 
 
 def runner_records(project: Project) -> dict[str, Any]:
-    """Return the members of the records that the runner of a project fills in and hashes."""
+    """Return the members of the records that the runner of a project writes and hashes."""
     excited = dict[str, dict[str, Any]]()
     counts = list[int]()
     for sample in project.samples:
