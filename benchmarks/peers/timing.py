@@ -31,7 +31,7 @@ class Session(Protocol):
     def angles(self) -> np.ndarray | None:
         """Return the coordinates at every tick of the last run, in the order of the leg model.
 
-        The shape is ``(n_ticks, nv)``. The result is None if the motion is not that of the closed loop, or is not recorded.
+        The shape is ``(n_ticks, nv)``; None if the motion is not that of the closed loop or is not recorded.
         """
 
 
