@@ -1,7 +1,7 @@
 """Statements of the thesis about the gain G: the limits at which knee and leg become unstable, and why.
 
-The limits come from bisection over simulated pushes and releases, and from eigenvalues of the loop. Claims are
-in thesis/claims.yaml, their results in docs/background/reproduction.md. 6 s on one core, ``--quick``
+The limits come from bisection over simulated pushes and releases, and from eigenvalues of the loop. Claims
+are in thesis/claims.yaml, their results in docs/background/reproduction.md. 6 s on one core, ``--quick``
 without the leg; exits with 1 if a predicted number leaves its band.
 """
 
