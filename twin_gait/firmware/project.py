@@ -1,4 +1,4 @@
-"""What ``twin-gait firmware`` leaves behind: readable C, a walk to compare it with, how to use it."""
+"""Project that ``twin-gait firmware`` writes: readable C, a walk to compare it with, and instructions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -56,7 +56,7 @@ class Project:
         return [f"{item.side}_{item.joint}" for item in self.problem.joints]
 
     def manifest(self, document: Mapping[str, Any]) -> dict[str, Any]:
-        """What the C was printed from, and the RAM that its records take on a Cortex-M."""
+        """Return the origin of the C code, and the RAM that its records need on a Cortex-M."""
         return {
             "experiment": self.problem.experiment.name,
             "table": self.problem.table.name,
@@ -133,7 +133,7 @@ def print_project(experiment: Experiment) -> Project:
 
 
 def refuse_what_c_has_not(experiment: Experiment) -> None:
-    """Refuse, with key, value and way out, what the simulation does in the firmware's place."""
+    """Raise FirmwareError, with key, value and remedy, for functions that only the simulation has."""
     control, network = experiment.control, experiment.network
     if experiment.controller is not None:
         raise FirmwareError(
@@ -166,7 +166,7 @@ def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
 
 
 def limits_apart(problem: Problem) -> Limits:
-    """Of units that hear each other: none bears silence for good, also where the simulation has no bus."""
+    """Return limits with finite timeouts of the units for each other, even if the simulation has no bus."""
     return limits_of(problem, problem.experiment.network or NetworkParameters())
 
 
