@@ -52,7 +52,7 @@ class TextLayout:
 
     separator: str  # separator of the cells; a regular expression
     decimal: str  # decimal mark, "." or ","
-    named: bool  # whether the first row holds the names of the columns
+    named: bool  # whether the first row contains the names of the columns
     units: Sequence[str]  # units of the columns from the line of units; empty without such a line
     rows: Sequence[str]  # lines of the table, the names first
 
@@ -80,7 +80,7 @@ def find_layout(lines: Sequence[str], required: Collection[str] = ()) -> TextLay
 
 
 def _first_line(lines: Sequence[str], required: Collection[str]) -> tuple[int, bool]:
-    """Return the line in which the table begins, and whether it holds the names."""
+    """Return the line in which the table begins, and whether it contains the names."""
     for number, line in enumerate(lines[:PREAMBLE] if required else ()):
         rows = (_cells(line, separator) for separator in (*SEPARATORS, BLANKS))
         if any(set(required) <= {*row, *map(bare_name, row)} for row in rows):
