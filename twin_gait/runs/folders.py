@@ -61,7 +61,7 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
 
 
 def hold(folder: Path) -> int | None:
-    """Lock a folder until its descriptor is closed or the process ends; return None if it is locked."""
+    """Lock a folder until the returned descriptor is closed or the process ends; None if it is locked."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
