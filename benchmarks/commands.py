@@ -1,9 +1,9 @@
-"""How long whole commands take, in this source tree and in another one, in turn.
+"""Times of whole commands in this source tree and in another one, measured in turn.
 
 ``python benchmarks/commands.py --before TREE`` compares with the package in another folder, such as a git
-worktree of an earlier commit. Minima over the rounds; what a command starts counts for its processor time.
-``bare imports`` is a process that only imports the modules that ``simulate`` has imported at its end, and the
-ratios are ``simulate`` over it.
+worktree of an earlier commit. The times are minima over the rounds; the processor time of a command includes
+that of its child processes. ``bare imports`` is a process that only imports the modules that ``simulate`` has
+imported at its end, and the ratios are the times of ``simulate`` over those of ``bare imports``.
 """
 
 # %%
@@ -29,7 +29,7 @@ TREES = {**({"before": before.resolve()} if before else {}), "after": Path(__fil
 rounds, n_rows = (1, 1_000) if form.quick else (7, 100_000)
 
 # %% [markdown]
-# A series of velocities and friction torques for `identify`, made up with Stribeck's law and noise.
+# A synthetic series of velocities and friction torques for `identify`, from Stribeck's law with noise.
 
 # %%
 work = Path(tempfile.mkdtemp(prefix="commands_"))
@@ -50,7 +50,7 @@ commands = {
 
 # %% [markdown]
 # A first run in each tree records the modules that `simulate` imports, for `bare imports`. A first round
-# fills the cache, which keeps the code of both trees, and counts for nothing.
+# fills the cache, which has the code of both trees, and is not counted.
 
 # %%
 RECORD = """
@@ -72,9 +72,9 @@ programs["bare_imports"].write_text(IMPORT)
 
 
 def seconds(tree: Path, words: list[str]) -> tuple[float, float]:
-    """Time by the clock and processor time of a command and all that it started, in [s]."""
+    """Return wall-clock time and processor time of a command and its child processes in [s]."""
     began, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    home = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"}  # as commands set it
+    home = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"}  # the value that commands set
     done = subprocess.run([sys.executable, *words], env=home, cwd=work, capture_output=True)
     wall, now = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:

@@ -1,6 +1,6 @@
-"""What the CAN bus costs the simulation's loop: the time of a tick with and without it, in turn.
+"""Cost of the CAN bus in the loop of the simulation: time of a tick with and without the bus, in turn.
 
-A minute or two, most of it for compiling; the goal is at most a quarter more.
+The script takes a minute or two, mostly for compilation; the goal is at most a quarter more time.
 """
 
 # %%
@@ -31,7 +31,7 @@ def walk(bus: str) -> Experiment:
 
 
 def time_of(problem: Problem, *, record: bool) -> float:
-    """Processor time of a tick in [s], the loop alone."""
+    """Return the processor time of a tick of the loop alone in [s]."""
     engine = CompiledEngine(problem)
     engine.episode["recording"]["on"] = record
     began = time.process_time()
@@ -40,7 +40,7 @@ def time_of(problem: Problem, *, record: bool) -> float:
 
 
 # %% [markdown]
-# One round takes each of them once, so that what else the machine does meets all alike.
+# One round runs each problem once, so that other load on the machine affects all of them alike.
 
 # %%
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""How fast an episode and a batch are simulated, beside MuJoCo and plain Python, and how accurately.
+"""Speed and accuracy of an episode and of a batch, compared with MuJoCo and plain Python.
 
 All implementations run in one process and in turn, with the same integrator and step, so that their ratios
-carry over to other machines. Takes about twenty minutes in full, on a machine with nothing else to do.
+apply to other machines. The full form takes about twenty minutes on an otherwise idle machine.
 """
 
 # %%
@@ -27,7 +27,7 @@ try:
 except ImportError:
     sys.exit("needs MuJoCo 4, which pip install 'twin-gait[test]' brings")
 
-CHECK = "time only what the goals are about, write them to FILE if any, exit 1 if one is missed"
+CHECK = "time only the peers of the goals, write the goals to FILE if given, exit 1 if one is missed"
 CHECK_OPTION = {"nargs": "?", "const": os.devnull, "metavar": "FILE", "help": CHECK}
 form = form_of("speed", Path(__file__).parent, check=CHECK_OPTION)
 extent = Extent.quick() if form.quick else Extent()
@@ -35,7 +35,7 @@ before, vectors, checks = machine(), instruction_set(), form.more["check"]
 
 # %% [markdown]
 # Three scenarios, each with two steps: the leg on its bench, both legs in the air, and the treadmill. The
-# quick form takes the first of them only.
+# quick form takes only the first scenario.
 
 # %%
 implementations, measured = (*ENGINES, *MUJOCO_PEERS), []
@@ -49,7 +49,7 @@ for case in cases()[:1] if form.quick else cases():
         print(f"{row['implementation']:25} {row['least time per tick [ns]']:12,} ns per tick")
 
 # %% [markdown]
-# The ratios that the compiled engine and its batch are held to.
+# Goals for the ratios of the compiled engine and its batch.
 
 # %%
 goals = goal_rows(measured, vectors)
@@ -62,12 +62,12 @@ if checks:
     sys.exit(min(missed, 1))
 
 # %% [markdown]
-# The goals once more with AVX-512 switched off, in a process of its own (not in the quick form); a second of
-# the bench leg many times over; and options of MuJoCo that might make it faster.
+# The goals again with AVX-512 switched off, in a separate process (not in the quick form); batches of many
+# episodes of the bench leg of one second; and options of MuJoCo that might make it faster.
 
 # %%
 shorter = []
-if vectors == "AVX-512" and not form.quick:  # all is compiled once more
+if vectors == "AVX-512" and not form.quick:  # everything is compiled again
     with tempfile.NamedTemporaryFile() as file:
         again = [sys.executable, __file__, "--check", file.name]
         subprocess.run(again, env=without_avx512())

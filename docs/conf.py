@@ -1,8 +1,8 @@
-"""The site: ``python -m sphinx -W docs docs/_build/html``.
+"""Configuration of the site: ``python -m sphinx -W docs docs/_build/html``.
 
-Built so, no script of the gallery and no cell of a tutorial runs: their pages have the code and the kept
-figures. With ``TWIN_GAIT_SITE=run`` they run; ``TWIN_GAIT_SITE=first_gait`` runs the one page whose name has
-that in it.
+By default no script of the gallery and no cell of a tutorial runs: their pages have the code and the stored
+figures. With ``TWIN_GAIT_SITE=run`` they run; ``TWIN_GAIT_SITE=first_gait`` runs the page whose name contains
+``first_gait``.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from jupyter_cache.executors import utils as notebooks
 
 import twin_gait
 
-RUN = os.environ.get("TWIN_GAIT_SITE", "")  # nothing, "run", or the part of a name
+RUN = os.environ.get("TWIN_GAIT_SITE", "")  # empty, "run", or a part of a name
 GENERATED = DOCS / "_build" / "gallery_source"
 ALL_THAT_RUN = rf"/(?!({'|'.join(sorted(gallery_pages.NOT_RUN))})\.py)[^/]*$"
 
-# Cells of the shell find the twin-gait of the Python that builds the site.
+# Shell cells use the twin-gait of the Python that builds the site.
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
 
-# A command's output reaches a notebook in pieces of 100 bytes; joined, they are lines again.
+# The output of a command arrives in a notebook in chunks of 100 bytes, which are joined to lines.
 notebooks.executenb = functools.partial(notebooks.executenb, coalesce_streams=True)
 
 project = "twin_gait"
@@ -64,7 +64,7 @@ exclude_patterns = [
 ]
 default_role = "literal"
 nitpicky = False
-# Tables that the program prints bring their own levels of headings (published_machines).
+# Tables that the program prints have their own levels of headings (published_machines).
 suppress_warnings = ["myst.header"]
 
 # Markdown
@@ -106,7 +106,7 @@ sphinx_gallery_conf = {
     "reset_modules": ("gallery_run.fresh",),
     "download_all_examples": False,
     "show_memory": False,
-    "write_computation_times": False,  # a page that loads scripts from elsewhere
+    "write_computation_times": False,  # this page would load scripts from other servers
     "remove_config_comments": True,
     "nested_sections": False,
     "within_subsection_order": "gallery_run.Order",
@@ -137,7 +137,7 @@ copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 
 
-# Files of the repository that are pages of the site too: what stands in their place below docs/ is replaced.
+# Files of the repository that are also pages of the site; they replace the files at these paths in docs/.
 INCLUDED = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -146,7 +146,7 @@ INCLUDED = {
 
 
 def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
-    """A link to a file of the repository leads to its page; a folder is a link only in the repository."""
+    """Replace links to files of the repository by links to their pages, and links to folders by text."""
     page = DOCS / f"{name}.md"
     origin = page
     for path, place in INCLUDED.items():
@@ -169,7 +169,7 @@ def _links_inside_the_site(_: Any, name: str, source: list[str]) -> None:
 
 
 def _fields_with_their_comments(_: Any, what: str, __: str, thing: Any, ___: Any, lines: list[str]) -> None:
-    """The comments beside the fields of a record are their documentation."""
+    """Add the comments of the fields of a record as their documentation."""
     if what != "class" or not (dataclasses.is_dataclass(thing) or hasattr(thing, "_fields")):
         return
     if any(line.startswith((":ivar", ".. attribute")) for line in lines):
@@ -183,7 +183,7 @@ def _fields_with_their_comments(_: Any, what: str, __: str, thing: Any, ___: Any
 
 
 def _hints_without_ranges(_: Any, thing: Any, __: bool) -> None:
-    """A signature has the types of parameters; units and ranges are in the page of keys."""
+    """Reduce signatures to the types of parameters; units and ranges are on the page of keys."""
     if inspect.isfunction(thing):
         with contextlib.suppress(NameError, TypeError):
             thing.__annotations__ = typing.get_type_hints(thing)
@@ -192,13 +192,13 @@ def _hints_without_ranges(_: Any, thing: Any, __: bool) -> None:
 def _members_need_no_call(
     _: Any, what: str, __: str, thing: Any, ___: Any, signature: str, returned: str
 ) -> tuple[str, str | None]:
-    """Nobody makes a member of an enumeration."""
+    """Remove the signature of enumerations, because users do not create members."""
     enumeration = what == "class" and issubclass(thing, enum.Enum)
     return ("", None) if enumeration else (signature, returned)
 
 
 def setup(app: Any) -> None:
-    """Prepare what is generated, before Sphinx looks for it."""
+    """Generate pages before Sphinx searches for them, and connect the handlers."""
     api_pages.prepare(DOCS / "reference" / "api")
     gallery_pages.prepare(GENERATED, run=bool(RUN))
     app.connect("autodoc-before-process-signature", _hints_without_ranges)

@@ -1,6 +1,6 @@
-"""What pages say that is declared in the program: commands, rules, fields of records, licences.
+"""Parts of pages from declarations in the program: commands, rules, fields of records, licences.
 
-Each function makes rows of a table or a piece of Markdown for ``docs/insert.py``.
+Each function returns rows of a table or a part of Markdown for ``docs/insert.py``.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from typing import Any, get_args
 
 
 class NotInstalled(Exception):
-    """A distribution whose metadata is wanted is not here."""
+    """Error for a distribution whose metadata is needed and that is not installed."""
 
 
 def fields(path: str) -> list[dict[str, Any]]:
-    """Fields of a dataclass or named tuple with the comments beside them."""
+    """Return the fields of a dataclass or named tuple with their comments."""
     module, _, name = path.rpartition(".")
     return [
         {
@@ -36,7 +36,7 @@ def fields(path: str) -> list[dict[str, Any]]:
 
 
 def fields_of(kind: type) -> Iterator[tuple[str, str, str]]:
-    """Name, type and meaning of every field of a class, as its source has them."""
+    """Yield name, type and meaning of every field of a class from its source."""
     source = inspect.cleandoc("\n" + inspect.getsource(kind))
     comments = {
         token.start[0]: (token.string.lstrip("# "), token.line.strip().startswith("#"))
@@ -58,7 +58,7 @@ def fields_of(kind: type) -> Iterator[tuple[str, str, str]]:
 
 
 def assumptions(_: str) -> list[dict[str, Any]]:
-    """Keys of experiment files and gait tables whose meaning says that its default is an assumption."""
+    """Return the keys of experiment files and gait tables with a default that is an assumption."""
     from twin_gait.experiment import Experiment
     from twin_gait.parameters.quantities import Parameters, declarations
     from twin_gait.worlds import world_of
@@ -91,7 +91,7 @@ def assumptions(_: str) -> list[dict[str, Any]]:
 
 
 def rules(_: str) -> list[dict[str, Any]]:
-    """Rules of the check."""
+    """Return the rules of the check."""
     from twin_gait.checking import check
 
     notes = {rule.__name__ for rule in check.NOTES}
@@ -111,7 +111,7 @@ def rules(_: str) -> list[dict[str, Any]]:
 
 
 def commands(_: str) -> str:
-    """Every command with its options, by the groups of ``--help``."""
+    """Return every command with its options, by the groups of ``--help``."""
     from twin_gait.cli.program import build_parser
 
     parser = build_parser()
@@ -169,16 +169,16 @@ def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
 
 
 def _markdown(text: str) -> str:
-    """Words of a help text: what looks like an option is set as one, and nothing else is markup."""
+    """Return a help text as Markdown, in which only options and code have markup."""
     text = re.sub(r"``?([^`]+)``?", r"`\1`", text).replace("<", "&lt;")
     return re.sub(r"(?<![\w`-])(--[a-z][\w-]*)(?![\w`])", r"`\1`", text)
 
 
 def licences(extra: str) -> list[dict[str, Any]]:
-    """Licence of what the package requires by the metadata of what is installed.
+    """Return the licences of requirements of the package by the metadata of the installed distributions.
 
     Args:
-        extra: ``package``, an extra, or ``closure``: what the requirements of the package require.
+        extra: ``package``, an extra, or ``closure`` for the indirect requirements of the package.
     """
     direct = {_name(text) for text in _requirements("package" if extra == "closure" else extra)}
     wanted = _closure(direct) - direct if extra == "closure" else direct
@@ -196,7 +196,7 @@ def _name(requirement: str) -> str:
 
 
 def _closure(names: set[str]) -> set[str]:
-    """Distributions that are installed for the sake of some, they among them."""
+    """Return the installed distributions that some distributions require, including these."""
     found: set[str] = set()
     waiting = list(names)
     while waiting:
@@ -205,7 +205,7 @@ def _closure(names: set[str]) -> set[str]:
             continue
         try:
             required = metadata.requires(name) or []
-        except metadata.PackageNotFoundError:  # of another platform or Python
+        except metadata.PackageNotFoundError:  # for another platform or Python version
             continue
         found.add(name)
         waiting += [_name(text) for text in required if "extra ==" not in text]
@@ -222,7 +222,7 @@ def _requirements(extra: str) -> list[str]:
 
 
 def licence_of(found: Any) -> str:
-    """Licence by what metadata says: an expression, else classifiers, else a short text."""
+    """Return the licence in the metadata: an expression, else classifiers, else a short text."""
     if found["License-Expression"]:
         return str(found["License-Expression"])
     classified = [

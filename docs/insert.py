@@ -1,11 +1,11 @@
-"""Insert numbers and tables of results into the pages beside this file and the README above.
+"""Insertion of numbers and tables of results into the pages in this folder and the README.
 
 A page quotes the number ``fit.gain`` of ``examples/results/NAME/results.json`` (or ``benchmarks/results``) as
 
     <!-- value NAME fit.gain .2f -->0.58<!-- / -->
 
-with a format as in Python, or none; ``NAME+OTHER`` adds the numbers of several scripts up. A list of mappings
-with the same keys is quoted as
+with a format as in Python, or none; ``NAME+OTHER`` is the sum of the numbers of several scripts. A list of
+mappings with the same keys is quoted as
 
     <!-- table NAME rows -->
     | k [Nm/deg] | outcome |
@@ -13,15 +13,15 @@ with the same keys is quoted as
     <!-- / -->
 
 ``<!-- columns ENERGY+MONITOR -->`` is a table of columns that ``twin_gait.simulation.log`` declares,
-``<!-- signals battery -->`` one of the signals of a message in ``urdf/twin.dbc``,
-``<!-- keys plant.battery -->`` one of the keys of a section of an experiment file or a gait table,
-``<!-- fields twin_gait.live.protocol.Frame -->`` one of the fields of a record with the comments beside them,
-``<!-- rules all -->`` one of the rules of the check, ``<!-- assumptions all -->`` one of the keys that are
-assumptions,
+``<!-- signals battery -->`` a table of the signals of a message in ``urdf/twin.dbc``,
+``<!-- keys plant.battery -->`` a table of the keys of a section of an experiment file or a gait table,
+``<!-- fields twin_gait.live.protocol.Frame -->`` a table of the fields of a record with their comments,
+``<!-- rules all -->`` a table of the rules of the check, ``<!-- assumptions all -->`` a table of the keys
+with assumed defaults,
 ``<!-- commands all -->`` all commands with their options,
-``<!-- licences package -->`` (or an extra) one of the licences of what is required.
+``<!-- licences package -->`` (or an extra) a table of the licences of the requirements.
 
-``python docs/insert.py`` brings all pages up to date, ``--check`` only says which are not.
+``python docs/insert.py`` updates all pages, ``--check`` only lists the pages that are out of date.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from twin_gait.parameters.quantities import Parameters, declarations
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
-import declared  # noqa: E402 -- beside this file
+import declared  # noqa: E402 -- in this folder
 
 _WORD = r"(?: ((?!-->)\S+))?"
 _KINDS = "value|table|columns|signals|keys|fields|assumptions|rules|commands|licences"
@@ -50,7 +50,7 @@ QUOTED = re.compile(rf"<!-- ({_KINDS}) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", 
 
 @cache
 def results_of(name: str) -> Any:
-    """Results of a script in their full form."""
+    """Return the stored results of the full form of a script."""
     places = [
         DOCS.parent / folder / "results" / name / "results.json" for folder in ("examples", "benchmarks")
     ]
@@ -74,7 +74,7 @@ def looked_up(name: str, key: str) -> Any:
 
 
 def table_of(rows: list[dict[str, Any]]) -> str:
-    """Rows as a table in Markdown, with the keys of the first as the heading."""
+    """Return rows as a table in Markdown, with the keys of the first row as the heading."""
     lines = [list(rows[0]), ["---"] * len(rows[0]), *(list(row.values()) for row in rows)]
     return "\n".join(
         "| " + " | ".join("" if cell is None else str(cell) for cell in line) + " |" for line in lines
@@ -82,7 +82,7 @@ def table_of(rows: list[dict[str, Any]]) -> str:
 
 
 def columns(kinds: str) -> list[dict[str, Any]]:
-    """Columns of the log that are declared for some kinds of things."""
+    """Return the columns of the log in some declared groups, such as ``ENERGY+MONITOR``."""
     from twin_gait.simulation import log
 
     return [
@@ -93,7 +93,7 @@ def columns(kinds: str) -> list[dict[str, Any]]:
 
 
 def signals(message: str) -> list[dict[str, Any]]:
-    """Signals of a message of the DBC file."""
+    """Return the signals of a message of the DBC file."""
     import cantools
 
     database = cantools.database.load_file(Path(__file__).parents[1] / "urdf" / "twin.dbc")
@@ -113,7 +113,7 @@ def signals(message: str) -> list[dict[str, Any]]:
 
 
 def keys(section: str) -> list[dict[str, Any]]:
-    """Keys of a section of an experiment file or gait table, as its class declares them."""
+    """Return the keys of a section of an experiment file or gait table that its class declares."""
     found = []
     for item in declarations(_section(section)):
         first, *others = item.keys
@@ -142,7 +142,7 @@ def _default(value: Any) -> str:
 
 
 def _section(path: str) -> Any:
-    """Class of the parameters that a section of a file has."""
+    """Return the class of the parameters of a section of a file."""
     from twin_gait.experiment import Experiment
     from twin_gait.gait import table
     from twin_gait.worlds import world_of
@@ -167,7 +167,7 @@ def _section(path: str) -> Any:
 
 
 def _classes(hint: Any) -> Iterator[Any]:
-    """Classes of parameters inside a type."""
+    """Yield the classes of parameters inside a type."""
     if isinstance(hint, type) and issubclass(hint, Parameters):
         yield hint
     for inner in get_args(hint):
@@ -187,11 +187,11 @@ MAKERS: dict[str, Callable[[str], list[dict[str, Any]] | str]] = {
 
 
 def with_results(page: str, *, licences: bool = True) -> str:
-    """A page with every quoted number and table as the results have them.
+    """Return a page with every quoted number and table updated from the results.
 
     Args:
-        page: Its text.
-        licences: Whether those of what is installed are wanted too; they differ from version to version.
+        page: Text of the page.
+        licences: Whether to update the licences of installed distributions, which depend on their versions.
     """
 
     def current(match: re.Match[str]) -> str:
@@ -203,7 +203,7 @@ def with_results(page: str, *, licences: bool = True) -> str:
         else:
             try:
                 made = MAKERS[kind](name) if kind in MAKERS else looked_up(name, key)
-            except declared.NotInstalled as error:  # an extra that this environment does without
+            except declared.NotInstalled as error:  # an extra that is not installed
                 print(f"the licences of {name} stay as they are: {error}", file=sys.stderr)
                 return match.group()
             text = f"\n{made if isinstance(made, str) else table_of(made)}\n"
@@ -213,13 +213,13 @@ def with_results(page: str, *, licences: bool = True) -> str:
 
 
 def pages() -> list[Path]:
-    """The README and all pages."""
+    """Return the paths of the README and of all pages."""
     written = (path for path in DOCS.glob("**/*.md") if not {"_build", "gallery", "api"} & set(path.parts))
     return [DOCS.parent / "README.md", *sorted(written)]
 
 
 def main() -> int:
-    """Bring the pages up to date, or name those that are not."""
+    """Update the pages, or list those that are out of date."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--check", action="store_true", help="change nothing; exit 1 if a page is out of date"

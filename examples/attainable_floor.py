@@ -1,9 +1,9 @@
 """The attainable floor: how close can these motors bring this body to the reference at all?
 
-Optimal control of half a symmetric stride over the engine's own equations of motion (direct collocation,
-casadi and ipopt), with and without what we ask of a walk beside its angles; every solution replayed in the
-engine; the walks of our gait tables beside it. Ten minutes on one core; needs the extra `floor`; page:
-docs/background/attainable_floor.md.
+Optimal control of half a symmetric stride with the engine's own equations of motion (direct collocation,
+casadi and ipopt), with and without the further goals of a walk in addition to its angles. Every solution is
+replayed in the engine and compared with the walks of the shipped gait tables. Ten minutes on one core; needs
+the extra `floor`; page: docs/background/attainable_floor.md.
 """
 
 # %%
@@ -27,15 +27,15 @@ from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_P
 from twin_gait.report import put_legend, save, style_panel
 
 # %% [markdown]
-# ## What is asked
-# The goals of the default walk, one by one, together, and as far as one may dream; forces in carried weights.
+# ## Goals
+# The goals of the default walk, one by one, together, and more ambitious ones; forces in carried weights.
 
 # %%
 GUIDES = ("vertical", "harness")
 TABLES = ("treadmill", "treadmill_pre_swing")
 GOALS = Goals(1.2, 0.7, 0.4, 5.0, 9.0, 3.0, 10.0)
 DREAMS = Goals(1.1, 0.8, 0.4, 0.0, 4.0, 7.0, 15.0)
-Rows = list[tuple[dict[str, Any], Run]]  # of walks, with what they are measured in
+Rows = list[tuple[dict[str, Any], Run]]  # measures of walks, with their runs
 WORDS = {
     "peak": "peak ≤ 1.2",
     "trough": "trough ≥ 0.7",
@@ -45,10 +45,10 @@ WORDS = {
     "yield_deg": "knee yields ≥ 3°",
     "clearance_mm": "clearance ≥ 10 mm",
 }
-WEIGHTS = (0.03, 0.01, 0.003, 0.1)  # of the effort, in the order of the search
-LEAST = 0.003  # the one at which walks are compared
+WEIGHTS = (0.03, 0.01, 0.003, 0.1)  # weights of the effort, in the order of the search
+LEAST = 0.003  # weight of the effort at which walks are compared
 INTERVALS, FEW_INTERVALS = 50, 30
-# What could be changed, with all goals asked for: name, settings, stride time in [s] or the reference's.
+# Possible changes, with all goals: name, settings, stride time in [s] (None: that of the reference).
 CHANGES: tuple[tuple[str, tuple[str, ...], float | None], ...] = (
     ("motors of 90 N m", ("control.limits.torque_Nm=90",), None),
     ("no friction", ("plant.friction_ratio.hip=0", "plant.friction_ratio.knee=0"), None),
@@ -69,12 +69,12 @@ def settings_of(guide: str, *more: str) -> list[str]:
 
 # %% [markdown]
 # ## Numbers of a walk
-# Of the last strides, both legs, by the program's own measures; a solution is measured in its replay.
+# Measures of the program over the last strides of both legs; a solution is measured in its replay.
 
 
 # %%
 def numbers_of(run: Run) -> dict[str, Any]:
-    """Errors, effort and forces of a run; only what became of it if it has no strides."""
+    """Return errors, effort and forces of a run; only its outcome if it has no strides."""
     summary, record = summarise(run), run.experiment.scenario
     sides = list(summary["sides"].values())
     if any(side.get("rmse_hip_by_contact_deg") is None for side in sides):
@@ -109,7 +109,7 @@ def mean(values: Iterable[float]) -> float:
 
 
 def cycles_of(run: Run, column: str) -> np.ndarray:
-    """The strides that count of a column of both legs over 101 percent, shape ``(n, 101)``."""
+    """Return the counted strides of both legs for a column over the cycle, shape ``(n, 101)``."""
     found = []
     for side in run.sides:
         strides = leg_record(run.log, side, run.table.phase_names, TICK).strides()[2:]
@@ -119,7 +119,7 @@ def cycles_of(run: Run, column: str) -> np.ndarray:
 
 # %% [markdown]
 # ## Searches
-# A first guess is a simulated walk of the default table; each solution is the guess for the next weight.
+# The first guess is a simulated walk of the default table; each solution is the guess for the next weight.
 
 
 # %%
@@ -129,7 +129,7 @@ def search_of(settings: Sequence[str], intervals: int, stride: float | None = No
 
 
 def row_of(walk: Walk, name: str) -> tuple[dict[str, Any], Run]:
-    """A solution in numbers, all of them from its replay, and the walk that its replay makes."""
+    """Return the measures of a solution from its replay, and the walk of its replay."""
     if not walk.succeeded:
         return {"walk": name, "outcome": "no optimum found"}, None
     run = walk.replayed()
@@ -141,10 +141,10 @@ def row_of(walk: Walk, name: str) -> tuple[dict[str, Any], Run]:
 def swept(
     search: Search, goals: Goals, guesses: Sequence[np.ndarray], name: str, weights: Sequence[float]
 ) -> tuple[Rows, Walk]:
-    """Rows and runs of all weights by rising effort, and the walk of the least weight.
+    """Return rows and runs of all weights by rising effort, and the walk of the least weight.
 
     Args:
-        guesses: Tried in turn for the first weight, until one leads to an optimum.
+        guesses: Guesses for the first weight, tried in turn until one leads to an optimum.
     """
     walks: dict[float, Walk] = {}
     for weight in weights:
@@ -164,7 +164,7 @@ def swept(
 
 # %%
 def draw(sweeps: dict[str, Rows], tables: list[tuple[str, dict[str, Any], Run]]) -> Figure:
-    """Error over effort, angles of hip and knee, and vertical force."""
+    """Draw error over effort, angles of hip and knee, and vertical force."""
     figure = Figure(figsize=(11.0, 7.6), layout="constrained")
     panels = figure.subplots(2, 2)
     colours = dict(zip(reversed(sweeps), (BLUISH_GREEN, BLUE, GREY), strict=False))
@@ -222,7 +222,7 @@ def draw_lines(axes: Axes, lines: list[Any], column: str, scale: Any) -> None:
 
 # %%
 def line_of(row: dict[str, Any]) -> dict[str, str]:
-    """A row as the page prints it."""
+    """Format a row for the page."""
     if "hip_deg" not in row:
         return {"walk": row["walk"], "RMSE hip / knee [°]": row["outcome"]}
     return {
@@ -238,7 +238,7 @@ def line_of(row: dict[str, Any]) -> dict[str, str]:
 
 
 def gap_of(name: str, row: dict[str, Any], guide: str, sweeps: dict[str, Rows]) -> dict[str, str]:
-    """Error of a table above that of the solutions: the least, and at the effort of the table."""
+    """Return the error of a table above the least error of solutions, and above that at the same effort."""
     line = {
         "table": name,
         "error [°]": f"{row['error_deg']:.1f}",

@@ -1,8 +1,8 @@
-"""Bench leg: how much torque moves the knee along a path, with more and more friction compensation. Seconds.
+"""Bench leg: torque that moves the knee along a path, with increasing friction compensation. Seconds.
 
-The leg hangs on a stand in transparent mode (no impedance, gravity switched off to leave friction alone), and
-the knee follows a cosine path that is imposed on it. The true friction is half of the compensator's model
-(s = 0.5), so the torque falls with the gain G, and beyond G = s the joint would run on by itself.
+The leg hangs on a stand in transparent mode (no impedance, and gravity switched off so that only friction
+acts), and the knee follows an imposed cosine path. The true friction is half of the compensator's model
+(s = 0.5). Therefore the torque falls with the gain G, and for G > s the joint would keep moving by itself.
 """
 
 # %%
@@ -15,7 +15,7 @@ form = form_of("bench_leg")
 
 
 def settings(gain: float) -> list[str]:
-    """Settings of one measurement."""
+    """Return the settings of one measurement."""
     gains = [f"table.phases.{phase}.knee.friction_compensation_gain={gain}" for phase in GaitPhase]
     return [
         "duration_s=8",
@@ -28,7 +28,7 @@ def settings(gain: float) -> list[str]:
 
 
 # %% [markdown]
-# Torque, and work in one period once the motion is periodic.
+# Torque and work in one period of the steady motion.
 
 # %%
 rows = []

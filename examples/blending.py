@@ -1,14 +1,14 @@
-"""Blending: how smoothly do stiffness, damping and equilibrium pass from phase to phase?
+"""Blending: how smoothly do stiffness, damping and equilibrium change from phase to phase?
 
-The default walk with parameters that step, fade linearly, or along the minimum-jerk polynomial, for several
-durations: jumps of the commanded torque, jerk, energy put into the virtual springs, tracking error, and how
-many of 16 wearers, speeds and supports walk with each. The walks take ten seconds, those of the robustness
-a minute on one core; page: docs/background/blending.md.
+The default walk with parameters that change in a step, linearly, or along the minimum-jerk polynomial, for
+several durations: jumps of the command torque, jerk, energy added to the virtual springs, tracking error, and
+the number of 16 wearers, speeds and supports that walk with each law. The walks take ten seconds, the
+robustness a minute on one core; page: docs/background/blending.md.
 """
 
 # %% [markdown]
 # ## Ways to blend
-# A blend of no length is a step whatever its law, so that one case stands for all of them.
+# A blend of zero duration is a step for every law, so that one case represents all of them.
 
 # %%
 from __future__ import annotations
@@ -30,13 +30,13 @@ from twin_gait.gait import TICK, BlendingLaw
 from twin_gait.palette import BLACK, BLUISH_GREEN, JOINT_COLOURS, ORANGE, REDDISH_PURPLE
 from twin_gait.report import put_legend, readable, save, style_panel
 
-Blend = tuple[str, int]  # law, duration in [ms], which are ticks
+Blend = tuple[str, int]  # law and duration in [ms], equal to ticks
 NONE, LINEAR, MINIMUM_JERK = (
     str(law) for law in (BlendingLaw.NONE, BlendingLaw.LINEAR, BlendingLaw.MINIMUM_JERK)
 )
 BLENDS: tuple[Blend, ...] = ((NONE, 0), *itertools.product((LINEAR, MINIMUM_JERK), (25, 60, 140)))
 JOINTS = (JointName.HIP, JointName.KNEE)
-# The default walk's surroundings, varied: the grid of the robustness map; every twentieth point is taken.
+# Variations of the default walk: the grid of the robustness map, of which every twentieth point is used.
 VARIED = {
     "patient.mass_kg": (55.0, 65.0, 75.0, 85.0, 95.0),
     "patient.height_m": (1.60, 1.70, 1.80, 1.90),
@@ -51,14 +51,15 @@ def settings_of(blend: Blend) -> dict[str, Any]:
 
 
 def walk(blend: Blend, duration: float, preset: str = "treadmill") -> Run:
-    """Simulate a preset with one way to blend, all else equal."""
+    """Simulate a preset with one blending, and all other settings equal."""
     settings = {"duration_s": duration, **settings_of(blend)}
     return simulate(load_experiment(preset, [f"{key}={value}" for key, value in settings.items()]).experiment)
 
 
 # %% [markdown]
-# ## What a walk costs
-# Torques are the larger of the two legs, all else is their mean. The keys are those of `summary.json`.
+# ## Cost of a walk
+# Torques are those of the leg with the larger value, all other measures are means of both legs. The keys are
+# those of `summary.json`.
 
 # %%
 LARGEST = {"torque_jump_Nm": "switch_torque_jump_Nm", "torque_change_Nm": "switch_torque_change_Nm"}
@@ -66,7 +67,7 @@ AVERAGED = ("jerk_rms_rad_per_s3", "jerk_dimensionless", "switch_energy_J", "sat
 
 
 def measures(run: Run) -> dict[str, Any]:
-    """Outcome, stride time and the measures of each joint as ``hip_…`` and ``knee_…``."""
+    """Return outcome, stride time and the measures of each joint as ``hip_…`` and ``knee_…``."""
     summary = summarise(run)
     sides = list(summary["sides"].values())
     found: dict[str, Any] = {
@@ -85,16 +86,16 @@ def measures(run: Run) -> dict[str, Any]:
 
 
 def over(values: Sequence[float | None], reduce: Any) -> float:
-    """Mean or maximum of the values that are defined; NaN without any."""
+    """Reduce the defined values to mean or maximum; NaN without any."""
     defined = [value for value in values if value is not None]
     return float(reduce(defined)) if defined else float("nan")
 
 
 # %% [markdown]
-# ## What a switch does
-# To the commanded torque, and to the energy ½ k (θ − θ0)² of the virtual spring: the firmware changes k and
-# θ0 at the start of a tick, with the joint at the measured angle, so that the energy which switching puts in
-# is a sum of differences.
+# ## Effect of a switch
+# A switch changes the command torque and the energy ½ k (θ − θ0)² of the virtual spring: the firmware changes
+# k and θ0 at the start of a tick, with the joint at the measured angle, so that the added energy is a sum of
+# differences.
 
 
 # %%
@@ -102,12 +103,12 @@ SIGNALS = ("motor_command_torque_Nm", "measured_angle_rad", "stiffness_Nm_per_ra
 
 
 def switch_effects(run: Run) -> pd.DataFrame:
-    """What every switch of phase does to every joint of its leg.
+    """Compute the effects of every switch on every joint of its leg.
 
     Returns:
         Rows with ``tick``, ``side``, ``from``, ``to``, ``joint``, ``kind`` (the last four in words),
-        ``torque_jump_Nm`` (largest change of the commanded torque in one tick until the end of the blend),
-        ``torque_change_Nm`` (largest change from before the switch) and ``energy_J`` (put into the spring).
+        ``torque_jump_Nm`` (largest change of the command torque in one tick until the end of the blend),
+        ``torque_change_Nm`` (largest change from before the switch) and ``energy_J`` (added to the spring).
     """
     blending, log, rows = run.experiment.table.blending, run.log, []
     length = blending.duration_ticks if blending.law is not BlendingLaw.NONE else 0
@@ -138,7 +139,7 @@ def switch_effects(run: Run) -> pd.DataFrame:
 
 
 def telling_switches(effects: dict[Blend, pd.DataFrame]) -> list[str]:
-    """The kind of switch that changes a torque most without a blend, and that which a blend worsens most."""
+    """Return the switch of largest torque change without a blend, and that which blends worsen most."""
     means = {blend: table.groupby("kind")["torque_change_Nm"].mean() for blend, table in effects.items()}
     first = means[BLENDS[0]]
     if first.empty:
@@ -163,7 +164,7 @@ COLOURS = {0: BLACK, 25: ORANGE, 60: BLUISH_GREEN, 140: REDDISH_PURPLE}
 
 
 def draw(table: pd.DataFrame, runs: dict[Blend, Run], effects: dict[Blend, pd.DataFrame]) -> Figure:
-    """The torque through two switches above, what each way to blend costs below."""
+    """Draw the torque around two switches above, and the cost of each blending below."""
     figure = Figure(figsize=(11.0, 7.8), layout="constrained")
     figure.suptitle("Ways to blend, on the same walk", fontsize="large")
     shown = telling_switches(effects)
@@ -189,7 +190,7 @@ def draw(table: pd.DataFrame, runs: dict[Blend, Run], effects: dict[Blend, pd.Da
 
 
 def draw_trace(axes: Axes, run: Run, rows: pd.DataFrame, blend: Blend) -> None:
-    """The torque through the last of some switches that the log surrounds."""
+    """Draw the torque around the last switch that has enough log before and after it."""
     rows = rows[rows["tick"].between(BEFORE, len(run.log) - AFTER - 1)]
     if rows.empty:
         return
@@ -226,7 +227,7 @@ CELLS = {
 
 
 def cells(row: dict[Any, Any]) -> dict[str, str]:
-    """A row as the page shows it; two numbers in a cell are hip and knee."""
+    """Format a row for the page; two numbers in a cell are hip and knee."""
     shown = {
         "law": readable(row["law"]),
         "ms": f"{row['duration_ms']}",
@@ -239,7 +240,7 @@ def cells(row: dict[Any, Any]) -> dict[str, str]:
 
 
 def switch_rows(effects: pd.DataFrame) -> list[dict[str, str]]:
-    """Means of what each kind of switch does after 5 s, both sides together."""
+    """Return the mean effects of each kind of switch after 5 s, for both sides together."""
     settled = effects[effects["tick"] > 5000].groupby(["joint", "from", "to"], sort=False)
     means = settled[["torque_jump_Nm", "torque_change_Nm", "energy_J"]].mean().reset_index()
     return [
@@ -255,7 +256,7 @@ def switch_rows(effects: pd.DataFrame) -> list[dict[str, str]]:
 
 
 def comparisons(table: pd.DataFrame) -> dict[str, float]:
-    """What the laws and durations differ by, least and most over joints (and durations)."""
+    """Return least and largest differences of laws and durations over joints (and durations)."""
     rows = table.set_index(["law", "duration_ms"])
     lines, curves = rows.loc[LINEAR], rows.loc[MINIMUM_JERK]
     jerk = [1.0 - lines[name] / curves[name] for name in (f"{joint}_jerk_rms_rad_per_s3" for joint in JOINTS)]
@@ -271,9 +272,10 @@ def comparisons(table: pd.DataFrame) -> dict[str, float]:
 
 
 def overshoot() -> dict[str, float]:
-    """Torque by which a linear blend of the knee from middle to late stance leaves the line between its ends.
+    """Compute the largest deviation of a linear blend of the knee torque from the line between its ends.
 
-    It is −Δk Δθ0 / 4 halfway through, at any angle, because the torque is a product of k and θ0.
+    It is −Δk Δθ0 / 4 in the middle of the blend from middle to late stance, at any angle, because the torque
+    is a product of k and θ0.
     """
     phases = load_experiment("treadmill").experiment.table.phases
     old, new = (phases[name].joints[JointName.KNEE] for name in ("middle_stance", "late_stance"))
@@ -289,12 +291,12 @@ def overshoot() -> dict[str, float]:
 
 # %% [markdown]
 # ## Robustness
-# The same walk for 16 wearers, belt speeds and supports, once for each way to blend.
+# The same walk for 16 wearers, belt speeds and supports, once for each blending.
 
 
 # %%
 def robustness(blends: Sequence[Blend], points: Sequence[dict[str, float]], workers: int) -> pd.DataFrame:
-    """Number of each outcome over the points of a grid, one row per way to blend."""
+    """Count the outcomes over the points of a grid, with one row per blending."""
     base = load_experiment("treadmill").experiment
     overrides = [{**settings_of(blend), **point} for blend in blends for point in points]
     outcomes = simulate_batch(base, overrides, workers=workers)["outcome"].to_numpy()
@@ -340,4 +342,4 @@ if __name__ == "__main__":
     print(mapped.to_string(index=False))
 
 # %% [markdown]
-# Homework: the law that gives the least jerk here is not the one called "minimum jerk". Why?
+# Homework: the law with the least jerk here is not the one called "minimum jerk". Why?

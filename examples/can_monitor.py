@@ -1,4 +1,4 @@
-"""A monitor of the CAN bus in twenty lines: it hears a live walk and commands a knee (thesis, 2.4)."""
+"""A monitor of the CAN bus in twenty lines: it receives a live walk and commands a knee (thesis, 2.4)."""
 
 # %%
 import subprocess
@@ -17,7 +17,7 @@ GROUP = "239.74.163.2"
 DRAWN, FREE = (2.0, 4.0) if form.quick else (4.0, 8.0)  # [s]
 
 # %% [markdown]
-# The walk is a program of its own. In a second terminal it would be
+# The walk runs in a separate program. In a second terminal the command would be
 # `twin-gait live bench_leg --can udp_multicast:239.74.163.2`.
 
 # %%
@@ -27,9 +27,9 @@ live += ["--out", f"{folder.name}/run", "--port", "0", "--no-browser", "--no-pic
 walk = subprocess.Popen(live, stdout=subprocess.DEVNULL)
 
 # %% [markdown]
-# From here on nothing is this package's but the DBC file. The numbers of a command are of one joint, its
-# `control` is for all. For some seconds a spring of 60 Nm/rad draws the knee to 0.8 rad; then the gait goes
-# on.
+# From here on only the DBC file is part of this package. The numbers of a command are for one joint,
+# its `control` is for all joints. For some seconds a spring of 60 N·m/rad pulls the knee to 0.8 rad; then
+# the gait continues.
 
 # %%
 database = cantools.database.load_file(Path(__file__).parents[1] / "urdf" / "twin.dbc")
@@ -49,7 +49,7 @@ with can.Bus(GROUP, "udp_multicast", hop_limit=0, can_filters=filters) as bus:
         if frame.arbitration_id == measurement.frame_id:
             times.append(now)
             angles.append(heard["angle"])
-        else:  # every 10 ms; the same command once more changes nothing
+        else:  # every 10 ms; repeating a command has no effect
             now = heard["time"]
             control = "impedance_control" if DRAWN < now < FREE else "walk"
             data = command.encode({**wanted, "control": control})

@@ -1,7 +1,7 @@
-"""Change the gait table: let the knee flex further in swing and see what the walk makes of it. Seconds.
+"""Change the gait table: increase the flexion of the knee in swing and compare the walks. Seconds.
 
-A gait table is a frozen value. `dataclasses.replace` makes a changed copy; the file on disk and the preset
-stay as they are. The same can be done in a YAML file or with `--set`.
+A gait table is immutable. `dataclasses.replace` returns a changed copy; the file on disk and the preset stay
+unchanged. The same change is possible in a YAML file or with `--set`.
 """
 
 # %%
@@ -17,7 +17,7 @@ form = form_of("change_the_table")
 
 
 def with_shifted_equilibrium(table: GaitTable, phase: str, joint: str, degrees: float) -> GaitTable:
-    """Copy of a table with the equilibrium angle of one joint in one phase shifted."""
+    """Return a copy of a table with a shifted equilibrium angle of one joint in one phase."""
     parameters = table.phases[phase]
     impedance = parameters.joints[joint]
     shifted = replace(impedance, equilibrium_angle=impedance.equilibrium_angle + math.radians(degrees))
@@ -47,4 +47,4 @@ for degrees in (0.0, 5.0):
 form.keep({"rows": rows})
 
 # %% [markdown]
-# Homework: how far can you shift it before the wearer falls? Which threshold would you move along?
+# Homework: how far can you shift the angle before the wearer falls? Which threshold would you shift with it?

@@ -1,13 +1,13 @@
-"""A table for anybody: who walks with the shipped table.
+"""A table for anybody: the people who walk with the shipped table.
 
-Two cohorts of 200 virtual people walk a minute each, with the table as its scaling law adapts it to them.
+Two cohorts of 200 virtual people walk a minute each, with the table that its scaling law adapts to them.
 Some minutes on two cores; page: docs/background/cohort.md.
 """
 
 # %% [markdown]
-# A gait table is found for one person. Its `scaling` adapts it to another one from mass, height, support and
-# belt speed. Here people are drawn by stature, mass and sex, given a condition of those who ship, and put on
-# the treadmill.
+# A gait table is tuned for one person. Its `scaling` adapts it to another person by mass, height, support and
+# belt speed. Here people are drawn by stature, mass and sex, are given the condition of a shipped person, and
+# walk on the treadmill.
 
 # %%
 from cohorts.walkers import DURATION, SUPPORT, cohort_row, failures, walkers
@@ -22,7 +22,7 @@ COHORT, SEEDS = 200, (11, 2027)
 
 # %%
 def walk_all(count: int, duration: float, workers: Workers) -> tuple[list[dict], list[str]]:
-    """A row for each table and seed, and a sentence on everybody who does not walk."""
+    """Return a row for each table and seed, and a sentence about each person who does not walk."""
     rows, others = [], []
     for table in TABLES:
         settings = [f"table={table}", f"scenario.support.share={SUPPORT}", f"duration_s={duration}"]

@@ -1,9 +1,9 @@
-"""Controllers beside each other: the same wearer on the same belt, another law between angle and torque.
+"""Controllers compared: the same wearer on the same belt with different laws from angle to torque.
 
-A wearer with a left hemiparesis walks with the five phases' springs, with four fifths of them, with a share
-that adapts from stride to stride, and along a predetermined path; without springs the legs give way. Angles
-of the affected knee and what the device does there. Then the command ``twin-gait compare`` counts more, over
-days that differ. Half a minute; page: docs/reference/compare.md.
+A wearer with a left hemiparesis walks with the springs of the five phases, with four fifths of them, with a
+share that adapts from stride to stride, and along a predetermined path; without springs the legs collapse.
+The figure shows angles of the affected knee and the torque of the device. Then the command
+``twin-gait compare`` counts more over different samples. Half a minute; page: docs/reference/compare.md.
 """
 
 # %%
@@ -51,13 +51,13 @@ for name, run in runs.items():
 
 # %% [markdown]
 # ## The affected knee over the stride
-# Means over the strides of those who walk. The torque is the motor's; that of the device on the leg, behind
-# the gear, is what `twin-gait compare` tells.
+# Means over the strides of the controllers that walk. The torque is that of the motor; `twin-gait compare`
+# reports the torque of the device on the leg, behind the gear.
 
 
 # %%
 def mean_stride(run: Run, column: str) -> np.ndarray:
-    """A column of the affected leg over the stride, mean of 101 points."""
+    """Return the mean of a column of the affected leg over the stride, shape ``(101,)``."""
     strides = run.leg_record(AFFECTED).strides()
     return np.mean(normalise_strides(run.log[f"{AFFECTED}_{column}"].to_numpy(), strides), axis=0)
 
@@ -92,9 +92,9 @@ for name, run in runs.items():
 print(*rows, sep="\n")
 
 # %% [markdown]
-# ## Several days
-# The command compares the same wearer on days that differ in belt speed, effort and sensors, with means and
-# 95 % confidence intervals. Controllers with which nobody walks to the end are left out.
+# ## Several samples
+# The command compares the same wearer in samples that differ in belt speed, effort and sensors, with means
+# and 95 % confidence intervals. Controllers without a complete walk are left out.
 
 # %%
 DAYS = ("--seeds", "2", "--duration", "15") if form.quick else ("--seeds", "5")

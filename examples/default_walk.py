@@ -1,7 +1,7 @@
-"""How the shipped walks carry themselves, and how far from the default wearer and belt they still walk.
+"""Quality of the shipped walks, and the range of wearers and belts in which they still walk.
 
-Each gait table on the default treadmill against what human walking asks for; combined draws of wearer,
-support and speed; speeds of the belt; small moves of support and mass. A minute on two cores; page:
+Each gait table on the default treadmill compared with goals from human walking; combined draws of wearer,
+support and speed; speeds of the belt; small changes of support and mass. A minute on two cores; page:
 docs/background/default_walk.md.
 """
 
@@ -21,12 +21,12 @@ from twin_gait.studies import Workers, overridden, run_episodes
 
 TABLES = ("treadmill", "treadmill_pre_swing")
 DURATION = 20.0  # [s]
-# Where the combined draws come from: mass [kg], height [m], supported share, belt speed [km/h].
+# Ranges of the combined draws: mass [kg], height [m], supported share, belt speed [km/h].
 KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenario.belt_speed_km_per_h")
 LOWEST, HIGHEST = (50.0, 1.50, 0.2, 0.8), (110.0, 1.95, 0.8, 1.9)
 DRAWS, SEED = 75, 19
 GEARS = (1.0, 0.9, 0.85, 0.7)  # efficiencies
-# Motors alone, which feed back what they brake.
+# Motors alone, which feed back the braking power.
 NO_ELECTRONICS = {
     "plant.electronics.inverter_resistance_Ohm": 0.0,
     "plant.electronics.inverter_power_W": 0.0,
@@ -37,7 +37,7 @@ NO_ELECTRONICS = {
 
 @dataclass(frozen=True)
 class Goal:
-    """What is asked of a measure of the default walk: from ``low`` to ``high``, and better from ``best``."""
+    """Goal of a measure of the default walk: from ``low`` to ``high``, and better from ``best`` on."""
 
     label: str
     key: str
@@ -47,7 +47,7 @@ class Goal:
 
     @staticmethod
     def text(low: float, high: float) -> str:
-        """A range in words; empty for one that no finite value is in."""
+        """Format a range in words; empty for a range without a finite value."""
         if math.isinf(low) and math.isinf(high):
             return "rising" if low > 0 else ""
         if math.isinf(high):
@@ -55,7 +55,7 @@ class Goal:
         return f"≤ {high:g}" if low in (0.0, -math.inf) else f"{low:g} to {high:g}"
 
     def rated(self, value: float) -> str:
-        """One word for a value."""
+        """Return the rating of a value as one word."""
         if self.best[0] <= value <= self.best[1]:
             return "better than asked for"
         return "met" if self.low <= value <= self.high else "missed"
@@ -82,7 +82,7 @@ GOALS = (
 
 # %%
 def measured(run: Run) -> dict[str, float | str]:
-    """A walk in numbers: those of the worse leg, where the legs differ."""
+    """Return the measures of a walk, from the worse leg where the legs differ."""
     found: dict[str, float | str] = {"outcome": str(run.verdict.outcome)}
     power = run.walk_power()
     if found["outcome"] != "walked" or power is None:
@@ -111,20 +111,20 @@ def measured(run: Run) -> dict[str, float | str]:
 
 
 def walk_of(item: tuple[str, dict[str, float]]) -> Experiment:
-    """The experiment of a table and some changes."""
+    """Return the experiment with a table and some changes."""
     name, changes = item
     settings = [f"table={name}", f"duration_s={DURATION}"]
     return overridden(load_experiment("treadmill", settings).experiment, changes)
 
 
 def draws(count: int) -> list[dict[str, float]]:
-    """Wearers, supports and speeds at once, a Latin hypercube."""
+    """Draw wearers, supports and speeds together from a Latin hypercube."""
     points = qmc.scale(qmc.LatinHypercube(len(KEYS), rng=SEED).random(count), LOWEST, HIGHEST)
     return [dict(zip(KEYS, map(float, point), strict=True)) for point in points]
 
 
 def moves() -> dict[str, dict[str, float]]:
-    """Support moved by ten points, mass by a tenth, from the defaults."""
+    """Return changes of the defaults: support by ten percentage points, mass by a tenth."""
     experiment = load_experiment("treadmill").experiment
     share, mass = experiment.scenario.support.share, experiment.patient.mass
     return {
@@ -136,7 +136,7 @@ def moves() -> dict[str, dict[str, float]]:
 
 
 def speed_range(speeds: Sequence[float], walked: Sequence[bool], around: float) -> tuple[float, float] | None:
-    """Ends of the unbroken range around a speed at which a table walks; None if it does not."""
+    """Return the ends of the continuous range of walking around a speed; None if the table does not walk."""
     middle = int(np.argmin(np.abs(np.array(speeds) - around)))
     if not walked[middle]:
         return None
@@ -149,7 +149,7 @@ def speed_range(speeds: Sequence[float], walked: Sequence[bool], around: float) 
 
 
 def worked(changes: dict[str, float]) -> dict[str, float]:
-    """What the default walk with some changes costs the motors; of the larger leg or joint, or their mean."""
+    """Return the effort of the motors in the default walk with some changes, as maxima or means."""
     run = simulate(walk_of(("treadmill", changes)))
     summary = summarise(run)
     sides = list(summary["sides"].values())
@@ -172,7 +172,7 @@ def worked(changes: dict[str, float]) -> dict[str, float]:
 
 
 def gear_rows() -> list[dict[str, str]]:
-    """The default walk with gears that lose more or less."""
+    """Simulate the default walk with gears of different efficiency and return a row for each."""
     rows = []
     for efficiency in GEARS:
         found = worked({f"plant.actuators.{joint}.gear_efficiency": efficiency for joint in ("hip", "knee")})
@@ -191,7 +191,7 @@ def gear_rows() -> list[dict[str, str]]:
 
 # %%
 def goal_rows(walks: dict[str, dict]) -> list[dict]:
-    """Every goal, and what each table reaches."""
+    """Return every goal and the value of each table."""
     rows = []
     for goal in GOALS:
         row = {"measure": goal.label, "goal": goal.text(goal.low, goal.high)}
@@ -204,7 +204,7 @@ def goal_rows(walks: dict[str, dict]) -> list[dict]:
 
 
 def moved_rows(walks: dict[tuple[str, str], dict], nominal: dict[str, dict]) -> list[dict]:
-    """By how much the errors grow when support or mass are moved."""
+    """Return the growth of the errors if support or mass change."""
     rows = []
     for move in moves():
         row = {"moved": move}

@@ -1,12 +1,12 @@
-"""A thousand seeded faults on the default walk: outcomes, detection times, and what must hold in all runs.
+"""A thousand seeded faults on the default walk: outcomes, detection times, and invariants of all runs.
 
-Faults of encoders, motors, controller, load sensors and supply, drawn over kind, joint, time and magnitude;
-every log is checked against the bounds of the safety monitor by other means than the monitor's own. Three
+Faults of encoders, motors, controller, load sensors and supply vary in kind, joint, time and magnitude; every
+log is checked against the bounds of the safety monitor, independently of the code of the monitor. Three
 minutes on two cores; page: docs/reference/faults.md.
 """
 
 # %% [markdown]
-# `twin-gait faults --set table=my_table.yaml` makes the table of outcomes for a gait table of your own, and
+# `twin-gait faults --set table=my_table.yaml` writes the table of outcomes for another gait table, and
 # `twin-gait simulate --fault encoder_freeze:left_knee@4.2s` injects a single fault.
 
 # %%
@@ -28,7 +28,7 @@ EXAMPLE = "encoder_freeze:left_knee@4.2s"
 
 # %%
 def what_held(table: pd.DataFrame) -> dict:
-    """In how many runs that which must hold did."""
+    """Count the runs in which the invariants hold."""
     tripped = table[table["cause"] != ""]
     return {
         "runs": len(table),

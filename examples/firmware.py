@@ -1,8 +1,8 @@
-"""What does the printed firmware weigh, how long is its longest tick, and is it the simulation's controller?
+"""How large is the printed firmware, how long is its longest tick, and is it equal to the simulation?
 
-Every shipped table is printed, built for this machine and for a Cortex-M4F, and compared over 20 s and over
+Every shipped table is printed, built for this machine and for a Cortex-M4F, and compared over 20 s and with
 faults. Then every constant of each unit is changed alone, to count the changes that the test of the printed
-project notices. Some minutes, with gcc, gcc-arm-none-eabi and qemu-system-arm; page:
+project detects. Some minutes, with gcc, gcc-arm-none-eabi and qemu-system-arm; page:
 docs/reference/firmware.md.
 """
 
@@ -35,7 +35,7 @@ TABLES = {
 
 
 def row_of(name: str, preset: str, *changes: str) -> dict[str, Any]:
-    """Sizes, instructions and differences of a table."""
+    """Return sizes, instructions and differences of a table."""
     found = verify(load_experiment(preset, changes).experiment)
     double, single, target, loop = (check["found"] for check in found["checks"])
     board, central = (target["bytes"][unit] for unit in ("joint_board", "gait_controller"))
@@ -57,13 +57,13 @@ def row_of(name: str, preset: str, *changes: str) -> dict[str, Any]:
 
 
 # %% [markdown]
-# A change that is not noticed has no effect, for a reason that is checked for each constant, or is counted
-# as not noticed.
+# A change that is not detected has no effect, for a reason that is checked for each constant, or is counted
+# as not detected.
 
 
 # %%
 def constants_of(experiment: str, units: Sequence[str], step: int = 1) -> list[dict[str, Any]]:
-    """Count the changed constants of each unit that the test of a project notices, or the reasons why not."""
+    """Count the changed constants of each unit that the test of a project detects, or the reasons why not."""
     rows = []
     with TemporaryDirectory() as name:
         folder = Path(name)

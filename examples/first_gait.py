@@ -10,7 +10,7 @@ from twin_gait import load_experiment, simulate
 form = form_of("first_gait")
 
 # %% [markdown]
-# An experiment is one frozen value; `simulate` gives a run whose log has one row per tick of 1 ms.
+# An experiment is one immutable value; `simulate` returns a run whose log has one row per tick of 1 ms.
 
 # %%
 run = simulate(load_experiment("treadmill", [f"duration_s={6.5 if form.quick else 8.0}"]).experiment)
@@ -37,5 +37,5 @@ form.keep({"outcome": str(run.verdict.outcome), "stride_s": len(stride) * 1e-3})
 print(f"wrote {form.out / 'first_gait.png'}")
 
 # %% [markdown]
-# Homework: what does the knee do if friction compensation is switched off?
+# Homework: how does the knee move if friction compensation is switched off?
 # (`table.phases.<phase>.knee.friction_compensation_gain=0`)

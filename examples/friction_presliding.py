@@ -1,14 +1,14 @@
-"""Friction that sticks: what a knee does with LuGre's bristles, beside the static law of the thesis. Seconds.
+"""Friction that sticks: a knee with LuGre's bristles compared with the static law of the thesis. Seconds.
 
-The bench leg, its motors idle. A hand moves the knee to and fro by less than it takes to slide, a weak spring
-drags it along, and it is let go where its weight is less than its friction. Coulomb and viscous friction are
-those of table 3.1; break-away torque, Stribeck velocity and bristles of TWIN have not been measured: they are
-assumptions. Page: docs/background/model.md.
+The bench leg has idle motors. A hand moves the knee back and forth by less than the presliding range, a weak
+spring drags it, and it is released where its weight is less than its friction. Coulomb and viscous friction
+are those of table 3.1; break-away torque, Stribeck velocity and bristles of TWIN have not been measured: they
+are assumptions. Page: docs/background/model.md.
 """
 
 # %% [markdown]
 # ## Two laws
-# Bristles slide after a tenth of a degree, and it takes 1.4 times the Coulomb friction to break away.
+# Bristles slide after a tenth of a degree, and the break-away torque is 1.4 times the Coulomb friction.
 
 # %%
 from __future__ import annotations
@@ -30,7 +30,7 @@ from twin_gait.palette import BLUE, GREY, ORANGE
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionLaw, FrictionParameters, LuGreFriction
 from twin_gait.report import put_legend, save, style_panel
 
-SLIDES_AFTER = math.radians(0.1)  # [rad], where Coulomb friction bends the bristles to; an assumption
+SLIDES_AFTER = math.radians(0.1)  # [rad], deflection of the bristles under Coulomb friction; an assumption
 BREAKAWAY_RATIO, STRIBECK_VELOCITY = 1.4, 0.05  # assumptions
 DAMPING = 0.03  # [s], σ1 / σ0; an assumption
 TABLE = {JointName.HIP: HIP_FRICTION.normalised(), JointName.KNEE: KNEE_FRICTION.normalised()}
@@ -40,7 +40,7 @@ DEGREE = math.pi / 180.0
 
 
 def bristles(law: FrictionParameters) -> LuGreFriction:
-    """LuGre's law with the Coulomb and viscous friction of a static one."""
+    """Return LuGre's law with the Coulomb and viscous friction of a static law."""
     stiffness = law.coulomb_friction / SLIDES_AFTER
     return LuGreFriction(
         coulomb_friction=law.coulomb_friction,
@@ -60,7 +60,7 @@ LAWS: dict[str, Mapping[JointName, FrictionLaw]] = {
 
 
 def idle_leg(law: str, *settings: str) -> Experiment:
-    """The bench leg with idle motors and the whole of a friction law."""
+    """Return the bench leg with idle motors and the complete friction of a law."""
     gains = [
         f"table.phases.{phase}.{joint}.friction_compensation_gain=0" for phase in GaitPhase for joint in TABLE
     ]
@@ -73,24 +73,24 @@ def idle_leg(law: str, *settings: str) -> Experiment:
 
 
 def knee(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time in [s], way of the knee from its start in [°], friction in [N m] with the sign of the velocity."""
+    """Return time [s], knee angle from its start [°], and friction [N·m] with the sign of the velocity."""
     angle = run.log["right_knee_angle_rad"].to_numpy()
     friction = -run.log["right_knee_friction_torque_Nm"].to_numpy()
     return run.log["time_s"].to_numpy(), (angle - angle[0]) / DEGREE, friction
 
 
 # %% [markdown]
-# ## To and fro, dragged along, let go
-# The hand holds fast and moves by so many degrees; the spring is weak and its other end moves slowly.
+# ## Back and forth, dragged, released
+# The hand grips firmly and moves with a given amplitude; the spring is weak and its other end moves slowly.
 
 # %%
-HAND_AMPLITUDES = (0.1, 0.3, 1.0)  # [°], end to end
+HAND_AMPLITUDES = (0.1, 0.3, 1.0)  # [°], from end to end
 HAND_FREQUENCY = 0.5  # [Hz]
-SPRING, DRAG_AMPLITUDE, DRAG_FREQUENCY = 15.0, 90.0, 0.02  # [N m] / [rad], [°], [Hz]
+SPRING, DRAG_AMPLITUDE, DRAG_FREQUENCY = 15.0, 90.0, 0.02  # [N·m/rad], [°], [Hz]
 
 
 def led(law: str, amplitude: float, frequency: float, stiffness: float, damping: float, time: float) -> Run:
-    """A run without gravity whose knee is led along a cosine path by a spring and a damper."""
+    """Simulate a run without gravity in which spring and damper guide the knee along a cosine path."""
     motion = (
         f"scenario.imposed_motion={{joint: knee, amplitude_deg: {amplitude}, frequency_Hz: {frequency}, "
         f"stiffness_Nm_per_rad: {stiffness}, damping_Nms_per_rad: {damping}}}"
@@ -100,22 +100,22 @@ def led(law: str, amplitude: float, frequency: float, stiffness: float, damping:
 
 
 def swayed(law: str, amplitude: float) -> Run:
-    """Two periods of a hand's motion; the grip is far stiffer than bristles."""
+    """Simulate two periods of a hand's motion, with a grip that is much stiffer than the bristles."""
     return led(law, amplitude, HAND_FREQUENCY, 2e4, 200.0, 2.0 / HAND_FREQUENCY)
 
 
 def dragged(law: str) -> Run:
-    """Half a period of the weak spring's path."""
+    """Simulate half a period of the path of the weak spring."""
     return led(law, DRAG_AMPLITUDE, DRAG_FREQUENCY, SPRING, 0.0, 0.5 / DRAG_FREQUENCY)
 
 
 def let_go(law: str, time: float) -> Run:
-    """The leg is let go bent, under its own weight."""
+    """Simulate the release of the flexed leg under its own weight."""
     return simulate(idle_leg(law, "scenario.start={hip_deg: 5, knee_deg: 30}", f"duration_s={time}"))
 
 
 def path_of(time: np.ndarray) -> np.ndarray:
-    """Way of the other end of the weak spring in [°]."""
+    """Return the displacement of the other end of the weak spring in [°]."""
     return 0.5 * DRAG_AMPLITUDE * (1.0 - np.cos(2.0 * math.pi * DRAG_FREQUENCY * time))
 
 
@@ -125,7 +125,7 @@ def path_of(time: np.ndarray) -> np.ndarray:
 
 # %%
 def loop_energy(run: Run) -> float:
-    """Energy in [mJ] that friction takes in the second period."""
+    """Compute the energy that friction dissipates in the second period in [mJ]."""
     _, way, friction = knee(run)
     last = slice(len(way) // 2, None)
     angle, torque = way[last] * DEGREE, friction[last]
@@ -133,7 +133,7 @@ def loop_energy(run: Run) -> float:
 
 
 def numbers_of(runs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """What the page quotes."""
+    """Return the numbers of the page."""
     found: dict[str, Any] = {
         "breakaway_ratio": BREAKAWAY_RATIO,
         "stribeck_velocity_rad_per_s": STRIBECK_VELOCITY,
@@ -196,7 +196,7 @@ def draw(runs: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 
 def draw_steady(axes: Axes, law: FrictionLaw, look: Mapping[str, Any]) -> None:
-    """Friction over a steady velocity."""
+    """Draw friction over a steady velocity."""
     friction = law.in_plant()
     speeds = np.geomspace(1e-4, 0.6, 600).tolist()
     torques = [friction_torque(friction, w, steady_deflection(friction, w), 0.0) for w in speeds]

@@ -1,8 +1,8 @@
-"""What the scripts of the gallery share: where their results go, and whether a quick form is wanted.
+"""Common part of the scripts of the gallery: folder of the results, and the option for a quick form.
 
-``python examples/NAME.py`` writes into ``examples/results/NAME``; ``--out`` takes another folder. ``--quick``
-does as little as shows that the script works, in seconds, and writes into a temporary folder unless told
-otherwise. Cells run one by one in an editor or notebook do as the script does without arguments.
+``python examples/NAME.py`` writes into ``examples/results/NAME``; ``--out`` sets another folder. ``--quick``
+runs the smallest work that shows that the script works, in seconds, and writes into a temporary folder by
+default. Single cells in an editor or notebook run like the script without arguments.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ RESULTS = "results.json"
 
 @dataclass(frozen=True)
 class Form:
-    """How a script is run.
+    """Form in which a script runs.
 
     Attributes:
-        out: Folder of its results; it exists.
-        quick: Whether to do as little as shows that it works.
-        workers: Processes for long work.
-        more: What else its command line says, by the names of :func:`form_of`.
+        out: Existing folder of the results.
+        quick: Whether to run only the smallest work that shows that the script works.
+        workers: Number of processes for long work.
+        more: Values of further options, by the names in :func:`form_of`.
     """
 
     out: Path
@@ -46,12 +46,12 @@ def form_of(name: str, folder: Path | None = None, **more: Mapping[str, Any]) ->
     """Read the arguments of a script.
 
     Args:
-        name: Of the script, without .py.
-        folder: The folder that holds ``results``; the gallery's if None.
-        more: Options of its own, by name, with what ``argparse`` is to know of them.
+        name: Name of the script without .py.
+        folder: Folder that contains ``results``; None for that of the gallery.
+        more: Further options by name, with their arguments for ``argparse``.
 
     Returns:
-        What it is asked for; the full form in a notebook.
+        The form of the command line; the full form in a notebook.
     """
     parser = argparse.ArgumentParser(prog=f"{name}.py")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the results")

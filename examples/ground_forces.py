@@ -1,8 +1,8 @@
-"""Ground forces: what the belt feels of the default walk, and how support changes it.
+"""Ground forces: forces of the default walk on the belt, and their change with the support.
 
-Vertical and fore-aft force over the stride, in units of the weight that the wearer carries; the curves of the
-default walk stand beside the normative ones. Where less weight is carried, is the walk still one? Seconds;
-what the measures mean: docs/reference/summary.md.
+Vertical and fore-aft force over the stride, in units of the carried weight; the figure compares the default
+walk with normative curves. Is the walk still a walk if less weight is carried? Seconds; the measures are
+defined in docs/reference/summary.md.
 """
 
 # %%
@@ -26,8 +26,7 @@ def walk(support: float) -> Run:
 
 # %% [markdown]
 # ## Over the stride
-# The force of each foot from heel strike to heel strike, of the default walk (60 % of the weight in the
-# harness).
+# Force of each foot from heel strike to heel strike in the default walk (60 % of the weight in the harness).
 
 # %%
 figure = walk(0.6).plot("ground_forces")
@@ -35,8 +34,8 @@ save(figure, form.out / "ground_forces.png")
 
 # %% [markdown]
 # ## With more and less support
-# Loading peak, trough, push-off peak and the least load over 6 to 20 % of the cycle in units of the carried
-# weight, impulses of braking and propulsion, and the power by which the belt helps.
+# Loading peak, trough, push-off peak and the least load over 6–20 % of the cycle in units of the carried
+# weight, impulses of braking and propulsion, and the power that the belt delivers.
 
 # %%
 MEASURES = {

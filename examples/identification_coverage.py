@@ -1,15 +1,15 @@
-"""Coverage: do the 95 % intervals of an identification hold the truth in 95 of 100 campaigns?
+"""Coverage: do the 95 % intervals of an identification contain the truth in 95 of 100 campaigns?
 
-Campaigns on the simulated bench, each with a seed of its own: 45 motor-driven tests in both directions,
-identified from their logs alone with the rotational law, and compared with the law that the bench had. The
+Campaigns on the simulated bench, each with a different seed: 45 motor-driven tests in both directions,
+identified from their logs alone with the rotational law, and compared with the true law of the bench. The
 logs are smoothed once without delay and once as in the thesis. 200 campaigns of each joint take about half
 an hour on one core; page: docs/reference/identification.md.
 """
 
 # %% [markdown]
 # ## One campaign
-# The identification sees what a bench would have recorded: angle, velocity, currents, and the weight on the
-# link. It is given the rotational law (equation 3.1 of the thesis) to fit, nothing else.
+# The input of the identification is the record of a bench: angle, velocity, currents, and the weight on the
+# link. Apart from that it has only the rotational law (equation 3.1 of the thesis) that it fits.
 
 # %%
 from __future__ import annotations
@@ -42,7 +42,7 @@ from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 LAW = "rotational"
 PROCESSINGS = (Processing.ZERO_PHASE, Processing.THESIS)
 CAMPAIGNS, QUICK_CAMPAIGNS = 200, 2
-CYCLES, QUICK_CYCLES = 2, 1  # of a test; two take half the time of the protocol's four
+CYCLES, QUICK_CYCLES = 2, 1  # cycles of a test; two take half the time of the four in the protocol
 LOGGED = {
     Quantity.TIME: "time_s",
     Quantity.ANGLE: "position_rad",
@@ -53,7 +53,7 @@ LOGGED = {
 
 
 class Estimate(NamedTuple):
-    """What one campaign gave, parameters in the order of :func:`true_parameters`."""
+    """Result of one campaign, with parameters in the order of :func:`true_parameters`."""
 
     values: np.ndarray
     intervals: np.ndarray  # shape (n, 2)
@@ -61,7 +61,7 @@ class Estimate(NamedTuple):
 
 
 def true_parameters(joint: JointName) -> dict[str, float]:
-    """The law of the simulated bench, a, b and c positive, by the names that an identification reports."""
+    """Return the law of the simulated bench with positive a, b and c, by the names in an identification."""
     law = BENCH_FRICTION[joint].normalised()
     return {
         "breakaway_torque_Nm": law.breakaway_torque,
@@ -72,7 +72,7 @@ def true_parameters(joint: JointName) -> dict[str, float]:
 
 
 def logs_of(campaign: Campaign) -> list[Log]:
-    """The logs of a campaign, without a detour over files."""
+    """Return the logs of a campaign without files."""
     logs = []
     for plan in planned_tests(campaign):
         run = simulate_bench(plan.test, seed=plan.noise_seed, variation=plan.variation)
@@ -89,7 +89,7 @@ def estimates(cycles: int, campaign: tuple[JointName, int]) -> dict[Processing, 
 
 
 def identified(logs: Sequence[Log], joint: JointName, processing: Processing) -> Estimate:
-    """Identify logs, and keep the parameters, their intervals and the warnings."""
+    """Identify logs, and return the parameters, their intervals and the warnings."""
     bench = BenchSetup(actuator=BENCH_ACTUATORS[joint])
     how = processing
     options = IdentificationOptions(bench=bench, processing=how, models=(LAW,), cross_validation=False)
@@ -105,14 +105,14 @@ def identified(logs: Sequence[Log], joint: JointName, processing: Processing) ->
 
 # %% [markdown]
 # ## All campaigns
-# A parameter's *spread* is the standard deviation of its estimates, *half-width* the mean of its intervals',
-# and it is *covered* where the interval holds the truth. The standard error of a share of 95 % over 200
-# campaigns is 1.5 %.
+# The *spread* of a parameter is the standard deviation of its estimates, *half-width* the mean over its
+# intervals, and it is *covered* if the interval contains the truth. The standard error of a share of 95 %
+# over 200 campaigns is 1.5 %.
 
 
 # %%
 def coverage(joint: JointName, found: Sequence[Estimate]) -> pd.DataFrame:
-    """Estimates of a joint beside the truth, one row per parameter, in the parameter's own unit."""
+    """Return estimates and truth of a joint, one row per parameter, in the unit of the parameter."""
     truth = np.array(list(true_parameters(joint).values()))
     values = np.array([item.values for item in found])
     low, high = np.moveaxis(np.array([item.intervals for item in found]), 2, 0)
@@ -130,14 +130,14 @@ def coverage(joint: JointName, found: Sequence[Estimate]) -> pd.DataFrame:
 
 
 def usual_warnings(found: Sequence[Estimate]) -> dict[str, float]:
-    """Share of the campaigns that give a warning, by its words before the first colon or number."""
+    """Return the share of campaigns with a warning, by its words before the first colon or number."""
     heads = [{re.split(r"[:(]|\d", text, maxsplit=1)[0].strip() for text in item.warnings} for item in found]
     counted = Counter(head for item in heads for head in item)
     return {head: count / len(found) for head, count in counted.most_common()}
 
 
 def row_of(joint: JointName, item: Any) -> dict[str, str]:
-    """A row as the page shows it."""
+    """Format a row for the page."""
     letter = dict(zip(true_parameters(joint), "abdc", strict=True))[item.parameter]
     return {
         "joint": str(joint),
@@ -173,5 +173,5 @@ if __name__ == "__main__":
     form.keep({"campaigns": count, "standard_error": standard_error, **rows, "warnings": warned})
 
 # %% [markdown]
-# Homework: the thesis only had falls in one direction (`Protocol.DROP`). Which parameters would you still
-# believe?
+# Homework: the thesis only had falls in one direction (`Protocol.DROP`). Which parameters are still
+# reliable?

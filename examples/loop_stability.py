@@ -1,16 +1,16 @@
 """Stability of the sampled loop: does the spectral radius of its transition matrix predict instability?
 
-`twin-gait check` multiplies out what firmware and leg do in a frame of ten ticks into one matrix, hip and
-knee coupled. Here its spectral radius is held against the compiled engine on 128 settings of k, b and G of
-the bench leg, with linear friction and with the true one. Two minutes on one core; page:
+`twin-gait check` combines the steps of firmware and leg in a frame of ten ticks in one matrix, with coupled
+hip and knee. Here its spectral radius is compared with the compiled engine on 128 settings of k, b and G of
+the bench leg, with linear friction and with the true friction. Two minutes on one core; page:
 docs/background/loop_stability.md.
 """
 
 # %% [markdown]
-# ## The bench leg, holding one posture
+# ## The bench leg in one posture
 # Every case has the same k, b and G in hip and knee. The *true* leg has the friction law, the limits and the
-# stops, and starts 5° away. The *linear* one has friction and its model replaced by their slopes at a
-# velocity, and starts so near that nothing saturates while its growth or decay is observed.
+# stops, and starts 5° away. The *linear* leg has the slopes of friction and its model at a velocity, and
+# starts so near that nothing saturates while its growth or decay is observed.
 
 # %%
 from __future__ import annotations
@@ -40,32 +40,32 @@ from twin_gait.report import save
 from twin_gait.studies import run_jobs
 from twin_gait.worlds import BenchLeg
 
-STIFFNESSES = tuple(math.degrees(value) for value in (0.3, 1.0, 2.5, 6.0))  # [N m] / [rad]
-DAMPINGS = (0.0, 10.0, 30.0, 90.0)  # [N m s] / [rad]
+STIFFNESSES = tuple(math.degrees(value) for value in (0.3, 1.0, 2.5, 6.0))  # [N·m/rad]
+DAMPINGS = (0.0, 10.0, 30.0, 90.0)  # [N·m·s/rad]
 GAINS = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0)
 POSTURE = (math.radians(20.0), math.radians(40.0))  # hip and knee, far from the stops
-VELOCITIES = (0.0, 1.0)  # [rad] / [s]; where the friction laws are linearised
+VELOCITIES = (0.0, 1.0)  # [rad/s] at which the friction laws are linearised
 LINEAR_START, TRUE_START = 1e-5, math.radians(5.0)  # [rad] away from the posture
 DURATION = 10.0  # [s]
 HOLD = "hold"
 
 
 class Case(NamedTuple):
-    """One point of the grid, for hip and knee alike."""
+    """Point of the grid, the same for hip and knee."""
 
-    stiffness: float  # [N m] / [rad]
-    damping: float  # [N m s] / [rad]
+    stiffness: float  # [N·m/rad]
+    damping: float  # [N·m·s/rad]
     gain: float
 
 
 def posture(shift: float) -> dict[JointName, float]:
-    """Joint angles at the start in [rad], shifted from the posture."""
+    """Return the joint angles at the start in [rad], shifted from the posture."""
     hip, knee = POSTURE
     return {JointName.HIP: hip + shift, JointName.KNEE: knee + shift}
 
 
 def true_experiment(case: Case) -> Experiment:
-    """Bench leg that holds one posture, gravity compensated as in the swing phases of the shipped tables."""
+    """Return a bench leg in one posture, with the gravity compensation of the shipped swing phases."""
     base = load_experiment("bench_leg").experiment
     joints = {
         name: JointImpedance(
@@ -79,13 +79,13 @@ def true_experiment(case: Case) -> Experiment:
     phase = PhaseParameters(joints=joints, gravity_compensation=1.0)
     table = GaitTable(name=HOLD, joints=base.table.joints, phases={HOLD: phase}, transitions=())
     scenario = BenchLeg(start_angles=posture(TRUE_START))
-    # Instability is what is looked for here: no monitor may end it.
+    # Instability is the subject here: no monitor may end it.
     control = replace(base.control, safety=replace(base.control.safety, enabled=False))
     return replace(base, name=HOLD, table=table, scenario=scenario, control=control, duration=DURATION)
 
 
 def linear_experiment(case: Case, velocity: float) -> Experiment:
-    """The same leg with friction and its model replaced by their slopes at a velocity in [rad] / [s]."""
+    """Return the same leg with friction and its model replaced by their slopes at a velocity in [rad/s]."""
     true = true_experiment(case)
     plant, control = true.plant, true.control
     viscous_plant = {joint: viscous(law, velocity) for joint, law in plant.true_friction().items()}
@@ -110,24 +110,24 @@ def viscous(law: FrictionParameters, velocity: float) -> FrictionParameters:
 # ## Prediction and simulation
 
 # %%
-UNDECIDED = 0.005  # a spectral radius this close to 1 is left out
-EARLY, LATE = (2.0, 3.0), (9.0, 10.0)  # [s]; where the sizes of a linear motion are compared
-LARGE = 0.05  # [rad]; a linear motion that has come to this is unstable, and not linear any more
-ROUNDING = 1e-12  # [rad]; one that has come down to this has decayed
-BEFORE, END = (5.0, 7.5), (7.5, 10.0)  # [s]; where the sizes of a true motion are compared
+UNDECIDED = 0.005  # a case with a spectral radius this close to 1 is left out
+EARLY, LATE = (2.0, 3.0), (9.0, 10.0)  # [s] in which the sizes of a linear motion are compared
+LARGE = 0.05  # [rad]; a linear motion of this size is unstable, and no longer linear
+ROUNDING = 1e-12  # [rad]; a linear motion of this size has decayed
+BEFORE, END = (5.0, 7.5), (7.5, 10.0)  # [s] in which the sizes of a true motion are compared
 
 
 class Result(NamedTuple):
-    """What was predicted and what was simulated of one case."""
+    """Prediction and simulation of one case."""
 
     case: Case
-    radii: tuple[float, ...]  # at each of VELOCITIES
-    unstable: tuple[bool, ...]  # the linear run, at each of VELOCITIES
-    ending: Ending  # of the true run
-    amplitude: float  # at its end, [rad]
+    radii: tuple[float, ...]  # spectral radius at each of VELOCITIES
+    unstable: tuple[bool, ...]  # whether the linear run is unstable, at each of VELOCITIES
+    ending: Ending  # ending of the true run
+    amplitude: float  # [rad] amplitude at the end of the true run
 
     def misses(self) -> int:
-        """Velocities at which the prediction is clear and wrong."""
+        """Count the velocities at which the prediction is clear and wrong."""
         pairs = zip(self.radii, self.unstable, strict=True)
         return sum(abs(radius - 1.0) >= UNDECIDED and (radius > 1.0) != seen for radius, seen in pairs)
 
@@ -138,19 +138,19 @@ def grid() -> list[Case]:
 
 @cache
 def any_loop(velocity: float) -> LinearLoop:
-    """Loop of the bench leg at the posture; a case puts its k, b and G in."""
+    """Return the loop of the bench leg at the posture, into which a case inserts its k, b and G."""
     (loop,) = linear_loops(true_experiment(grid()[0]), velocity).values()
     return loop
 
 
 def predicted_radius(case: Case, velocity: float) -> float:
-    """Spectral radius of the closed-loop transition matrix, friction linearised at a velocity."""
+    """Compute the spectral radius of the closed-loop transition matrix with friction linearised."""
     k, b, gain = (value * np.ones(len(POSTURE)) for value in case)
     return spectral_radius(transition_matrix(replace(any_loop(velocity), stiffness=k, damping=b, gain=gain)))
 
 
 def motion(run: Run) -> np.ndarray:
-    """Angles of hip and knee about the posture in [rad], shape ``(n_ticks, 2)``."""
+    """Return the angles of hip and knee relative to the posture in [rad], shape ``(n_ticks, 2)``."""
     columns = [f"{Side.RIGHT}_{joint}_angle_rad" for joint in (JointName.HIP, JointName.KNEE)]
     return run.log[columns].to_numpy() - np.array(POSTURE)
 
@@ -160,7 +160,7 @@ def within(run: Run, span: tuple[float, float]) -> np.ndarray:
 
 
 def linear_run_is_unstable(case: Case, velocity: float) -> bool:
-    """Whether a small motion of the linear leg becomes large, or is larger at the end than early on."""
+    """Return whether a small motion of the linear leg becomes large, or is larger at the end than early."""
     run = simulate(linear_experiment(case, velocity))
     size = np.abs(motion(run)).max(axis=1)
     if run.status is RunStatus.DIVERGED or size.max() > LARGE:
@@ -170,7 +170,7 @@ def linear_run_is_unstable(case: Case, velocity: float) -> bool:
 
 
 def true_ending(case: Case) -> tuple[Ending, float]:
-    """How the leg with friction, limits and stops ends, and half its range there in [rad]."""
+    """Return the ending of the leg with friction, limits and stops, and half its final range in [rad]."""
     run = simulate(true_experiment(case))
     if run.status is RunStatus.DIVERGED:
         return Ending.RUNAWAY, math.inf
@@ -188,7 +188,7 @@ def cross_check(case: Case) -> Result:
 
 # %% [markdown]
 # ## Table and picture
-# Ground: spectral radius at rest. Marks: linear run (colour) and run with friction (shape).
+# Background: spectral radius at rest. Marks: linear run (colour) and run with friction (shape).
 
 # %%
 LEVELS = (0.0, 0.95, 0.98, 0.99, 1.0, 1.01, 1.02, 1.03, 2.0)
@@ -196,7 +196,7 @@ TINTS = ("#8fbfe0", "#aed0e9", "#cde2f2", "#e9f2fa", "#fbebe3", "#f6d0bd", "#efb
 
 
 def row_of(result: Result) -> dict[str, Any]:
-    """A row of the table, with units in the names of its columns."""
+    """Return a row of the table, with units in the names of its columns."""
     row: dict[str, Any] = {
         "stiffness_Nm_per_deg": round(math.radians(result.case.stiffness), 6),
         "damping_Nms_per_rad": result.case.damping,
@@ -210,7 +210,7 @@ def row_of(result: Result) -> dict[str, Any]:
 
 
 def shown(result: Result) -> dict[str, str]:
-    """A row as the page shows it."""
+    """Format a row for the page."""
     cells = {"b [Nms/rad]": f"{result.case.damping:g}", "G": f"{result.case.gain:g}"}
     for velocity, radius, unstable in zip(VELOCITIES, result.radii, result.unstable, strict=True):
         where = f"at ±{velocity:g} rad/s" if velocity else "at rest"
@@ -223,7 +223,7 @@ def shown(result: Result) -> dict[str, str]:
 
 
 def draw(results: Sequence[Result], samples: int = 33) -> Figure:
-    """One panel per stiffness, G across, b upwards; the ground is sampled so often each way."""
+    """Draw a panel per stiffness, with G to the right and b upwards; ``samples``: background per axis."""
     figure = Figure(figsize=(11.0, 8.2), layout="constrained")
     figure.suptitle(
         "Stability: spectral radius of the transition matrix at rest, linear run and run with friction\n"
@@ -264,7 +264,7 @@ def draw(results: Sequence[Result], samples: int = 33) -> Figure:
 
 
 def look(ending: Ending, colour: str) -> tuple[str, str, str, float]:
-    """Marker, edge, filling and size of an ending."""
+    """Return marker, edge, filling and size of an ending."""
     if ending is Ending.RUNAWAY:
         return "X", colour, colour, 9.0
     return ("o", colour, colour, 5.0) if ending is Ending.REST else ("o", colour, "white", 9.0)

@@ -1,8 +1,8 @@
-"""Springs on the boards or on the gait controller: what delay and loss on the CAN bus cost.
+"""Springs on the boards or on the gait controller: the effects of delay and loss on the CAN bus.
 
-The default walk over a bus with 0 to 20 ms of further delay and 0 to 20 % of the frames lost, with virtual
-springs and dampers on the boards of the joints, as in the thesis, and on the central unit (CCU). Then why:
-the loop of one phase, linearised. Two minutes on two cores; page: docs/background/network.md.
+The default walk over a bus with 0–20 ms of further delay and 0–20 % of lost frames, with virtual springs and
+dampers on the boards of the joints, as in the thesis, and on the central unit (CCU). Then the explanation:
+the linearised loop of one phase. Two minutes on two cores; page: docs/background/network.md.
 """
 
 # %% [markdown]
@@ -34,13 +34,13 @@ PLACES = {BOARD: "springs on the boards", CCU: "springs on the CCU"}
 COLOURS = {BOARD: BLUE, CCU: VERMILLION}
 DELAYS = tuple(range(21))  # [ms]
 LOSSES = (0.0, 0.025, 0.05, 0.075, 0.1, 0.125, 0.15, 0.175, 0.2)
-SHOWN = (0, 2, 5, 6, 10, 15, 20)  # [ms], in the table of the page
+SHOWN = (0, 2, 5, 6, 10, 15, 20)  # [ms] in the table of the page
 KNEE = "right_knee"
 WALKED = "walked"
 
 
 def bus_loads() -> list[dict]:
-    """Worst-case load of the bus at two bit rates, and when its last frame arrives."""
+    """Return the worst-case load of the bus at two bit rates, and the arrival time of its last frame."""
     rows = []
     for rate in (1000, 500):
         bus = load_experiment("treadmill", [f"network={{bit_rate_kbit_per_s: {rate}}}"]).experiment
@@ -54,7 +54,7 @@ def bus_loads() -> list[dict]:
 def outcome_map(
     delays: Sequence[int], losses: Sequence[float], duration: float, workers: int
 ) -> pd.DataFrame:
-    """Outcome and error of a walk at every point, a row each."""
+    """Simulate a walk at every point and return outcome and error, with a row for each."""
     base = load_experiment("treadmill", ["network=can", f"duration_s={duration}"]).experiment
     points = list(itertools.product(PLACES, delays, losses))
     overrides = [
@@ -68,7 +68,7 @@ def outcome_map(
 
 
 def counts_of(block: pd.DataFrame) -> dict:
-    """How many walks of one place walked, up to which delay all of them did, and their errors."""
+    """Return the number of successful walks of one place, the delay up to which all walked, and errors."""
     good = block[block["outcome"] == WALKED]
     ended = block[block["outcome"] != WALKED]
     return {
@@ -83,32 +83,32 @@ def counts_of(block: pd.DataFrame) -> dict:
 
 
 # %% [markdown]
-# ## Why
-# A torque that answers what the joint did a time T ago is, for motions that are slow beside it,
+# ## Explanation
+# A torque that responds to the motion of the joint a time T ago is, for motions that are slow against T,
 #
 # $$-k\,[\theta(t-T)-\theta_0] - b\,\omega(t-T) \approx -k(\theta-\theta_0) - (b-kT)\omega + bT\dot\omega$$
 #
 # so that the loop has $kT$ less damping and $bT$ less inertia. With the springs on the boards T is nearly 0
-# whatever the bus does, and only the set points of a new phase come late. On the CCU measurement and torque
-# both go over the bus. The swinging knee is then faster, and the monitor of its board, which lets no joint
-# come so fast that it cannot be braked before its limit, holds it. Here the knee's speed in the whole
-# simulation, without the monitor, beside that of the linear loop of `twin-gait check`, let go once.
+# for any bus, and only the setpoints of a new phase are late. On the CCU measurement and torque use the bus.
+# The swinging knee is then faster, and the monitor of its board stops it, because no joint may be too fast to
+# brake before its limit. The figure compares the speed of the knee in the full simulation, without the
+# monitor, with the linear loop of `twin-gait check` after a single release.
 
 
 # %%
 class Swing(NamedTuple):
-    """How the right knee swings with the springs in one place and some delay."""
+    """Swing of the right knee with the springs in one place and some delay."""
 
     place: str
     delay: int  # [ms]
-    round_trip: float  # mean time from a measurement to the torque that answers it, [s]
-    speed: float  # highest speed of extension, [rad] / [s]
-    stop: float  # least angle at which it would stand if it was braked, [rad]
+    round_trip: float  # mean time from a measurement to the torque that responds to it, [s]
+    speed: float  # highest speed of extension, [rad/s]
+    stop: float  # least angle at which the braked knee would stop, [rad]
     outcome: str
 
 
 def swing_of(place: str, delay: int, duration: float) -> Swing:
-    """Walk without the monitor."""
+    """Simulate a walk without the monitor and return the swing of its knee."""
     network = f"network={{impedance: {place}, delay_ms: {delay}}}"
     settings = [network, f"duration_s={duration}", "control.safety.enabled=false"]
     run = simulate(load_experiment("treadmill", settings).experiment)
@@ -122,17 +122,17 @@ def swing_of(place: str, delay: int, duration: float) -> Swing:
 
 
 def round_trip(run: Run) -> float:
-    """Mean age of the measurement with the gait controller and of the set point with the board in [s]."""
+    """Return the mean age of measurements at the gait controller plus that of setpoints at the board [s]."""
     assert run.traffic is not None
     frames = run.traffic["frames"]
     return sum(frame["mean_age_s"] for name, frame in frames.items() if name.startswith(KNEE))
 
 
 def linear_speeds(experiment: Experiment, delays: Sequence[int]) -> list[float]:
-    """Highest speed of extension of the knee, let go away from its equilibrium, over that without delay.
+    """Compute the highest speed of extension of the released knee over that without delay.
 
     Args:
-        delays: From a measurement to the torque that answers it, in ticks.
+        delays: Delays from a measurement to the torque that responds to it, in ticks.
     """
     phases = {phase: loop for (_, phase), loop in linear_loops(experiment, velocity=1.0).items()}
     loop = phases["swing_extension"]
@@ -150,7 +150,7 @@ def linear_speeds(experiment: Experiment, delays: Sequence[int]) -> list[float]:
 
 
 def knee_numbers(experiment: Experiment) -> dict[str, float]:
-    """Inertia, k and b of the swinging knee, from its linear loop."""
+    """Return inertia, k and b of the swinging knee from its linear loop."""
     loop = {phase: loop for (_, phase), loop in linear_loops(experiment, velocity=1.0).items()}[
         "swing_extension"
     ]
@@ -164,7 +164,7 @@ def knee_numbers(experiment: Experiment) -> dict[str, float]:
 
 # %%
 def draw(walks: pd.DataFrame, swings: Sequence[Swing], linear: Sequence[float]) -> Figure:
-    """Two maps, and the speed of the knee over the delay."""
+    """Draw two maps, and the speed of the knee over the delay."""
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     axes = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.1))
     walked = walks[walks["outcome"] == WALKED]["rmse_knee_deg"]

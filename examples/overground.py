@@ -1,8 +1,8 @@
-"""Does a walk with crutches carry ten metres, for whom, and what do the arms do for it?
+"""Which wearers walk ten metres with crutches, and how much do the arms contribute?
 
-The preset ``overground`` for wearers of 55 to 95 kg and 1.60 to 1.90 m with noise on the encoders, with steps
-that a therapist asks for and with steps by trunk lean; what the arms give beside published ranges; and the
-walk without arms. A minute; page: docs/background/overground.md.
+The preset ``overground`` for wearers of 55–95 kg and 1.60–1.90 m with encoder noise, with steps that a
+therapist requests and with steps by trunk lean; the contribution of the arms compared with published ranges;
+and the walk without arms. A minute; page: docs/background/overground.md.
 """
 
 # %%
@@ -17,12 +17,12 @@ from twin_gait.measures import CONTACT_FORCE
 
 MASSES, HEIGHTS = (55, 65, 75, 85, 95), (1.60, 1.70, 1.80, 1.90)
 TRIGGERS = "therapist", "trunk lean"
-START, EVERY = 1.0, 1.14  # [s]: when the wearer is told to walk, and how often the therapist asks for a step
+START, EVERY = 1.0, 1.14  # [s]: time of the request to walk, and interval of the step requests
 WAY, SPEEDS = 10.0, (0.2, 0.42)  # [m], [m/s]
-NOISE = 2e-5  # [rad], of the encoders from tick to tick: some three counts (an assumption, as in tuning)
+NOISE = 2e-5  # [rad] encoder noise of each tick: about three counts (an assumption, as in tuning)
 
-# What others give for people with a complete injury in an exoskeleton with crutches. "recalled" was not
-# found again, and is worth as much.
+# Published values for people with a complete injury in an exoskeleton with crutches. The source of a value
+# with "recalled" was not found again, so that this value is uncertain.
 PUBLISHED = {
     "speed [m/s]": (
         "0.13 to 0.55",
@@ -38,7 +38,7 @@ PUBLISHED = {
 
 # %%
 def experiment(mass: float, height: float, trigger: str) -> Experiment:
-    """The shipped walk with another wearer, for as long as ten metres take at the least speed."""
+    """Return the shipped walk with another wearer, with the time for ten metres at the least speed."""
     duration = START + WAY / SPEEDS[0]
     requests = [f"walk_automatic@{START}s"]
     if trigger == "therapist":
@@ -56,14 +56,14 @@ def experiment(mass: float, height: float, trigger: str) -> Experiment:
 
 
 def time_to(run: Run, way: float) -> float | None:
-    """When the pelvis has come so far, in [s]; None if it never has."""
+    """Return the time at which the pelvis has moved a distance in [s]; None if it has not."""
     place = run.log["pelvis_forward_m"].to_numpy()
     there = np.flatnonzero(place - place[0] >= way)
     return float(run.log["time_s"].iloc[there[0]]) if len(there) else None
 
 
 def row_of(mass: float, height: float, trigger: str, run: Run) -> dict[str, object]:
-    """How one wearer fares."""
+    """Return the results of one wearer as a row."""
     there = time_to(run, WAY)
     speed = None if there is None else WAY / (there - START)
     return {
@@ -77,7 +77,7 @@ def row_of(mass: float, height: float, trigger: str, run: Run) -> dict[str, obje
 
 
 def heel_off_delays(run: Run) -> list[float]:
-    """From the end of the held lean, where the step is told, until the stepping foot is unloaded, in [s]."""
+    """Return the times from the end of the held lean, the step request, to the unloaded foot in [s]."""
     names = list(run.experiment.modes.phases)
     stepping = run.log["mode"].to_numpy() == names.index("automatic_step")
     begins = np.flatnonzero(stepping[1:] & ~stepping[:-1]) + 1
@@ -92,7 +92,7 @@ def heel_off_delays(run: Run) -> list[float]:
 
 
 def beside_published(run: Run) -> list[dict[str, str]]:
-    """The walk of the preset itself beside what is published."""
+    """Return the measures of the walk of the preset and published values as rows."""
     found = summarise(run)
     free, arms = found["free_trunk"], list(found["free_trunk"]["arms"].values())
     steps = [side["walk"]["step_length_m"] for side in found["sides"].values()]
@@ -111,7 +111,7 @@ def beside_published(run: Run) -> list[dict[str, str]]:
 
 
 def draw(run: Run) -> plt.Figure:
-    """Way, lean and loads of the crutches."""
+    """Draw distance, lean and loads of the crutches."""
     figure, axes = plt.subplots(3, 1, figsize=(7, 7), sharex=True, layout="constrained")
     time = run.log["time_s"]
     axes[0].plot(time, run.log["pelvis_forward_m"])

@@ -1,8 +1,8 @@
-"""What does a motor at the ankle add to the push-off of the orthosis alone, and to whom?
+"""How much does a motor at the ankle add to the push-off of the orthosis alone, and for which wearers?
 
-Power of the ankle over the stride and its work, of the presets ``treadmill_ankle`` and ``treadmill``, beside
-Winter's healthy walkers; both walks with other wearers. The motor is data alone: a URDF with a drive, a
-preset and a gait table. Half a minute; page: docs/background/powered_ankle.md.
+Power and work of the ankle over the stride in the presets ``treadmill_ankle`` and ``treadmill``, compared to
+Winter's healthy walkers; both walks with other wearers. The motor consists of data only: a URDF with a drive,
+a preset and a gait table. Half a minute; page: docs/background/powered_ankle.md.
 """
 
 # %%
@@ -17,12 +17,12 @@ from twin_gait import Experiment, Run, load_experiment, simulate, summarise
 PRESETS = {"orthosis alone": "treadmill", "motor and orthosis": "treadmill_ankle"}
 DURATION, SKIPPED = 20.0, 2  # [s], strides at the start
 WEARERS = ((55, 1.60), (55, 1.75), (70, 1.60), (70, 1.75), (70, 1.90), (85, 1.75), (85, 1.90), (95, 1.90))
-GRID = 201  # points of a stride
+GRID = 201  # number of points of a stride
 
 # Winter (1991), Biomechanics and Motor Control of Human Gait, per kg of body mass: peak power of the ankle
 # [W/kg] of 19 people each, and its work by the trapezoidal rule over 51 points of a stride [J/kg]. They carry
-# all their weight.
-# The slow cadence is 86.8 steps/min, from memory; that its speed is about 1.0 m/s, too.
+# their full weight.
+# The slow cadence of 86.8 steps/min and its speed of about 1.0 m/s are from memory.
 WINTER = {
     "Winter, slow, about 3.6 km/h": {"peak": 2.06, "positive": 0.280, "negative": -0.129},
     "Winter, natural, 4.8 km/h": {"peak": 3.33, "positive": 0.358, "negative": -0.127},
@@ -31,13 +31,13 @@ WINTER = {
 
 # %%
 def experiment(preset: str, mass: float, height: float) -> Experiment:
-    """A shipped walk with another wearer."""
+    """Return a shipped walk with another wearer."""
     settings = [f"patient.mass_kg={mass}", f"patient.height_m={height}", f"duration_s={DURATION}"]
     return load_experiment(preset, settings).experiment
 
 
 def torque(run: Run, side: str) -> dict[str, np.ndarray]:
-    """What turns an ankle, in [N m]: the motor, less what friction and gear take, and the orthosis."""
+    """Return the torques at an ankle in [N·m]: motor less losses of friction and gear, and orthosis."""
     zero = np.zeros(len(run.log))
     motor, friction, orthosis = (
         run.log[name].to_numpy() if (name := f"{side}_ankle_{part}_torque_Nm") in run.log else zero
@@ -47,7 +47,7 @@ def torque(run: Run, side: str) -> dict[str, np.ndarray]:
 
 
 def strides(run: Run) -> list[dict[str, tuple[np.ndarray, float]]]:
-    """Power per kg of the wearer over each stride of either leg, with the stride's duration in [s]."""
+    """Return the power per kg of the wearer over each stride of both legs, with its duration in [s]."""
     found = []
     for side in run.sides:
         velocity = run.log[f"{side}_ankle_velocity_rad_per_s"].to_numpy()
@@ -63,7 +63,7 @@ def strides(run: Run) -> list[dict[str, tuple[np.ndarray, float]]]:
 
 
 def of_ankle(run: Run) -> dict[str, float]:
-    """Peak of the power in [W/kg] and work per stride in [J/kg], means over strides."""
+    """Compute peak power [W/kg] and work per stride [J/kg] as means over strides."""
     found: dict[str, list[float]] = {"peak": [], "positive": [], "negative": [], "motor": []}
     for stride in strides(run):
         power = stride["both"][0]
@@ -75,7 +75,7 @@ def of_ankle(run: Run) -> dict[str, float]:
 
 
 def of_walk(run: Run) -> dict[str, float]:
-    """The walk itself, of the worse leg."""
+    """Return the measures of the walk from the worse leg."""
     summary = summarise(run)
     sides = list(summary["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
@@ -95,7 +95,7 @@ def of_walk(run: Run) -> dict[str, float]:
 
 # %%
 def power_row(name: str, found: dict[str, float]) -> dict[str, str]:
-    """Power and work of an ankle as a row of the page."""
+    """Format power and work of an ankle as a row of the page."""
     net = found["positive"] + found["negative"]
     return {
         "ankle": name,
@@ -107,7 +107,7 @@ def power_row(name: str, found: dict[str, float]) -> dict[str, str]:
 
 
 def wearer_row(mass: float, height: float, runs: dict[str, Run]) -> dict[str, str]:
-    """How another wearer fares with either ankle."""
+    """Return the results of another wearer with both ankles as a row."""
     row = {"wearer": f"{mass:g} kg, {height:.2f} m"}
     for name, run in runs.items():
         row[name] = str(run.verdict.outcome)
@@ -120,7 +120,7 @@ def wearer_row(mass: float, height: float, runs: dict[str, Run]) -> dict[str, st
 
 
 def draw(runs: dict[str, Run]) -> plt.Figure:
-    """Angle and power of the ankle over the stride."""
+    """Draw angle and power of the ankle over the stride."""
     figure, (above, below) = plt.subplots(2, 1, figsize=(7, 6), sharex=True, layout="constrained")
     percent = np.linspace(0.0, 100.0, GRID)
 

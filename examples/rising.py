@@ -1,8 +1,8 @@
-"""How much do the arms have to give for rising and for sitting down, and what do hips, knees and seat feel?
+"""How much force do rising and sitting down need from the arms, and how large are the other loads?
 
-The presets ``sit_to_stand`` and ``stand_to_sit`` beside published values, and the least push of the arms with
-which wearers of 55 to 95 kg and 1.60 to 1.90 m get up from seats of 0.40 to 0.50 m, and down. Some minutes;
-page: docs/background/overground.md.
+The presets ``sit_to_stand`` and ``stand_to_sit`` compared with published values of hips, knees and seat, and
+the least axial force of the arms with which wearers of 55–95 kg and 1.60–1.90 m rise from seats of
+0.40–0.50 m, and sit down. Some minutes; page: docs/background/overground.md.
 """
 
 # %%
@@ -21,17 +21,17 @@ from twin_gait import JointName, Run, load_experiment, simulate
 from twin_gait.studies import run_jobs
 
 SEATS, MASSES, HEIGHTS = (0.40, 0.45, 0.50), (55, 75, 95), (1.60, 1.75, 1.90)  # [m], [kg], [m]
-WITHIN = 0.02  # of the weight: width at which the bisection ends
+WITHIN = 0.02  # share of the weight: width at which the bisection ends
 HELD = 12.0  # [s] from the request to the end of a run
-STANDS, SITS = 0.9, 0.5  # least share of the standing height; of the weight on the seat (assumptions)
+STANDS, SITS = 0.9, 0.5  # least share of standing height; of weight on the seat (assumptions)
 GRAVITY = 9.81  # [m/s^2]
 
 
 class Motion(NamedTuple):
-    """A way up or down."""
+    """Motion from the seat or to the seat."""
 
     preset: str
-    asked: float  # when it is asked for, in [s]
+    asked: float  # time of its request in [s]
     name: str
 
 
@@ -39,15 +39,15 @@ RISING, SITTING = Motion("sit_to_stand", 0.5, "rising"), Motion("stand_to_sit", 
 
 
 class Case(NamedTuple):
-    """A chair and a wearer."""
+    """Chair and wearer."""
 
-    seat: float  # height in [m]
-    mass: float  # in [kg]
-    height: float  # in [m]
+    seat: float  # height of the seat in [m]
+    mass: float  # mass of the wearer in [kg]
+    height: float  # height of the wearer in [m]
 
 
 class Mark(NamedTuple):
-    """A value or range of others to draw in a panel."""
+    """Published value or range in a panel."""
 
     panel: str
     low: float
@@ -55,7 +55,7 @@ class Mark(NamedTuple):
     source: str
 
 
-# "recalled" was not found again, and is worth as much.
+# The source of a value with "recalled" was not found again, so that this value is uncertain.
 PUBLISHED = {
     RISING.preset: (
         Mark("force / weight", 1.10, 1.25, "recalled: feet, peak"),
@@ -84,7 +84,7 @@ PUBLISHED = {
 
 # %%
 def run_of(motion: Motion, case: Case | None = None, share: float | None = None) -> Run:
-    """A motion of one case, with arms that push no more than a share of the weight, both together."""
+    """Simulate a motion of one case with a limit for both arms together as a share of the weight."""
     settings = [f"duration_s={motion.asked + HELD}"]
     if case is not None:
         settings += [f"scenario.chair.height_m={case.seat}", *_person(case)]
@@ -101,7 +101,7 @@ def _person(case: Case) -> list[str]:
 
 
 def standing_height(run: Run) -> float:
-    """Of the pelvis of a wearer on straight legs and flat feet, in [m]."""
+    """Return the pelvis height of a wearer on straight legs and flat feet in [m]."""
     model = run.experiment.build_world().model
     leg = model.legs[model.sides[0]]
     soles = (model.frame_position(np.zeros(model.nv), frame)[2] for frame in leg.contact_frames)
@@ -109,20 +109,20 @@ def standing_height(run: Run) -> float:
 
 
 def arrival(run: Run, phase: str) -> int:
-    """Row from which both legs are in a phase, after something else; the number of rows if they never are."""
+    """Return the row at which both legs enter a phase, or the number of rows if they do not."""
     there = np.all([run.log[f"{side}_phase"].to_numpy() == phase for side in run.sides], axis=0)
     came = np.flatnonzero(there[1:] & ~there[:-1]) + 1
     return int(came[0]) if len(came) else len(there)
 
 
 def at_stop(run: Run, rows: int) -> bool:
-    """Whether a hip or knee was at its stop in the first rows."""
+    """Return whether a hip or knee was at its stop in the first rows."""
     joints = [f"{side}_{joint}" for side in run.sides for joint in (JointName.HIP, JointName.KNEE)]
     return any(run.log[f"{joint}_stop_torque_Nm"].iloc[:rows].abs().max() > 0.0 for joint in joints)
 
 
 def risen(run: Run) -> bool:
-    """Whether the person has come up, whatever happens as the crutches are brought forwards."""
+    """Return whether the person has risen, regardless of the later motion of the crutches."""
     row = arrival(run, "upright")
     if row == len(run.log) or at_stop(run, row):
         return False
@@ -130,34 +130,34 @@ def risen(run: Run) -> bool:
 
 
 def stays(run: Run) -> bool:
-    """Whether the person stands at the end, with the crutches in front: no fall, trip or stop."""
+    """Return whether the person stands at the end with the crutches in front: no fall, trip or stop."""
     if run.reason or at_stop(run, len(run.log)):
         return False
     return bool(run.log["pelvis_height_m"].iloc[-1] > STANDS * standing_height(run))
 
 
 def sits(run: Run) -> bool:
-    """Whether the seat carries the person at the end: no fall, trip or stop."""
+    """Return whether the seat carries the person at the end: no fall, trip or stop."""
     if run.reason or at_stop(run, len(run.log)):
         return False
     return bool(run.log["seat_force_N"].iloc[-1] > SITS * run.body_weight)
 
 
 def pushes(run: Run) -> np.ndarray:
-    """Push of both arms along the crutches over the weight: shape ``(rows,)``."""
+    """Return the axial force of both arms over the weight, shape ``(rows,)``."""
     arms = sum(run.log[f"{side}_arm_push_N"].to_numpy() for side in run.sides)
     return np.maximum(arms, 0.0) / run.body_weight
 
 
 def least(enough: Callable[[float], bool], most: float, within: float) -> float | None:
-    """Smallest value that is enough, by bisection; None if the largest one is not.
+    """Return the smallest sufficient value by bisection; None if the largest one is not sufficient.
 
-    What is enough is taken to stay so above it; otherwise one of several bounds is found.
+    All values above a sufficient one are assumed to be sufficient; otherwise one of several bounds is found.
 
     Args:
-        enough: Whether a value is.
-        most: Largest one, above 0.
-        within: Width of the last interval, of which the upper end is returned.
+        enough: Function that returns whether a value is sufficient.
+        most: Largest value, above 0.
+        within: Width of the last interval, whose upper end is returned.
     """
     if not enough(most):
         return None
@@ -173,7 +173,7 @@ ASKED: dict[Motion, dict[str, Reached]] = {RISING: {"rise": risen, "stay up": st
 
 
 def columns_of(motion: Motion, case: Case) -> dict[str, str]:
-    """Least push of the arms, and their peak during the motion where only the preset limits it, in [%]."""
+    """Return the least limit of the arms, and their peak with the limit of the preset, in [%]."""
     free = run_of(motion, case)
     most = 2.0 * free.experiment.scenario.crutches.push_limit / free.body_weight
     asked = ASKED[motion]
@@ -193,13 +193,13 @@ def columns_of(motion: Motion, case: Case) -> dict[str, str]:
 
 
 def during(motion: Motion, run: Run) -> slice:
-    """Rows from the request until the person has come up, or to sit and a second more."""
+    """Return the rows from the request until the person has risen, or has sat down and one second more."""
     phase = "upright" if motion is RISING else "sit"
     return slice(round(motion.asked * 1000), arrival(run, phase) + 1000 * (motion is SITTING))
 
 
 def row_of(case: Case) -> dict[str, str]:
-    """Both motions of one case."""
+    """Return the results of both motions of one case as a row."""
     named = {
         "seat [m]": f"{case.seat:.2f}",
         "mass [kg]": f"{case.mass}",
@@ -210,7 +210,7 @@ def row_of(case: Case) -> dict[str, str]:
 
 # %%
 def curves_of(run: Run) -> dict[str, dict[str, np.ndarray]]:
-    """Curves of the panels, by label; torques of the motors, extension positive, over the carried mass."""
+    """Return curves of the panels by label; motor torques over the carried mass, extension positive."""
     log, weight = run.log, run.body_weight
     feet = sum(log[f"{side}_foot_normal_force_N"].to_numpy() for side in run.sides)
     torques = {}
@@ -226,7 +226,7 @@ def curves_of(run: Run) -> dict[str, dict[str, np.ndarray]]:
 
 
 def draw(runs: dict[Motion, Run]) -> plt.Figure:
-    """Forces, torques, trunk and arms of each motion over time, with what others found."""
+    """Draw forces, torques, trunk and arms of each motion over time, with published values."""
     figure, axes = plt.subplots(4, len(runs), figsize=(11, 11), sharex="col", layout="constrained")
     for column, (motion, run) in enumerate(runs.items()):
         axes[0, column].set_title(motion.name)
@@ -244,7 +244,7 @@ def draw(runs: dict[Motion, Run]) -> plt.Figure:
 
 
 def draw_marks(axis: plt.Axes, marks: list[Mark]) -> None:
-    """Ranges as bands, values as lines."""
+    """Draw ranges as bands, and values as lines."""
     for number, mark in enumerate(marks):
         if mark.low < mark.high:
             axis.axhspan(mark.low, mark.high, color=("C2", "C4")[number % 2], alpha=0.15, label=mark.source)
@@ -254,7 +254,7 @@ def draw_marks(axis: plt.Axes, marks: list[Mark]) -> None:
 
 
 def beside_published(runs: dict[Motion, Run]) -> list[dict[str, str]]:
-    """Peaks of the presets, from the request until the person stands or sits, beside what is published."""
+    """Return peaks of the presets, from the request to standing or sitting, with published values."""
     found = []
     for motion, run in runs.items():
         rows = during(motion, run)

@@ -1,12 +1,12 @@
-"""Robustness map of the shipped gait table: which wearers, belt speeds and supports it walks with.
+"""Robustness map of the shipped gait table: the wearers, belt speeds and supports with which it walks.
 
 The sweep of examples/sweep.yaml: 320 walks over mass, height, belt speed and supported share of the weight. A
-Latin hypercube of 400 walks goes on to heavier wearers and less support, with friction and battery voltage
-varied as well, to find where it ends. Two minutes on two cores; page: docs/background/robustness_map.md.
+Latin hypercube of 400 walks extends to heavier wearers and less support, with friction and battery voltage
+varied as well, to find the limits. Two minutes on two cores; page: docs/background/robustness_map.md.
 """
 
 # %% [markdown]
-# The same map of a table of your own is `twin-gait sweep` with `table:` under `settings` in its file.
+# For another table, `twin-gait sweep` makes the same map with `table:` under `settings` in its file.
 
 # %%
 import itertools
@@ -27,7 +27,7 @@ SHORT = {
     "scenario.belt_speed_m_per_s": "speed_m_per_s",
     "scenario.support.share": "support_share",
 }
-# Beyond the grid: up to the heaviest wearer of the device, and down to a fifth of the weight supported.
+# Wider sample: up to the heaviest wearer of the device, and down to a fifth of the weight supported.
 BEYOND = {
     "patient.mass_kg": {"from": 50, "to": 110},
     "patient.height_m": {"from": 1.60, "to": 1.90},
@@ -44,7 +44,7 @@ CARRIED_BOUNDS = (0.0, 60.0, 70.0, 80.0, 110.0)  # [kg]
 
 # %%
 def spec_in(folder: str, *, quick: bool) -> Path:
-    """The specification of the sweep; the quick form takes the ends of each range and 5 s."""
+    """Write the specification of the sweep; the quick form has the ends of each range and 5 s."""
     document = yaml.safe_load(SPEC.read_text(encoding="utf-8"))
     if quick:
         document["settings"]["duration_s"] = 5
@@ -56,7 +56,7 @@ def spec_in(folder: str, *, quick: bool) -> Path:
 
 
 def spec_beyond(folder: str, *, quick: bool) -> Path:
-    """Write the specification of the wider sample; the quick form takes a few walks of 5 s."""
+    """Write the specification of the wider sample; the quick form has a few walks of 5 s."""
     document = yaml.safe_load(SPEC.read_text(encoding="utf-8"))
     document |= {"method": "latin_hypercube", "parameters": BEYOND, "samples": 8 if quick else BEYOND_SAMPLES}
     if quick:
@@ -78,7 +78,7 @@ def carried_rows(walks: pd.DataFrame) -> list[dict]:
 
 
 def outcomes_of(block: pd.DataFrame) -> dict[str, str]:
-    """Count the walks of a block that walked, and the outcomes of the others."""
+    """Count the successful walks of a block, and the outcomes of the others."""
     others = block["outcome"][block["outcome"] != "walked"].value_counts()
     return {
         "walked": f"{len(block) - others.sum()} of {len(block)}",
@@ -87,7 +87,7 @@ def outcomes_of(block: pd.DataFrame) -> dict[str, str]:
 
 
 def rows_of(table: pd.DataFrame) -> pd.DataFrame:
-    """What the map tells of each walk: its place, its outcome, and what the feet did."""
+    """Return the columns of the map for each walk: coordinates, outcome, and measures of the feet."""
     sides = ("left", "right")
     return (
         table[[*SHORT, "outcome", "duration_s"]]

@@ -1,9 +1,8 @@
-"""Runaways of a joint's command: does the monitor hold the wearer before a fall, and leave walks alone?
+"""Runaways of a joint's command: does the monitor prevent a fall without false trips?
 
-Two thousand seeded runaways on the default walk, over rate, moment and joint, half of them with a second
-fault, with and without the bound on the deviation of the command from its set point; fewer on the other
-presets. Then that deviation in walks without a fault. Twenty minutes on one core; page:
-docs/reference/faults.md.
+Two thousand seeded runaways on the default walk, over rate, time and joint, half of them with a second fault,
+with and without the bound on the deviation of the command from its setpoint; fewer on the other presets. Then
+the deviation in walks without a fault. Twenty minutes on one core; page: docs/reference/faults.md.
 """
 
 # %% [markdown]
@@ -34,7 +33,7 @@ from twin_gait.studies import overridden, run_episodes
 SEED = 0
 NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": 1e-4}
 DEFAULT = "treadmill"
-# Runs, duration and time of the earliest runaway in [s]; the legs are under way.
+# Runs, duration and time of the earliest runaway in [s]; by then the legs walk.
 CAMPAIGNS = {
     DEFAULT: (2000, 10.0, 2.0),
     "treadmill_40": (500, 10.0, 2.0),
@@ -78,7 +77,7 @@ def outcome_rows(preset: str, table: pd.DataFrame) -> list[dict[str, Any]]:
 
 # %% [markdown]
 # ## Walks without a fault
-# The bound is out of reach here: the largest deviation shows how far away from it a walk stays.
+# The bound is too high to be reached here: the largest deviation shows its distance from the usual bound.
 
 
 # %%

@@ -1,11 +1,11 @@
-"""Do the people who ship walk with the shipped table, and in what braces?
+"""Do the shipped people walk with the shipped table, and in which braces?
 
-Each of them walks half a minute at two supports, and the default wearer walks in braces from a third to ten
+Each person walks half a minute at two supports, and the default wearer walks in braces from a third to ten
 times as stiff as the default ones. One minute; page: docs/background/people.md.
 """
 
 # %% [markdown]
-# `twin-gait presets` lists the people; `--set patient=stroke_left` puts one on.
+# `twin-gait presets` lists the people; `--set patient=stroke_left` selects one.
 
 # %%
 from functools import partial

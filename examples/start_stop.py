@@ -1,11 +1,11 @@
-"""From standing to walking and back: for whom and how fast `treadmill_start_stop` works.
+"""From standing to walking and back: the wearers and speeds for which `treadmill_start_stop` works.
 
-One thing is changed at a time, and the command to stand comes at moments spread evenly over a stride of the
+One parameter is changed at a time, and the command to stand comes at times spread evenly over a stride of the
 steady walk. Two minutes on two cores; page: docs/background/start_stop.md.
 """
 
 # %% [markdown]
-# A trial counts if nothing fell, the safety monitor did not trip, and 4 s after the command to stand both
+# A trial is successful if there was no fall and no trip, and 4 s after the command to stand both
 # legs are in `stand` with more than 50 N under either foot.
 
 # %%

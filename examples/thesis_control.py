@@ -1,8 +1,8 @@
-"""The thesis's torque and impedance control of the knee again: figures 2.12, 2.20 and 3.5 to 3.7.
+"""Reproduction of torque and impedance control of the knee: figures 2.12, 2.20 and 3.5 to 3.7 of the thesis.
 
-Motions are imposed by hand on the simulated knee with friction compensation, alone and on a virtual spring;
-besides the motor's torque, which the thesis logs, the bench shows that of the hand. Claims stand in
-thesis/claims.yaml, what they come to in docs/background/reproduction.md.
+A hand imposes motions on the simulated knee with friction compensation, alone and with a virtual spring; in
+addition to the torque of the motor, which the thesis logs, the bench shows the torque of the hand. Claims are
+in thesis/claims.yaml, their results in docs/background/reproduction.md.
 5 s on one core; exits with 1 if a predicted number leaves its band.
 """
 
@@ -17,7 +17,7 @@ from twin_gait.simulation import simulate_bench
 answers = Answers("thesis_control", form_of("thesis_control"))
 
 # %% [markdown]
-# ## Figures 2.12 and 2.20: TWIN's old friction model, and the linear stiffness
+# ## Figures 2.12 and 2.20: old friction model of TWIN, and linear stiffness
 
 # %%
 slow, quick = control.old_model_test(*control.SLOW), control.old_model_test(*control.QUICK)
@@ -35,14 +35,14 @@ currents = [control.current_errors(hand) for hand in control.HANDS]
 answers.add("fig_3_5", control.current_numbers(currents), figures.draw_currents(currents))
 
 # %% [markdown]
-# ## Figure 3.6: a virtual spring on friction compensation
+# ## Figure 3.6: a virtual spring with friction compensation
 
 # %%
 led, slopes = control.spring_test(bench.GAINS[0]), control.simulated_slopes()
 answers.add("fig_3_6", control.impedance_numbers(led, slopes), figures.draw_impedance(led, slopes))
 
 # %% [markdown]
-# ## Figure 3.7: what the gain does to the loops of motor and hand
+# ## Figure 3.7: effect of the gain on the loops of motor and hand
 
 # %%
 controls = [bench.torque_control(gain, stiffness=bench.STIFFNESS) for gain in bench.GAINS]

@@ -1,8 +1,8 @@
-"""The thesis's falls of the knee again: figures A.1, A.2 and B.1 to B.6.
+"""Reproduction of the falls of the knee: figures A.1, A.2 and B.1 to B.6 of the thesis.
 
 A weight falls from 90° to the stop at 125° under the duty-based transparency control of equations (2.1a) and
-(2.1b). How the falls look was calibrated; the order of their roughness, what A makes up for and what decides
-when the joint breaks away were not. Claims in thesis/claims.yaml, what they come to in
+(2.1b). The shape of the falls was calibrated; the order of their roughness, the effect that A compensates and
+the cause of the break-away were not. Claims are in thesis/claims.yaml, their results in
 docs/background/reproduction.md. 3 s on one core; exits with 1 if a predicted number leaves its band.
 """
 
@@ -23,14 +23,14 @@ from thesis.falls import (
 answers = Answers("thesis_falls", form_of("thesis_falls"))
 
 # %% [markdown]
-# ## Figures A.1 and A.2: the two laws of the duty
+# ## Figures A.1 and A.2: the two laws of the duty cycle
 
 # %%
 answers.add("fig_A_1", duty_numbers(), figures.draw_static_duty(falls_of(MASSES[-1])[:3]))
 answers.add("fig_A_2", {"neutral_gain": neutral_gain()}, figures.draw_viscous_duty(falls_of(MASSES[0])))
 
 # %% [markdown]
-# ## Figures B.1 to B.5: the falls, weight by weight
+# ## Figures B.1 to B.5: the falls for each weight
 
 # %%
 for place, mass in enumerate(MASSES):
@@ -38,7 +38,7 @@ for place, mass in enumerate(MASSES):
     answers.add(f"fig_B_{place + 1}", fall_numbers(mass), picture)
 
 # %% [markdown]
-# ## Figure B.6: what decides when the shaken joint breaks away
+# ## Figure B.6: cause of the break-away of the shaken joint
 
 # %%
 first_instants = beginnings()

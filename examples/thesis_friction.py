@@ -1,10 +1,10 @@
-"""The thesis's identification of friction again: figures 3.1 to 3.4 and table 3.1.
+"""Reproduction of the identification of friction: figures 3.1 to 3.4 and table 3.1 of the thesis.
 
-Two campaigns per joint are simulated on the bench with the friction of table 3.1, the falls of the thesis and
-motor-driven tests in both directions, and identified as the thesis does it and without delay. What each
-claim states, and why its band is as wide as it is, stands in thesis/claims.yaml; what they come to in
-docs/background/reproduction.md. 35 s on one core, ``--quick`` figure 3.1 alone; exits with 1 if a predicted
-number leaves its band.
+Two campaigns per joint are simulated on the bench with the friction of table 3.1: the falls of the thesis and
+motor-driven tests in both directions. They are identified as in the thesis and without delay. The claims, and
+the reasons for the widths of their bands, are in thesis/claims.yaml; their results are in
+docs/background/reproduction.md. 35 s on one core, ``--quick`` for figure 3.1 alone; exits with 1 if a
+predicted number leaves its band.
 """
 
 # %%
@@ -33,7 +33,7 @@ form = form_of("thesis_friction")
 answers = Answers("thesis_friction", form)
 
 # %% [markdown]
-# ## Figure 3.1: what the thesis's post-processing makes of a velocity
+# ## Figure 3.1: effect of the thesis's post-processing on a velocity
 
 # %%
 fall = velocity.filtered_fall()

@@ -1,8 +1,8 @@
-"""What the thesis says of the gain G in words: where the knee and the leg become unstable, and why.
+"""Statements of the thesis about the gain G: the limits at which knee and leg become unstable, and why.
 
-By bisection over simulated pushes and releases, and by the eigenvalues of the loop. Claims in
-thesis/claims.yaml, what they come to in docs/background/reproduction.md. 6 s on one core, ``--quick`` without
-the leg; exits with 1 if a predicted number leaves its band.
+The limits come from bisection over simulated pushes and releases, and from eigenvalues of the loop. Claims
+are in thesis/claims.yaml, their results in docs/background/reproduction.md. 6 s on one core, ``--quick``
+without the leg; exits with 1 if a predicted number leaves its band.
 """
 
 # %%

@@ -1,7 +1,7 @@
-"""Tables tuned one by one: what a short search gains on the scaled table, for thirty virtual people.
+"""Individually tuned tables: gain of a short search over the scaled table, for thirty virtual people.
 
-Each person of a cohort gets a table found by a short search (8 generations) and walks a minute with it,
-beside the shipped table as its scaling law adapts it. Page: docs/background/cohort.md.
+Each person of a cohort walks a minute with a table from a short search (8 generations), compared with the
+shipped table that the scaling law adapts. Page: docs/background/cohort.md.
 """
 
 # %% [markdown]

@@ -1,8 +1,8 @@
 """What if the friction model is too strong?
 
-A knee whose friction is compensated by a factor G of a model is pushed and let go, while G, the ratio s of
+A knee whose friction is compensated by a factor G of a model is pushed and released, while G, the ratio s of
 true friction to model, the delay of the velocity filter and the load vary: rest, limit cycle or runaway. All
-of it is simulated on the joint bench. One to two minutes on one core; page: docs/background/whatif.md.
+cases are simulated on the joint bench. One to two minutes on one core; page: docs/background/whatif.md.
 """
 
 # %%
@@ -46,15 +46,15 @@ from twin_gait.studies import run_jobs
 
 # %% [markdown]
 # ## The map
-# G against s, behind four filters and under two loads, with three ways to compensate: at the measured
-# velocity, at the velocity beyond a dead zone, at the velocity of a reference that stands.
+# G over s, with four filters and two loads, and three kinds of compensation: at the measured velocity, at the
+# velocity beyond a dead zone, at the velocity of a reference at rest.
 
 # %%
 GAINS = tuple(round(0.1 * step, 1) for step in range(1, 14))
-# None of the ratios is one of the gains, where the joint is neutral.
+# No ratio is equal to a gain, because the joint is then neutral.
 RATIOS = (0.35, 0.55, 0.75, 0.95, 1.15)
-MAP_LOADS = (0.0, 3.0)  # [kg], none and the thesis's largest
-SMALL_PUSH = 0.04  # [rad] / [s], within the dead zone
+MAP_LOADS = (0.0, 3.0)  # [kg], none and the largest one of the thesis
+SMALL_PUSH = 0.04  # [rad/s], within the dead zone
 OTHER_WAYS = (
     (Compensation.DEAD_ZONE, SMALL_PUSH),
     (Compensation.DEAD_ZONE, PUSH),
@@ -63,14 +63,14 @@ OTHER_WAYS = (
 
 
 def map_settings(*, quick: bool = False) -> list[Setting]:
-    """Settings of the map, in order; a twentieth of them in the quick form."""
+    """Return the settings of the map, in order; a twentieth of them in the quick form."""
     gains, ratios = (GAINS[2::5], RATIOS[1::2]) if quick else (GAINS, RATIOS)
     points = list(itertools.product(gains, ratios))
     measured = itertools.product(FILTERS[2:3] if quick else FILTERS, MAP_LOADS, points)
     others = itertools.product(OTHER_WAYS, MAP_LOADS, points)
     return [
         *(Setting(gain=gain, ratio=s, filter=kept, load=load) for kept, load, (gain, s) in measured),
-        # The filter is nothing to a reference velocity, so that one filter is enough there.
+        # The filter does not affect a reference velocity, so that one filter is enough there.
         *(
             Setting(compensation=way, push=speed, gain=gain, ratio=s, load=load)
             for (way, speed), load, (gain, s) in others
@@ -85,13 +85,13 @@ def map_settings(*, quick: bool = False) -> list[Setting]:
 
 # %%
 SPRINGS = tuple(value / DEGREE for value in (0.0, 0.05, 0.5, 2.5))  # none, thesis, map, shipped gaits
-LOADS = (0.0, 1.5, 3.0)  # [kg], none and the thesis's
-PUSHES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3)  # [rad] / [s]
+LOADS = (0.0, 1.5, 3.0)  # [kg], none and those of the thesis
+PUSHES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3)  # [rad/s]
 LOAD_SHARES = (0.0, 0.05, 0.1)  # Coulomb friction per load
 
 
 def questions(*, quick: bool = False) -> list[Question]:
-    """Limits that are searched for, in order; a few of them in the quick form."""
+    """Return the limits to search for, in order; a few of them in the quick form."""
     step, filters = (3, FILTERS[3:]) if quick else (1, FILTERS)
     springs = itertools.product(SPRINGS[::step], filters)
     laws = itertools.product(Law, PUSHES[:: 4 if quick else 1])
@@ -105,8 +105,8 @@ def questions(*, quick: bool = False) -> list[Question]:
 
 # %% [markdown]
 # ## Costs
-# What each way to compensate costs at the thesis's filter: the work of a hand that imposes a motion on the
-# joint, and the error of a joint that follows the same path by its own spring.
+# Cost of each kind of compensation with the filter of the thesis: the work of a hand that imposes a motion on
+# the joint, and the error of a joint that follows the same path by its virtual spring.
 
 
 # %%
@@ -129,7 +129,7 @@ def key_of(name: str) -> str:
 
 
 def of_the_map(table: pd.DataFrame) -> dict[str, Any]:
-    """Endings below and above G = s at the measured velocity, and those of the other ways above it."""
+    """Count endings below and above G = s at the measured velocity, and of the other kinds above it."""
     rows = table[table["compensation"] == Compensation.MEASURED]
     below, above = rows[rows["gain"] < rows["friction_ratio"]], rows[rows["gain"] > rows["friction_ratio"]]
     cycles = above[above["ending"] == Ending.LIMIT_CYCLE]["amplitude_deg"]
@@ -161,7 +161,7 @@ def of_the_map(table: pd.DataFrame) -> dict[str, Any]:
 
 
 def of_the_limits(limits: pd.DataFrame) -> dict[str, Any]:
-    """Limits of free joints, of the stiffest spring behind the latest filter, by law, and under load."""
+    """Return limits of free joints, of the stiffest spring with the slowest filter, by law, and by load."""
     springs = limits[limits["varied"] == "filter"]
     free = springs[springs["spring_Nm_per_deg"] == 0.0]
     latest = springs.sort_values(["spring_Nm_per_deg", "filter_delay_ms"]).iloc[-1]
@@ -183,7 +183,7 @@ def of_the_limits(limits: pd.DataFrame) -> dict[str, Any]:
 
 
 def of_the_costs(costs: pd.DataFrame) -> dict[str, Any]:
-    """Costs of each way at the last gain below s."""
+    """Return the costs of each kind of compensation at the last gain below s."""
     near = costs[costs["gain"] <= costs["friction_ratio"]].groupby("compensation").tail(1)
     error = costs[costs["gain"] == 0.0]["path_error_deg"].iloc[0]
     near = near.assign(compensation=near["compensation"].map(key_of))
@@ -196,7 +196,7 @@ def of_the_costs(costs: pd.DataFrame) -> dict[str, Any]:
 
 # %%
 def draw(table: pd.DataFrame, limits: pd.DataFrame, costs: pd.DataFrame) -> Figure:
-    """Maps by filter and load, maps of the alternatives, limits and costs."""
+    """Draw maps by filter and load, maps of the alternatives, limits and costs."""
     measured = table[table["compensation"] == Compensation.MEASURED]
     delays, loads = sorted(measured["filter_delay_ms"].unique()), sorted(measured["load_kg"].unique())
     columns = max(4, len(delays))

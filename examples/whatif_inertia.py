@@ -1,9 +1,9 @@
 """What if the inertia is compensated too?
 
-How much of the knee's inertia can be compensated by a differentiated encoder, a gyroscope or an
-accelerometer: over source, delay and share, for a rigid and a compliant gear, by simulation on the joint
-bench and by eigenvalues; and the noise of the torque beside the apparent inertia. One to two minutes on one
-core; page: docs/background/whatif.md.
+The share of the knee's inertia that a differentiated encoder, a gyroscope or an accelerometer can compensate:
+over source, delay and share, for a rigid and a compliant gear, by simulation on the joint bench and by
+eigenvalues; and the noise of the torque with the apparent inertia. One to two minutes on one core; page:
+docs/background/whatif.md.
 """
 
 # %%
@@ -35,20 +35,20 @@ from twin_gait.studies import run_jobs
 
 # %% [markdown]
 # ## Settings
-# The encoder's delay is that of its filters; that of a unit on the link lies between sample and use.
+# The delay of the encoder is that of its filters; the delay of a unit on the link is from sample to use.
 
 # %%
 SHARES = tuple(round(0.1 * step, 1) for step in range(1, 12))
-TIME_CONSTANTS = (0.001, 0.002, 0.005, 0.010, 0.020)  # [s]; 5 ms is the firmware's
+TIME_CONSTANTS = (0.001, 0.002, 0.005, 0.010, 0.020)  # [s]; the firmware has 5 ms
 DELAYS = (0, 2, 5, 10, 20)  # [ticks]
-BUS_DELAY = 2  # [ticks], a bus of 500 Hz
-UNDECIDED = 0.1  # [1] / [s]; slower growth or decay than this is not judged in a linear run
+BUS_DELAY = 2  # [ticks] of a bus of 500 Hz
+UNDECIDED = 0.1  # [1/s]; slower growth or decay is not judged in a linear run
 NOISE_SHARES = (0.25, 0.5, 0.75)
-NOISE_FACTORS = (1.0, 10.0)  # on the noise of a common unit, and on the angle of an encoder count
+NOISE_FACTORS = (1.0, 10.0)  # factors of the noise of a common unit, and of the angle of an encoder count
 
 
 def settings_by_delay(*, quick: bool = False) -> list[Setting]:
-    """Joints that are held, without shares: gear, source, delay; two delays and a rigid gear if quick."""
+    """Return held joints without shares: gear, source, delay; two delays and a rigid gear if quick."""
     filters, delays = (TIME_CONSTANTS[1:4:2], DELAYS[1:4:2]) if quick else (TIME_CONSTANTS, DELAYS)
     found: list[Setting] = []
     for compliant, source in itertools.product((False,) if quick else (False, True), Source):
@@ -61,7 +61,7 @@ def settings_by_delay(*, quick: bool = False) -> list[Setting]:
 
 
 def settings_by_filter(*, quick: bool = False) -> list[Setting]:
-    """Joints that are held, rigid, without shares: source, filter, noise; samples of a unit on the bus."""
+    """Return held rigid joints without shares: source, filter, noise; samples of a unit on the bus."""
     filters, factors = (TIME_CONSTANTS[2:4], NOISE_FACTORS[:1]) if quick else (TIME_CONSTANTS, NOISE_FACTORS)
     return [
         Setting(source, value, 0 if source is Source.ENCODER else BUS_DELAY, noise=factor)
@@ -75,7 +75,7 @@ def settings_by_filter(*, quick: bool = False) -> list[Setting]:
 
 # %%
 def of_stability(table: pd.DataFrame, limits: pd.DataFrame) -> dict[str, Any]:
-    """Largest stable shares by gear, sensor and hand; prediction against linear and true runs."""
+    """Return largest stable shares by gear, sensor and hand, and predictions against simulated runs."""
     decided = table[table["growth_rate_per_s"].abs() > UNDECIDED]
     moving = table[table["ending"] != Ending.REST]
     rigid, compliant = (limits[limits["gear"] == gear] for gear in ("rigid", "compliant"))
@@ -104,7 +104,7 @@ def ends(values: pd.Series) -> dict[str, float] | None:
 
 
 def of_noise(noise: pd.DataFrame) -> dict[str, Any]:
-    """Noise of the torque behind the quickest and the slowest filter of each source, and errors of theory."""
+    """Return the torque noise with the fastest and slowest filter of each source, and errors of theory."""
     chosen = noise[(noise["noise_factor"] == 1.0) & (noise["share"] == noise["share"].median())]
     ordered = chosen.sort_values("mean_delay_ms").groupby("source")
     quick, slow = (part.set_index("source") for part in (ordered.head(1), ordered.tail(1)))
@@ -125,7 +125,7 @@ def of_noise(noise: pd.DataFrame) -> dict[str, Any]:
 
 # %%
 def draw(table: pd.DataFrame, limits: pd.DataFrame, noise: pd.DataFrame) -> Figure:
-    """Endings over delay and share by gear and source; shares, noise and apparent inertia below."""
+    """Draw endings over delay and share by gear and source; shares, noise and apparent inertia below."""
     gears, sources = table["gear"].unique(), list(table["source"].unique())
     figure = Figure(figsize=(14.0, 3.3 * (len(gears) + 1) + 0.8), layout="constrained")
     figure.suptitle("Inertia compensation of a knee that a hand holds", fontsize="large")
@@ -154,7 +154,7 @@ def draw_map(axes: Axes, rows: pd.DataFrame, limits: pd.DataFrame) -> None:
 
 
 def draw_numbers(panels: np.ndarray, free: pd.DataFrame, noise: pd.DataFrame, sources: list[str]) -> None:
-    """Shares of free joints, noise of the torque, and apparent inertia, over the delay."""
+    """Draw shares of free joints, noise of the torque, and apparent inertia, over the delay."""
     share = noise["share"].median()
     for source, colour in zip(sources, SERIES, strict=False):
         for gear, style in (("rigid", "-"), ("compliant", "--")):
@@ -180,7 +180,7 @@ def draw_numbers(panels: np.ndarray, free: pd.DataFrame, noise: pd.DataFrame, so
 
 
 def draw_lines(axes: Axes, table: pd.DataFrame, by: str, simulated: str, predicted: str, colour: str) -> None:
-    """Dots on lines, one line per value of a column, all of one colour and source."""
+    """Draw dots on lines, one line per value of a column, all of one colour and source."""
     for place, (_, rows) in enumerate(table.groupby(by)):
         rows = rows.sort_values("mean_delay_ms")
         label = None if place else str(rows["source"].iloc[0])

@@ -1,8 +1,8 @@
 """What if the friction changes with temperature, age or load?
 
-The compensator's model is the knee's true friction law, identified exactly, as new, unloaded and at one
-temperature. The knee is then moved by hand, and pushed, under other conditions. All of it is simulated on
-the joint bench. One minute on one core; page: docs/background/whatif.md.
+The model of the compensator is the true friction law of a new, unloaded knee at one temperature, identified
+exactly. The knee is then moved by hand, and pushed, under other conditions. All cases are simulated on the
+joint bench. One minute on one core; page: docs/background/whatif.md.
 """
 
 # %%
@@ -41,18 +41,18 @@ from twin_gait.studies import run_jobs
 
 # %% [markdown]
 # ## Conditions
-# Temperatures against a compensator of each of three temperatures; ages and loads against the one of 25 °C.
+# Temperatures with compensators of three temperatures; ages and loads with the compensator of 25 °C.
 
 # %%
 TEMPERATURES = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)  # [°C]
 IDENTIFIED_AT = (10.0, 25.0, 40.0)  # [°C]
 GAINS = tuple(round(0.1 * step, 1) for step in range(14))
-AGES = (0.8, 1.3)  # whole law over the new one: run in, and with grease that has gone; assumptions
+AGES = (0.8, 1.3)  # friction over that of a new joint: run in, and without grease; assumptions
 LOADS = (1.0, 2.0, 3.0)  # [kg]
 
 
 def cases(*, quick: bool = False) -> Iterator[Case]:
-    """Cases without their gains, in order; a few of them in the quick form."""
+    """Yield the cases without their gains, in order; a few of them in the quick form."""
     for identified in IDENTIFIED_AT[1:2] if quick else IDENTIFIED_AT:
         for temperature in TEMPERATURES[1::3] if quick else TEMPERATURES:
             yield Case(Condition("temperature", temperature=temperature), identified)
@@ -68,13 +68,13 @@ def cases(*, quick: bool = False) -> Iterator[Case]:
 
 # %%
 def largest_safe_gain(table: pd.DataFrame) -> float:
-    """Largest gain of a table up to which the joint rests in all of its cases."""
+    """Return the largest gain of a table up to which the joint comes to rest in all of its cases."""
     gains, moving = table["gain"], table[table["ending"] != Ending.REST]["gain"]
     return float(gains[gains < moving.min()].max() if len(moving) else gains.max())
 
 
 def numbers_of(table: pd.DataFrame, best: pd.DataFrame) -> dict[str, Any]:
-    """The model of 25 °C in the cold and in the warmth, the worst case of all, age, and the largest load."""
+    """Return the results of the model of 25 °C in cold and heat, the worst case, age, and largest load."""
     by_temperature = best[best["kind"] == "temperature"]
     mine = by_temperature[by_temperature["identified_at_degC"] == REFERENCE_TEMPERATURE]
     ends = mine.sort_values("temperature_degC").iloc[[0, -1]]
@@ -106,7 +106,7 @@ def numbers_of(table: pd.DataFrame, best: pd.DataFrame) -> dict[str, Any]:
 
 # %%
 def draw(table: pd.DataFrame, best: pd.DataFrame) -> Figure:
-    """Endings over G and temperature for each compensator; gains and what friction is left below."""
+    """Draw endings over G and temperature for each compensator; gains and remaining friction below."""
     warm, warm_best = table[table["kind"] == "temperature"], best[best["kind"] == "temperature"]
     models = sorted(warm["identified_at_degC"].unique())
     figure = Figure(figsize=(15.0, 9.6), layout="constrained")
@@ -136,19 +136,19 @@ def draw(table: pd.DataFrame, best: pd.DataFrame) -> Figure:
 
 
 def draw_left(axes: Axes, rows: pd.DataFrame) -> None:
-    """What friction is left over the temperature, for some gains."""
+    """Draw the remaining friction over the temperature, for some gains."""
     gains = [gain for gain in (0.0, 0.4, 0.8, 1.0, 1.2) if gain in set(rows["gain"])]
     for gain, colour in zip(gains, SERIES, strict=False):
         chosen = rows[rows["gain"] == gain].sort_values("temperature_degC")
         places, values = chosen["temperature_degC"], chosen["hand_friction_Nm"]
         axes.plot(places, values, "o-", color=colour, markersize=4, label=f"G = {gain:g}")
     style_panel(axes, f"friction left, identified at {REFERENCE_TEMPERATURE:g} °C", "RMS [N m]")
-    axes.set_ylim(0.0, 1.25 * float(rows["hand_friction_Nm"].max()))  # room for the legend above the lines
+    axes.set_ylim(0.0, 1.25 * float(rows["hand_friction_Nm"].max()))  # space for the legend above the lines
     label_axes(axes, "true temperature [°C]", ncols=2, loc="upper right")
 
 
 def draw_others(axes: Axes, rows: pd.DataFrame) -> None:
-    """Age and load: both gains, simulated and in closed form."""
+    """Draw age and load: both gains, simulated and in closed form."""
     labels = [
         f"friction × {row.ageing:g}" if row.kind == "age" else f"load {row.load_kg:g} kg"
         for row in rows.itertuples()

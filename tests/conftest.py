@@ -1,4 +1,4 @@
-"""What several tests share: the hypothesis profile and models that take a moment to build."""
+"""Common parts of the tests: the hypothesis profile, and models that take time to build."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
-# Reproducible, and without a deadline: a busy machine is not a failure.
+# Tests are reproducible and have no deadline, because a busy machine is not a failure.
 settings.register_profile(
     "twin_gait",
     derandomize=True,
@@ -31,8 +31,8 @@ ARMATURE = {JointName.HIP: HIP_ACTUATOR.armature, JointName.KNEE: KNEE_ACTUATOR.
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """An edit of a law must not pass its tests because an older, installed copy was tested."""
-    if not hasattr(config, "workerinput"):  # once, not in every worker of xdist
+    """Stop if the tests would use an older, installed copy of the package instead of the checkout."""
+    if not hasattr(config, "workerinput"):  # only once, not in every worker of xdist
         problem = next(filter(None, map(complaint, copies_in_use())), None)
         if problem:
             pytest.exit(problem, returncode=pytest.ExitCode.USAGE_ERROR)
@@ -43,13 +43,13 @@ BROWSER_VARIABLE = "TWIN_GAIT_REQUIRE_BROWSER"
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """See :func:`_require_browser`."""
+    """Apply :func:`_require_browser` to the report."""
     return _require_browser((yield))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """See :func:`_require_browser`."""
+    """Apply :func:`_require_browser` to the report."""
     return _require_browser((yield))
 
 
@@ -57,7 +57,7 @@ Report = TypeVar("Report", pytest.TestReport, pytest.CollectReport)
 
 
 def _require_browser(report: Report) -> Report:
-    """Where a browser is expected, a test that skips for the lack of one has failed."""
+    """Turn a skip for lack of a browser into a failure if the environment requires a browser."""
     if report.skipped and os.environ.get(BROWSER_VARIABLE) and isinstance(report.longrepr, tuple):
         reason = report.longrepr[2]
         if re.search("chromium|playwright|browser", reason, re.IGNORECASE):
@@ -83,19 +83,19 @@ def bench_leg() -> dict[Side, LegJoints]:
 
 @pytest.fixture(scope="session")
 def twin(both_legs: dict[Side, LegJoints]) -> LegModel:
-    """The device alone with both legs, pelvis fixed in the world."""
+    """Return the device alone with both legs and the pelvis fixed in the world."""
     return LegModel("twin.urdf", both_legs, armature=ARMATURE)
 
 
 @pytest.fixture(scope="session")
 def bench(bench_leg: dict[Side, LegJoints]) -> LegModel:
-    """The device's leg on its stand."""
+    """Return the leg of the device on its test stand."""
     return LegModel("twin_leg.urdf", bench_leg, armature=ARMATURE)
 
 
 @pytest.fixture(scope="session")
 def worn_twin(both_legs: dict[Side, LegJoints]) -> LegModel:
-    """Device and default wearer, pelvis free to move up and down."""
+    """Return device and default wearer with a pelvis that moves up and down."""
     return LegModel(
         "twin.urdf",
         both_legs,

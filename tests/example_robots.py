@@ -1,4 +1,4 @@
-"""Robots that are not ours, and how the joints of ours are called."""
+"""Robots of other projects, and the joint names of the TWIN models."""
 
 import os
 from importlib import metadata
@@ -14,7 +14,7 @@ ROBOTS_VARIABLE = "TWIN_GAIT_REQUIRE_ROBOTS"
 
 
 def robot_urdf(name: str) -> Path:
-    """A URDF of example-robot-data, which is a package of data only."""
+    """Return the path of a URDF in the data package example-robot-data; skip the test without it."""
     try:
         recorded = metadata.files("example-robot-data") or []
     except metadata.PackageNotFoundError:
@@ -26,13 +26,13 @@ def robot_urdf(name: str) -> Path:
 
 
 def _lack(reason: str) -> NoReturn:
-    """Skip a test, or fail it where the robots are expected."""
+    """Skip a test, or fail it if the environment requires the robots."""
     if os.environ.get(ROBOTS_VARIABLE):
         pytest.fail(f"{ROBOTS_VARIABLE} is set, but {reason}")
     pytest.skip(reason)
 
 
-# One joint of each kind, off the axes; zero is out of the range of the first.
+# One joint of each kind with axes that are not coordinate axes; the range of the first joint excludes zero.
 JOINTS = """<robot name="slides">
 <link name="a"/><link name="b"/><link name="c"/><link name="d"/><link name="e"/>
 <joint name="turns" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 1" rpy="1 -2 3"/>
@@ -46,6 +46,6 @@ JOINTS = """<robot name="slides">
 
 
 def twin_joints(side: Side, *, foot: bool = True) -> LegJoints:
-    """Names of a leg in the URDFs of this project; ``foot``: whether it has an ankle and a foot."""
+    """Return the names of a leg in the URDFs of this project; ``foot``: whether it has ankle and foot."""
     ankle, frames = (f"{side}_ankle", (f"{side}_heel", f"{side}_toe")) if foot else (None, ())
     return LegJoints(hip=f"{side}_hip", knee=f"{side}_knee", ankle=ankle, contact_frames=frames)

@@ -1,4 +1,4 @@
-"""Compilers and the emulator of the firmware's tests, and a unit small enough to know all about it."""
+"""Compilers and emulator for the tests of the firmware, and a writer of small units."""
 
 import os
 import subprocess
@@ -12,12 +12,12 @@ from twin_gait.firmware import Unit, find_tool
 
 FIRMWARE_VARIABLE = "TWIN_GAIT_REQUIRE_FIRMWARE"
 TARGET_TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
-# A conversion out of range is undefined as well, and not among those of "undefined".
+# A conversion out of range is also undefined behaviour, but not part of the group "undefined".
 SANITIZE = ("-g", "-fsanitize=undefined,float-cast-overflow,address", "-fno-sanitize-recover=all")
 
 
 def require_tools(*names: str) -> None:
-    """Skip a test that lacks a program, or fail it where the programs are expected."""
+    """Skip a test that lacks a program, or fail it if the environment requires the programs."""
     for name in names:
         try:
             find_tool(name)
@@ -28,7 +28,7 @@ def require_tools(*names: str) -> None:
 
 
 def symbols(objects: Sequence[Path]) -> Mapping[str, str]:
-    """Names in object files or an image, and ``nm``'s letter for each: ``U`` is wanted from elsewhere."""
+    """Return the names in object files or an image with their letter of ``nm``; ``U``: undefined there."""
     command = [find_tool("arm-none-eabi-nm"), "--format=posix", *objects]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     fields = (line.split() for line in lines)
@@ -38,7 +38,7 @@ def symbols(objects: Sequence[Path]) -> Mapping[str, str]:
 def write_unit(
     folder: Path, *, inputs: str, outputs: str, state: str, step: str, name: str = "probe"
 ) -> Unit:
-    """A unit in a folder that does not exist: fields of its records, and the body of its step."""
+    """Write a unit to a new folder, with the fields of its records and the body of its step."""
     folder.mkdir()
     records = zip(("Inputs", "Outputs", ""), (inputs, outputs, state), strict=True)
     title = name.capitalize()

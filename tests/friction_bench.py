@@ -1,6 +1,6 @@
-"""Synthetic logs of a joint test bench, in closed form: the motion is given, the current follows from it.
+"""Synthetic logs of a joint test bench in closed form: the current follows from a given motion.
 
-Nothing of the package computes them: friction, load and inertia are written out here. They are made up, not
+Friction, load and inertia are written out here, independently of the package. The logs are invented, not
 measured.
 """
 
@@ -29,19 +29,19 @@ def rotational(w: np.ndarray, law: tuple[float, float, float, float]) -> np.ndar
 
 @dataclass(frozen=True)
 class Noise:
-    """Errors of the bench: encoder counts, white noise of the current, and offsets that a test keeps."""
+    """Errors of the bench: encoder counts, white noise of the current, and offsets constant in a test."""
 
     count: float = COUNT
     current: float = 0.05  # [A]
-    offset: float = 0.01  # [A], another in each test
-    friction: float = 0.02  # relative, another in each test: the joint is not the same every time
+    offset: float = 0.01  # [A], drawn for each test
+    friction: float = 0.02  # relative, drawn for each test, because a joint varies between tests
 
 
 QUIET = Noise(count=0.0, current=0.0, offset=0.0, friction=0.0)
 
 
 def swing(time: np.ndarray, speed: float, period: float, phase: float) -> tuple[np.ndarray, ...]:
-    """Angle, velocity and acceleration of a slow and a fast sine on top of each other."""
+    """Return angle, velocity and acceleration of the sum of a slow and a fast sine, shape ``(n,)`` each."""
     w1, w2 = 2 * np.pi / period, 2 * np.pi / (3.7 * period)
     v1, v2 = 0.7 * speed, 0.3 * speed
     angle = np.pi / 2 + v1 / w1 * np.sin(w1 * time + phase) + v2 / w2 * np.sin(w2 * time)
@@ -50,7 +50,7 @@ def swing(time: np.ndarray, speed: float, period: float, phase: float) -> tuple[
 
 
 def fall(time: np.ndarray, speed: float, stop: float = np.radians(125.0)) -> tuple[np.ndarray, ...]:
-    """A drop: the velocity rises and wavers as under a duty; at the stop everything ends at once."""
+    """Return angle, velocity and acceleration of a drop with a varying velocity that ends at the stop."""
     rise, w = 0.4, 2 * np.pi * 3.0
     grown = 1 - np.exp(-time / rise)
     waver, depth = np.sin(w * time), 0.25
@@ -79,7 +79,7 @@ def bench_log(
     noise: Noise = Noise(),
     friction=rotational,
 ) -> dict[str, np.ndarray]:
-    """Columns of a log: the current balances load, inertia and friction."""
+    """Return the columns of a log whose current balances load, inertia and friction."""
     angle, velocity, acceleration = motion
     inertia = ARMATURE + LINK_INERTIA + mass * LEVER**2
     load = mass * GRAVITY * LEVER * np.cos(angle - np.pi / 2)
@@ -110,7 +110,7 @@ def campaign(
     duration: float = 5.0,
     noise: Noise = Noise(),
 ) -> list[tuple[float, dict[str, np.ndarray]]]:
-    """Weight and columns of each test: five weights, nine tests each by default."""
+    """Return weight [kg] and columns of each test: five weights, by default with nine tests each."""
     rng = np.random.default_rng(seed)
     law = {"knee": KNEE, "hip": HIP}[joint]
     time = np.arange(round(duration * RATE)) / RATE
@@ -124,7 +124,7 @@ def campaign(
 
 
 def write_log(path: Path, columns: dict[str, np.ndarray]) -> Path:
-    """Write columns as text."""
+    """Write columns as text and return the path."""
     lines = [",".join(f"{value:.9g}" for value in row) for row in np.column_stack(list(columns.values()))]
     path.write_text("\n".join([",".join(columns), *lines]) + "\n")
     return path

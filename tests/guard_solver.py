@@ -1,7 +1,7 @@
-"""Guards evaluated by plain recursion over their tree, in the units of the table.
+"""Evaluation of guards by plain recursion over their tree, in the units of the table.
 
-Written for tests and independent of :mod:`twin_gait.core.guards`. Measurements that open or close the
-guards of a table are found by :mod:`twin_gait.testing`.
+The module is independent of :mod:`twin_gait.core.guards`. Measurements that open or close the guards of a
+table are found by :mod:`twin_gait.testing`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ OTHER_TIME = "other.time_in_phase_s"
 
 
 def difference(comparison: Comparison, signals: Mapping[str, float]) -> float:
-    """Left side of a comparison in the units of the table."""
+    """Return the left side of a comparison in the units of the table."""
     minus = 0.0 if comparison.minus is None else signals[comparison.minus]
     return signals[comparison.signal] - minus
 
@@ -36,12 +36,12 @@ def holds(guard: Guard, signals: Mapping[str, float], other_phase: str | None) -
 
 @dataclass(frozen=True)
 class Measurements:
-    """A set of measurements in the units of the table."""
+    """Measurements of one tick in the units of the table."""
 
     signals: Mapping[str, float]
     other_phase: str | None
 
     @property
     def tick(self) -> int:
-        """Ticks in the phase that the time in phase stands for."""
+        """Number of ticks in the phase, from the time in phase."""
         return round(self.signals[OWN_TIME] / TICK)

@@ -1,4 +1,4 @@
-"""Limit cases that no file may hold, such as a rotor of a million kg m², for tests against closed forms."""
+"""Limit cases that files may not contain, such as a rotor of 10⁶ kg·m², for tests against closed forms."""
 
 from __future__ import annotations
 

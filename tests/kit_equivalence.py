@@ -1,8 +1,8 @@
-"""Why a mutant that no test notices behaves like the machine itself: a reason, proved each time.
+"""Proofs that a mutant which no test detects is equivalent to the machine, each with a reason.
 
 "Never" here means that no choice of bounds that opens or closes some guards
 (:mod:`twin_gait.gait.feasibility`) has a solution, for any measurements, with the other leg in any phase or
-not there. :func:`feasible` decides that for strict bounds exactly, without the margin of the package.
+absent. :func:`feasible` decides that exactly for strict bounds, without the margin of the package.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NEVER_BOTH = "the two, and those between them, are never due in one tick with di
 
 
 class Window(NamedTuple):
-    """Ticks in the phase; free asks for one moment in between, found by the solver, instead of both ends."""
+    """Range of ticks in a phase: both ends, or if ``free`` one time in between that the solver finds."""
 
     first: int
     last: float
@@ -40,9 +40,9 @@ class Window(NamedTuple):
 
 
 def feasible(bounds: Sequence[Bound]) -> bool:
-    """Whether any numbers keep all bounds, however narrow the room for them: no cycle contradicts itself."""
+    """Return whether some numbers satisfy all bounds, however close: no cycle of bounds is contradictory."""
     names = list(dict.fromkeys([ZERO, *(name for item in bounds for name in (item.upper, item.lower))]))
-    # Of two equal limits the strict one is the shorter path: it comes first in the order of pairs.
+    # The strict one of two equal limits is the shorter path: it comes first in the order of pairs.
     open_end = (math.inf, 1)
     paths = {a: {b: (0.0, 1) if a == b else open_end for b in names} for a in names}
     for item in bounds:
@@ -80,7 +80,7 @@ def reason(table: GaitTable, mutant: Mutant) -> str | None:
 
 def _entry_reason(table: GaitTable, changed: GaitTable, index: int) -> str | None:
     after = Exit(changed, index)
-    if index >= len(table.transitions):  # one exit more
+    if index >= len(table.transitions):  # an additional exit
         return DEAD if is_dead(after) else None
     before = Exit(table, index)
     if is_dead(before) and is_dead(after):
@@ -93,10 +93,10 @@ def _entry_reason(table: GaitTable, changed: GaitTable, index: int) -> str | Non
 
 
 def is_dead(leave: Exit) -> bool:
-    """Whether an exit can never be taken.
+    """Return whether an exit can never be taken.
 
-    Its guard never opens in time, its time-out is too late, or whenever it opens an exit that is listed
-    above and waits for nothing is open too.
+    Its guard never opens in time, its timeout is too late, or whenever it opens, an exit without waiting
+    time that is listed above it is open too.
 
     Args:
         leave: The exit.
@@ -117,7 +117,7 @@ def is_dead(leave: Exit) -> bool:
 
 
 def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
-    """Ticks at which other exits, whose guard is never closed, leave the phase, with their index."""
+    """Return the ticks at which other exits with guards that never close leave the phase, and their index."""
     others = [item for item in leave.siblings if item.index != leave.index]
     always = Window(1, math.inf, free=True)
     return [
@@ -128,7 +128,7 @@ def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
 
 
 def possible(table: GaitTable, requirements: Sequence[Requirement], window: Window) -> bool:
-    """Whether some measurements fulfil all requirements, with the other leg in any phase or not there."""
+    """Return whether measurements can fulfil all requirements, with the other leg in any phase or absent."""
     if window.first > window.last:
         return False
     ends = sorted({window.first, window.last})
@@ -166,7 +166,7 @@ def _acts_at_once(leave: Exit) -> bool:
 
 
 def _flat(guard: Guard) -> Guard:
-    """The guard without lists of one condition."""
+    """Return the guard without lists of one condition."""
     if not isinstance(guard, (AllOf, AnyOf)):
         return guard
     inner = tuple(_flat(item) for item in guard.guards)
@@ -174,7 +174,7 @@ def _flat(guard: Guard) -> Guard:
 
 
 def _differ(leave: Exit, guard: Guard, other: Guard, closed: Sequence[Exit]) -> bool:
-    """Whether two guards differ for some measurements at which some exits are closed."""
+    """Return whether two guards differ for some measurements at which given exits are closed."""
     shut = [Requirement(item.item.guard, False) for item in closed]
     return any(
         possible(leave.table, [Requirement(guard, one), Requirement(other, not one), *shut], window)
@@ -184,7 +184,7 @@ def _differ(leave: Exit, guard: Guard, other: Guard, closed: Sequence[Exit]) -> 
 
 
 def _windows(leave: Exit, guards: Sequence[Guard]) -> list[Window]:
-    """Moments that stand for all: about each threshold in time, or any moment if one is a difference."""
+    """Return representative times: around each threshold in time, or any time if a guard is a difference."""
     atoms = [entry.atom for guard in guards for entry in decisive(guard)]
     times = [atom for atom in atoms if isinstance(atom, Comparison) and reads_own_time(atom)]
     if not all(reads_only_own_time(atom) for atom in times):
@@ -195,7 +195,7 @@ def _windows(leave: Exit, guards: Sequence[Guard]) -> list[Window]:
 
 
 def _wait_reason(before: Exit, after: Transition) -> str | None:
-    """Debounce or time-out has changed, the guard has not."""
+    """Return the reason if only debounce or timeout has changed; None if there is no proof."""
     item = before.item
     waits = [max(entry.time_out_ticks or 0, entry.debounce_ticks) for entry in (item, after)]
     if waits[0] == waits[1] and item.is_time_out:
@@ -208,7 +208,7 @@ def _wait_reason(before: Exit, after: Transition) -> str | None:
 
 
 def _minimum_duration_is_free(table: GaitTable, mutant: Mutant) -> bool:
-    """Whether no exit can be due in a tick that one minimum duration allows and the other does not."""
+    """Return whether no exit can be due in a tick that only one of the minimum durations allows."""
     ticks = sorted(item.phases[mutant.phase].minimum_ticks for item in (table, mutant.table))
     for index in exits(table, mutant.phase):
         item = table.transitions[index]
@@ -219,7 +219,7 @@ def _minimum_duration_is_free(table: GaitTable, mutant: Mutant) -> bool:
 
 
 def _order_is_free(table: GaitTable, first: int, second: int) -> bool:
-    """Whether the order of two exits, and of those between them, never matters."""
+    """Return whether the order of two exits, and of those between them, has no effect."""
     phase = table.transitions[first].source
     between = [index for index in exits(table, phase) if first <= index <= second]
     pairs = {(first, index) for index in between[1:]} | {(index, second) for index in between[:-1]}

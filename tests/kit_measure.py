@@ -1,4 +1,4 @@
-"""How good the tests of a table are: which mutants of its machine they catch."""
+"""Quality of the tests of a table: the mutants of its machine that they detect."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from twin_gait.testing.cases import MachineFactory, TransitionTest, machine_of, 
 
 @dataclass(frozen=True)
 class MutationResult:
-    """What became of the mutants of one table.
+    """Results for the mutants of one table.
 
     Attributes:
         table: Name of the table.
         tests: Number of tests of the kit.
         made: Number of mutants per kind.
-        caught: Number of mutants per kind that a test noticed.
-        equivalent: Mutants that no test noticed, each with the proved reason.
-        missed: Mutants that no test noticed and that are not proved equivalent.
+        caught: Number of mutants per kind that a test detected.
+        equivalent: Mutants that no test detected, each with the proved reason.
+        missed: Mutants that no test detected and that are not proved equivalent.
     """
 
     table: str
@@ -35,14 +35,14 @@ class MutationResult:
 
 
 def measure(table: GaitTable, progress: Callable[[int], None] | None = None) -> MutationResult:
-    """Let every single mutation drive the machine while the kit reads the table as it is.
+    """Run the tests of the unchanged table on a machine with each single mutation.
 
     Args:
         table: The gait table.
         progress: Called with the number of mutants done.
 
     Returns:
-        The counts and what was not noticed.
+        The counts, and the mutants that no test detected.
     """
     tests = transition_tests(table)
     made, caught = Counter[str](), Counter[str]()
@@ -62,15 +62,15 @@ def measure(table: GaitTable, progress: Callable[[int], None] | None = None) -> 
 
 
 def is_caught(mutant: Mutant, tests: Iterable[TransitionTest], machine: MachineFactory | None = None) -> bool:
-    """Whether a test fails when the mutant drives the machine.
+    """Return whether a test fails on the machine of a mutant.
 
     Args:
         mutant: The mutant.
-        tests: Tests of the table as it is.
-        machine: That follows the mutant; the package's own if None.
+        tests: Tests of the unchanged table.
+        machine: Machine that follows the mutant; None for that of the package.
 
     Returns:
-        True at the first test that fails; those in the changed phase, and the short ones, come first.
+        True at the first test that fails; tests of the changed phase, and short tests, run first.
     """
     machine = machine or machine_of(mutant.table)
     for test in sorted(tests, key=lambda item: (item.scenario.phase != mutant.phase, kit_ticks(item))):
@@ -82,7 +82,7 @@ def is_caught(mutant: Mutant, tests: Iterable[TransitionTest], machine: MachineF
 
 
 def kit_ticks(test: TransitionTest) -> int:
-    """About how many ticks a test drives a machine through."""
+    """Estimate the number of ticks of a test."""
     again = 17 * len(test.table.joints) if test.scenario.refuses else 1
     return again * len(test.scenario.steps)
 

@@ -1,7 +1,7 @@
-"""Every single mutation of a machine: the table that it would follow, one thing changed.
+"""Single mutations of a machine: tables that differ from the original in one property.
 
-The kit keeps reading the table as it is; a mutant drives the machine. Whatever no test of the kit
-notices has to be proved equivalent (:mod:`kit_equivalence`).
+The kit reads the unchanged table, and the machine follows the mutant. A mutant that no test of the kit
+detects must be proved equivalent (:mod:`kit_equivalence`).
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from twin_gait.gait.signals import OTHER, all_signal_names, signal_scale
 from twin_gait.gait.table import LONGEST, TICK, GaitTable, PhaseParameters, Transition
 from twin_gait.testing.reference import exits
 
-SHIFT = 1e-6  # of a threshold, relative to it or to 1, in the unit of the table; one tick of a time
-_UNIT = {"deg": 180.0 / math.pi, "bw": 100.0, "s": 1000.0}  # read as rad, per cent, ms
+SHIFT = 1e-6  # shift of a threshold, relative to it or to 1, in the unit of the table; one tick for a time
+_UNIT = {"deg": 180.0 / math.pi, "bw": 100.0, "s": 1000.0}  # in rad, per cent, ms
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A machine that differs from its table in one thing.
+    """Machine that differs from its table in one property.
 
     Attributes:
         kind: Kind of mutation.
-        text: What was changed.
-        table: The table that the machine follows; it need not be one that a file could hold.
+        text: Description of the change.
+        table: Table that the machine follows; it may be invalid in a file.
         phase: Phase whose exits were changed.
         transitions: Indices of the changed transitions; empty if the phase itself was changed.
     """
@@ -46,8 +46,8 @@ def mutants(table: GaitTable) -> Iterator[Mutant]:
         table: The gait table.
 
     Yields:
-        Mutants; one that would be the very same table (a list of one condition, zero in another unit)
-        among them.
+        Mutants, including those that are equal to the table (a list of one condition, zero in another
+        unit).
     """
     for index, item in enumerate(table.transitions):
         title = f"{item.source}→{item.target} ({item.cause})"
@@ -59,7 +59,7 @@ def mutants(table: GaitTable) -> Iterator[Mutant]:
 
 
 def unchecked(table: GaitTable, **changes: object) -> GaitTable:
-    """Copy a table without its checks: a broken machine need not follow a table that is complete."""
+    """Copy a table without its checks, because the table of a broken machine may be incomplete."""
     changed = copy.copy(table)
     for name, value in changes.items():
         object.__setattr__(changed, name, value)
@@ -72,7 +72,7 @@ def _with(table: GaitTable, index: int, item: Transition) -> GaitTable:
 
 
 def _everywhere(table: GaitTable, index: int, title: str) -> Iterator[Mutant]:
-    """The exit is there in one more phase too, below all others."""
+    """Yield the mutants that have an exit in one more phase, below all others."""
     item = table.transitions[index]
     for phase in table.phase_names:
         if phase not in (item.source, item.target):
@@ -202,7 +202,7 @@ def _shifted(guard: Comparison) -> tuple[float, float]:
 
 
 def _not_strict(guard: Comparison) -> float:
-    """The next threshold that lets the present one pass."""
+    """Return the next threshold for which the present threshold value passes the comparison."""
     outward = -math.inf if guard.operator == ">" else math.inf
     if guard.threshold == 0.0:
         return math.copysign(1e-300, outward)
@@ -213,7 +213,7 @@ def _not_strict(guard: Comparison) -> float:
 
 
 def _mistaken(table: GaitTable, name: str) -> list[str]:
-    """Signals that one slip turns a signal into: the other leg's, another joint's, another quantity."""
+    """Return the signals that one mistake confuses with a signal: other leg, joint or quantity."""
     leg = OTHER if name.startswith(OTHER) else ""
     part, _, quantity = name.removeprefix(OTHER).rpartition(".")
     known = all_signal_names(table.joints)

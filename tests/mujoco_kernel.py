@@ -1,8 +1,8 @@
-"""Rigid-body dynamics by MuJoCo behind the interface of the generated kernels.
+"""Rigid-body dynamics by MuJoCo with the interface of the generated kernels.
 
-MuJoCo reads the URDF itself and has the wearer from tables of its own (:mod:`crosscheck.mujoco_legs`), so
-that no number of our rigid bodies is in here. It knows no contacts of its own either: the ground's forces
-follow our law and are applied to its bodies.
+MuJoCo reads the URDF itself, and the wearer comes from separate tables (:mod:`crosscheck.mujoco_legs`), so
+that no number of the package's rigid bodies is used here. The contacts of MuJoCo are not used either: the
+forces of the ground follow the law of the package and are applied to MuJoCo's bodies.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from twin_gait.simulation.problem import Problem
 
 
 class Legs:
-    """A leg model in MuJoCo, in the order of our coordinates."""
+    """Leg model in MuJoCo, in the order of the coordinates of the package."""
 
     def __init__(self, experiment: Experiment, model: LegModel, patient: Patient | None) -> None:
-        """Build it from the URDF and the tables of the literature."""
+        """Build the model from the URDF and the tables of the literature."""
         spec = legs_spec(model, patient, fit_device=experiment.leg.fit_device)
         armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
         gravity, step = experiment.plant.gravity, experiment.stepping.step
@@ -33,11 +33,11 @@ class Legs:
         self.order = coordinate_order(self.model, model)
 
     def body(self, joint: str) -> int:
-        """Number of the body that a joint carries."""
+        """Return the number of the body that a joint moves."""
         return int(self.model.jnt_bodyid[self.model.joint(joint).id])
 
     def place(self, q: list[float], v: list[float] | None = None) -> None:
-        """Go to a state, at rest without velocities; tips of crutches come last and are not in here."""
+        """Set a state, at rest without ``v``; the last coordinates, tips of crutches, are not part of it."""
         own = len(self.order)
         self.data.qpos[self.order] = q[:own]
         self.data.qvel[self.order] = np.zeros(own) if v is None else v[:own]
@@ -45,24 +45,24 @@ class Legs:
         mujoco.mj_fwdVelocity(self.model, self.data)
 
     def accelerate(self, torque: list[float]) -> np.ndarray:
-        """Accelerations of the present state under torques and what is applied to the bodies."""
+        """Return the accelerations of the present state under torques and applied forces, shape ``(nv,)``."""
         self.data.qfrc_applied[self.order] = torque[: len(self.order)]
         mujoco.mj_fwdAcceleration(self.model, self.data)
         return np.array(self.data.qacc_smooth[self.order])
 
 
 class MujocoKernel:
-    """The functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+    """Functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
 
     def __init__(self, problem: Problem) -> None:
-        """Build plant and controller's model."""
+        """Build the model of the plant and the model of the controller."""
         experiment, world = problem.experiment, problem.world
         assert world.braces is None
         known = experiment.patient if experiment.control.patient is None else experiment.control.patient
         self._legs = Legs(experiment, world.model, experiment.patient)
         self._control = Legs(experiment, problem.control_model, known)
         self._guide = None if world.model.pelvis_index is None else self._legs.body(PELVIS_JOINT)
-        # Heels and toes are bodies of their own, without mass.
+        # Heels and toes are separate bodies without mass.
         names = [name for side in world.model.legs for name in world.contact_frames.get(side, ())]
         slope = world.slope
         self._belt = np.array([[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]])
@@ -70,7 +70,7 @@ class MujocoKernel:
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
-        """The functions by name, to be bound."""
+        """Functions of the kernel by name, for the specialisation of the engine."""
         found = (self.dynamics, self.contact_forces, self.observe, self.control_gravity, self.control_inertia)
         return {function.__name__: function for function in found}
 
@@ -85,7 +85,7 @@ class MujocoKernel:
         a: list[float],
         points: list[Point],
     ) -> float:
-        """Accelerations; the ground's forces are applied to the feet."""
+        """Write the accelerations with ground forces to ``a``; return the power of the ground [W]."""
         power = self.contact_forces(q, v, bodies, ground, points)
         found = self._legs.accelerate(torque).tolist()
         a[: len(found)] = found
@@ -94,7 +94,7 @@ class MujocoKernel:
     def contact_forces(
         self, q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[Point]
     ) -> float:
-        """Forces of the ground on the points of the soles, by velocities that MuJoCo's Jacobians give."""
+        """Write the forces on the soles, with velocities from MuJoCo's Jacobians; return their power [W]."""
         self._legs.place(q, v)
         model, data, jacobian, power = (
             self._legs.model,
@@ -124,7 +124,7 @@ class MujocoKernel:
         gravity: float,
         points: object,
     ) -> tuple[float, float, float, float]:
-        """Energies, and what the guide of the pelvis takes; of the state that the dynamics have just seen."""
+        """Return energies, and force and moment of the pelvis guide, for the last state of the dynamics."""
         model, data = self._legs.model, self._legs.data
         mujoco.mj_energyVel(model, data)
         moving = model.body_weldid > 0
@@ -141,14 +141,14 @@ class MujocoKernel:
     def control_gravity(
         self, q: list[float], bodies: list[float], gravity: float, torque: list[float]
     ) -> None:
-        """Gravity torques of the controller's model: its bias at rest."""
+        """Write the gravity torques of the controller's model, which are its bias at rest."""
         self._control.place(q)
         torque[:] = self._control.data.qfrc_bias[self._control.order].tolist()
 
     def control_inertia(
         self, q: list[float], a: list[float], bodies: list[float], torque: list[float]
     ) -> None:
-        """Inertia torques of the controller's model."""
+        """Write the inertia torques of the controller's model."""
         self._control.place(q)
         given, found = np.zeros((2, len(q)))
         given[self._control.order] = a

@@ -1,8 +1,8 @@
-"""The loop written a second time, on purpose: numpy laws, ``transitions`` and ``pin.aba``.
+"""Independent second implementation of the loop: numpy laws, ``transitions`` and ``pin.aba``.
 
-It shares data with the package (URDF, gait table, parameters) and none of its steps, records of an episode
-or laws, so that the engines can be held to it. It knows ideal sensors, the thesis's controller and no safety
-monitor; the contact law is the package's own formula, written for arrays.
+It shares data with the package (URDF, gait table, parameters) but none of its steps, records of an episode
+or laws, so that the engines can be compared with it. It has ideal sensors, the controller of the thesis and
+no safety monitor; the contact law is the formula of the package, written for arrays.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ LAW = ("breakaway_torque", "coulomb_friction", "breakaway_velocity", "viscous_fr
 
 
 def _columns(rows: Sequence[Any], names: Sequence[str]) -> np.ndarray:
-    """Attributes of all joints, shape ``(len(names), n)``."""
+    """Return attributes of all joints, shape ``(len(names), n)``."""
     return np.array([[getattr(row, name) for row in rows] for name in names])
 
 
 def friction_torque(velocity: np.ndarray, law: np.ndarray) -> np.ndarray:
-    """Equation (3.1) of the thesis for all joints at once.
+    """Compute the friction torques of all joints by equation (3.1) of the thesis.
 
     Args:
-        velocity: In [rad] / [s], shape ``(n,)``.
-        law: a, b, c, d in rows, shape ``(4, n)``.
+        velocity: Velocities in [rad/s], shape ``(n,)``.
+        law: Rows of the parameters a, b, c and d, shape ``(4, n)``.
 
     Returns:
-        Torques with the sign of the velocity in [N m], shape ``(n,)``.
+        Torques with the sign of the velocity in [N·m], shape ``(n,)``.
     """
     a, b, c, d = law
     bump = np.sqrt(2.0 * np.e) * (a - b) * np.exp(-((velocity / c) ** 2)) * (velocity / c)
@@ -49,7 +49,7 @@ def friction_torque(velocity: np.ndarray, law: np.ndarray) -> np.ndarray:
 
 
 class Phases:
-    """Phase of one leg on ``transitions``, whose conditions are Python functions."""
+    """Phase of one leg by the library ``transitions``, with Python functions as conditions."""
 
     def __init__(self, problem: Problem, side: Side) -> None:
         """Add every transition of the gait table under one trigger."""
@@ -69,7 +69,7 @@ class Phases:
             ticks = max(item.time_out_ticks or 0, table.phases[item.source].minimum_ticks)
             condition = self._condition(number, self._guard(item.guard), ticks, item.debounce_ticks)
             machine.add_transition("advance", item.source, item.target, conditions=condition, after="enter")
-        # From here on the attribute is kept by the machine.
+        # From here on the machine updates the attribute.
         self.phase: str
 
     def enter(self) -> None:
@@ -113,7 +113,7 @@ class Controller:
     """Measurement, state machines and control law of one run."""
 
     def __init__(self, problem: Problem) -> None:
-        """Read the parameters; sensors are ideal."""
+        """Read the parameters for ideal sensors."""
         experiment = problem.experiment
         self._problem = problem
         self._sensors, self._gain = experiment.sensors, problem.fast_gain
@@ -141,14 +141,14 @@ class Controller:
         self._start = self._blended.copy()
 
     def phases(self) -> list[int]:
-        """Phase of every leg, by its place in the table."""
+        """Return the phase of every leg as its index in the table."""
         return [self._problem.table.phase_index(machine.phase) for machine in self.machines.values()]
 
     def torque(self, tick: int, q: np.ndarray, v: np.ndarray, loads: list[float]) -> np.ndarray:
-        """Motor torques of a tick on all coordinates in [N m], shape ``(nv,)``.
+        """Compute the motor torques of a tick on all coordinates in [N·m], shape ``(nv,)``.
 
         Args:
-            loads: Of the feet over body weight.
+            loads: Foot loads over body weight.
         """
         self._loads = loads
         self._measure(tick, q[self._index])
@@ -219,7 +219,7 @@ class Controller:
             self._blended[leg] = self._start[leg] + share * (target - self._start[leg])
 
     def _parameters(self) -> np.ndarray:
-        """k, b, θ0 and G of all joints, shape ``(4, n_joints)``."""
+        """Return k, b, θ0 and G of all joints, shape ``(4, n_joints)``."""
         return self._blended[:, :-1].reshape(-1, 4).T
 
     def _gravity(self) -> np.ndarray:
@@ -254,7 +254,7 @@ class Leg:
         self.world, self.model, self.data = world, world.model.model, world.model.data
         n = world.model.nv
         self._law, self._efficiency = np.zeros((4, n)), np.ones(n)
-        self._law[2] = 1.0  # where there is no friction, nor a motor
+        self._law[2] = 1.0  # for coordinates without friction and motor
         self._armature, self._last = self.model.armature, np.zeros(n)
         given = problem.experiment.plant
         for item in problem.joints:
@@ -273,7 +273,7 @@ class Leg:
             self._crutch = problem.experiment.scenario.crutches.mass  # type: ignore[attr-defined]
 
     def passive_torque(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
-        """Friction, stops, springs and support on the coordinates, shape ``(nv,)``."""
+        """Compute the torques of friction, stops, springs and support on the coordinates, shape ``(nv,)``."""
         lower, upper, hardness, dissipation = self._stops
         below = hardness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
         above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
@@ -282,13 +282,13 @@ class Leg:
         return np.asarray(force - stiffness * q - damping * v + below - above - lost)
 
     def _gear_loss(self, v: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Of a gear's load η arrives driving, all at rest, 1/η driven, and between them a parabola."""
+        """Compute the loss of a gear: output over load is η driving, 1 at rest, 1/η driven, a parabola."""
         drives, eta = np.sign(load) * np.tanh(v / np.abs(self._law[2] / 10.0)), self._efficiency
         ends = 0.5 * drives * ((drives - 1.0) / eta + (drives + 1.0) * eta)
         return np.asarray(load * (drives**2 - ends))
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
-        """Accelerations under motors, passive torques and contact, shape ``(nv,)``."""
+        """Compute the accelerations under motors, passive torques and contact, shape ``(nv,)``."""
         n = self.model.nv
         torque = np.zeros(len(q)) if self.upper_body is None else self.upper_body.torque(q, v)
         torque[:n] += motor[:n] + self.passive_torque(q[:n], v[:n], motor[:n])
@@ -299,7 +299,7 @@ class Leg:
         return np.array([*self._last, *tips])
 
     def loads(self, q: np.ndarray, v: np.ndarray) -> list[float]:
-        """Normal force of the ground on each foot over body weight."""
+        """Return the normal force of the ground on each foot over body weight."""
         sides = len(self.world.model.sides)
         if self._frames:
             self._contact_forces(q[: self.model.nv], v[: self.model.nv])
@@ -307,14 +307,14 @@ class Leg:
         return [float(value) for value in pressed / self.world.body_weight]
 
     def _pressed(self, height: float, along: float, up: float) -> tuple[float, float]:
-        """Friction and normal force of the ground on a point."""
+        """Compute the friction and normal force of the ground on a point in [N]."""
         law, normal = self.world.contact, self._normal_force(height, up)
         assert law is not None  # there are contact frames
         slip = along + self.world.belt.cruise
         return -law.friction_coefficient * normal * np.tanh(slip / law.transition_velocity), normal
 
     def _normal_force(self, height: float, up: float) -> float:
-        """Of the ground on a point."""
+        """Compute the normal force of the ground on a point in [N]."""
         law = self.world.contact
         assert law is not None
         return law.stiffness * max(-height, 0.0) ** 1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * up)
@@ -337,7 +337,7 @@ class Leg:
         return forces
 
     def step(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray, h: float, rk4: bool) -> Any:
-        """Coordinates and velocities after a step of the semi-implicit Euler or the Runge-Kutta method."""
+        """Return coordinates and velocities after a step of semi-implicit Euler or Runge-Kutta."""
         if not rk4:
             v = v + h * self.acceleration(q, v, motor)
             return q + h * v, v
@@ -352,12 +352,12 @@ class Leg:
 
 
 class Motion(NamedTuple):
-    """What the loop did, tick by tick.
+    """Trace of the loop with a row for each tick.
 
     Attributes:
         q: Coordinates, shape ``(n, nv)``.
-        motor: Motor torques on them in [N m], shape ``(n, nv)``.
-        phases: Phase of every leg, by its place in the table, shape ``(n, n_legs)``.
+        motor: Motor torques on the coordinates in [N·m], shape ``(n, nv)``.
+        phases: Phase of every leg as its index in the table, shape ``(n, n_legs)``.
     """
 
     q: np.ndarray
@@ -366,7 +366,7 @@ class Motion(NamedTuple):
 
 
 def motion(problem: Problem, ticks: int) -> Motion:
-    """Step through some ticks of a problem."""
+    """Simulate a number of ticks of a problem and return their trace."""
     _require_known(problem)
     stepping, world = problem.experiment.stepping, problem.world
     rk4 = stepping.method is IntegrationMethod.RK4
@@ -387,7 +387,7 @@ def motion(problem: Problem, ticks: int) -> Motion:
 
 
 def _require_known(problem: Problem) -> None:
-    """Refuse what the loop would leave out."""
+    """Fail if a problem has properties that the loop does not model."""
     experiment, world, control = problem.experiment, problem.world, problem.experiment.control
     assert experiment.sensors.ideal and not experiment.sensors.offset
     assert control.delay == 0.0

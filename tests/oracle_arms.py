@@ -1,6 +1,6 @@
-"""What the second loop (:mod:`oracle`) knows of a free trunk: harness, arms and crutches, and their use.
+"""Free trunk of the second loop (:mod:`oracle`): harness, arms and crutches, and their use.
 
-Arms are written in polar coordinates: a push does work as the strut grows, a moment as it turns.
+Arms have polar coordinates: an axial force does work as the strut lengthens, a moment as it turns.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.simulation.problem import Problem
 from twin_gait.worlds.overground import Overground
 
-SHOULDER = 0.288  # of the height above the hips: Winter (2009), figure 4.1
+SHOULDER = 0.288  # height of the shoulders above the hips over body height: Winter (2009), figure 4.1
 Pressed = Callable[[float, float], float]
 
 
@@ -22,7 +22,7 @@ class UpperBody:
     """Trunk, harness, and two arms with their crutches; coordinates of the tips follow all others."""
 
     def __init__(self, problem: Problem, pressed: Pressed) -> None:
-        """Take the law of the normal force of the ground."""
+        """Read the parameters and plant both crutches; ``pressed``: law of the normal force of the ground."""
         scenario, patient = problem.experiment.scenario, problem.experiment.patient
         assert isinstance(scenario, Overground) and scenario.crutches is not None and patient is not None
         self.habit, self.limits, self.pressed = scenario.arms, scenario.crutches, pressed
@@ -45,7 +45,7 @@ class UpperBody:
         self.first_ahead = [self._ahead(q, arm) for arm in self.arms]
 
     def _strut(self, q: np.ndarray, tip: list[int]) -> tuple[float, float, np.ndarray, np.ndarray]:
-        """Length, angle against the trunk, and their gradients by all coordinates."""
+        """Return length, angle to the trunk, and their gradients with respect to all coordinates."""
         forward, height, pitch = self.body
         shoulder = SHOULDER * self.tall * np.exp(1j * (0.5 * np.pi - q[pitch]))
         apart = complex(*q[tip]) - complex(q[forward], q[height]) - shoulder
@@ -61,7 +61,7 @@ class UpperBody:
         return float(q[arm.tip[0]] - q[forward] - SHOULDER * self.tall * np.sin(q[pitch]))
 
     def torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Of rope, arms, and the ground on the tips, shape ``(nv + 4,)``."""
+        """Compute the torques of rope, arms, and the ground on the tips, shape ``(nv + 4,)``."""
         found, limits = np.zeros(len(q)), self.limits
         _, height, pitch = self.body
         above = self.harness.height * self.tall
@@ -84,7 +84,7 @@ class UpperBody:
         return found
 
     def settle(self, q: np.ndarray) -> None:
-        """End a step: a tip sticks where the rubber has not come beyond what friction holds."""
+        """End a step: move the sticking point of a tip whose shear exceeds the limit of friction."""
         for arm in self.arms:
             beyond = q[arm.tip[0]] - arm.stuck
             reach = self.rubbing * arm.load / self.limits.tip_stiffness
@@ -98,7 +98,7 @@ class UpperBody:
         arm.kt, arm.bt = habit.turning_stiffness, habit.turning_damping
 
     def decide(self, q: np.ndarray, v: np.ndarray, swinging: bool) -> None:
-        """What the person does with the arms in a tick, of what was felt the delay before."""
+        """Decide on the arms in a tick from the sensations of the person before the delay."""
         aheads, loads = [self._ahead(q, arm) for arm in self.arms], [arm.load for arm in self.arms]
         self.felt.append((q[self.body[2]], v[self.body[2]], swinging, aheads, loads))
         late = self.tick - round(self.habit.delay / TICK)

@@ -1,4 +1,4 @@
-"""A page served by a thread for as long as a block of a test runs."""
+"""Server of a page in a thread during a block of a test."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from twin_gait.viewer.server import SceneServer
 
 @contextmanager
 def served(page: str, port: int = 0) -> Iterator[SceneServer]:
-    """Serve a page; a server belongs to the loop that it is made in."""
+    """Serve a page; the server is created in the event loop of its thread."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()

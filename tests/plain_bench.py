@@ -1,4 +1,4 @@
-"""A test on the joint bench in plain Python: the rooms of its loop, uncompiled."""
+"""Test on the joint bench in plain Python, with the uncompiled stages of its loop."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from twin_gait.worlds.bench_joint import BenchJoint
 
 
 def plain_rows(test: BenchJoint, *, seed: int = 0, variation: BenchVariation | None = None) -> np.ndarray:
-    """The rows that :func:`twin_gait.simulation.simulate_bench` gives, some hundred times slower."""
+    """Return the rows of :func:`twin_gait.simulation.simulate_bench`, about a hundred times slower."""
     ticks = max(1, round(test.duration / TICK))
     episode = bench_episode(test, variation or BenchVariation())
     rows, noise = np.zeros((ticks, len(LAYOUT.names))), bench_noise(test, ticks, seed).reshape(-1, 1).tolist()

@@ -1,4 +1,4 @@
-"""A printed program as a shared library of this machine, called with the records of Python."""
+"""Printed program as a shared library of this machine, called with the records of Python."""
 
 import ctypes
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ class Library:
     """Functions of a printed program, compiled for this machine.
 
     Attributes:
-        program: What was printed.
-        handle: Of the library.
+        program: Printed program.
+        handle: Handle of the loaded library.
     """
 
     def __init__(
@@ -37,9 +37,9 @@ class Library:
             self.handle = ctypes.CDLL(str(path))
 
     def call(self, name: str, *given: Any) -> Any:
-        """Call an entry by its name in Python with numbers, and records and lists, which it may change.
+        """Call an entry by its name in Python with numbers, and with records and lists that it may change.
 
-        Structures of :meth:`structure` are handed on as they are.
+        Structures from :meth:`structure` are passed unchanged.
         """
         function = self._functions[name]
         called = self.handle[identifier(name)]
@@ -57,12 +57,12 @@ class Library:
         return result
 
     def structure(self, record: Any) -> ctypes.Structure:
-        """A record as C has it, with the tables that it leads to."""
+        """Return a record as a structure of C, with the tables that it points to."""
         made: ctypes.Structure = self._taken(type(record), record)
         return made
 
     def read_back(self, structure: ctypes.Structure, record: Any) -> None:
-        """Bring what C has changed in a structure back into the record that it was made of."""
+        """Copy the changes of C in a structure to the record from which it was created."""
         self._give_back(type(record), structure, record)
 
     def _scalar(self, kind: Scalar) -> Any:
@@ -97,7 +97,7 @@ class Library:
         return self._scalar(kind) if isinstance(kind, Scalar) else self._type(kind)  # type: ignore[arg-type]
 
     def _taken(self, kind: Kind, value: Any) -> Any:
-        """A value for C."""
+        """Return a value as an object of C."""
         if isinstance(kind, Scalar):
             return self._scalar(kind)(value)
         if isinstance(kind, ListKind):
@@ -118,7 +118,7 @@ class Library:
         return value if isinstance(kind, Scalar) else self._taken(kind, value)
 
     def _give_back(self, kind: Kind, made: Any, value: Any) -> None:
-        """Bring what C has changed back into a record or a list."""
+        """Copy the changes of C to a record or a list."""
         if isinstance(kind, ListKind):
             for number, item in enumerate(made):
                 if isinstance(kind.item, Scalar):

@@ -1,4 +1,4 @@
-"""Random gait tables, small enough to be driven through, odd enough to be a trial."""
+"""Random gait tables that are small enough to run and unusual enough to be a hard test."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ memberships = st.lists(st.sampled_from(PHASES), min_size=1, max_size=3, unique=T
 
 
 def guards() -> st.SearchStrategy[Guard]:
-    """Trees of conditions; a list may hold one condition, or the same twice."""
+    """Return trees of conditions; a list may contain one condition, or the same condition twice."""
 
     def lists(inner: st.SearchStrategy[Guard]) -> st.SearchStrategy[Guard]:
         some = st.lists(inner, min_size=1, max_size=3).map(tuple)
@@ -58,7 +58,7 @@ def transitions(draw: st.DrawFn, source: str) -> Transition:
 
 @st.composite
 def tables(draw: st.DrawFn) -> GaitTable:
-    """Three phases, each with one to three exits."""
+    """Draw a table of three phases, each with one to three exits."""
     entries = [draw(transitions(source)) for source in PHASES for _ in range(draw(st.integers(1, 3)))]
     stays = {name: phase(minimum_ticks=draw(st.sampled_from([0, 0, 1, 2, 9]))) for name in PHASES}
     order = draw(st.permutations(entries))

@@ -1,4 +1,4 @@
-"""What a page gets over the socket of its scene."""
+"""Messages that a page receives over the socket of its scene."""
 
 import struct
 from typing import Any
@@ -7,7 +7,7 @@ import msgpack
 
 
 def unpacked(message: bytes) -> list[dict[str, Any]]:
-    """The commands of a message, each after its length in four bytes."""
+    """Return the commands of a message, each of which follows its length in four bytes."""
     commands, at = [], 0
     while at < len(message):
         (length,) = struct.unpack_from("<I", message, at)

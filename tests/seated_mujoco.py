@@ -1,4 +1,4 @@
-"""A free body on a seat by MuJoCo: the seat's forces once more, on MuJoCo's bodies by its own Jacobians."""
+"""Free body on a seat by MuJoCo, with the forces of the seat on MuJoCo's bodies by its Jacobians."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from mujoco_kernel import MujocoKernel
 from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
 from twin_gait.simulation.problem import Problem
 
-TRUNK_LENGTH, GYRATION = 0.288, 0.496  # of head, arms and trunk (Winter 2009, table 4.1)
+TRUNK_LENGTH, GYRATION = 0.288, 0.496  # head, arms and trunk (Winter 2009, table 4.1)
 
 
 def free_spec(model: Any, patient: Any, *, fit_device: bool = True) -> mujoco.MjSpec:
-    """Legs whose pelvis moves forwards and pitches too, with a trunk that turns."""
+    """Return the legs with a pelvis that also moves forwards and pitches, and a trunk with inertia."""
     spec = mujoco_legs.legs_spec(model, patient, fit_device=fit_device)
     if model.pitch_index is None or any(joint.name == PITCH_JOINT for joint in spec.joints):
-        return spec  # the controller's, or free already
+        return spec  # the model is that of the controller, or its pelvis is free already
     pelvis = spec.joint(PELVIS_JOINT).parent
     pelvis.add_joint(name=FORWARD_JOINT, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
     pelvis.add_joint(name=PITCH_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
@@ -32,7 +32,7 @@ def free_spec(model: Any, patient: Any, *, fit_device: bool = True) -> mujoco.Mj
 
 
 def free_order(legs: mujoco.MjModel, model: Any) -> list[int]:
-    """Position in MuJoCo's arrays of every coordinate."""
+    """Return the index of every coordinate in the arrays of MuJoCo."""
     if model.pitch_index is None:
         return mujoco_legs.coordinate_order(legs, model)
     guides = FORWARD_JOINT, PELVIS_JOINT, PITCH_JOINT
@@ -43,10 +43,10 @@ def free_order(legs: mujoco.MjModel, model: Any) -> list[int]:
 
 
 class SeatedMujocoKernel(MujocoKernel):
-    """The kernel with a seat that the loop knows nothing of."""
+    """Kernel with a seat that the loop does not model."""
 
     def __init__(self, problem: Problem) -> None:
-        """Build plant and controller's model of a free body."""
+        """Build plant and controller model of a free body."""
         kept = mujoco_kernel.legs_spec, mujoco_kernel.coordinate_order
         mujoco_kernel.legs_spec, mujoco_kernel.coordinate_order = free_spec, free_order
         try:
@@ -60,7 +60,7 @@ class SeatedMujocoKernel(MujocoKernel):
         self._femur = float(np.linalg.norm(self._legs.model.body_pos[shank]))
 
     def dynamics(self, q, v, torque, bodies, gravity, ground, a, points) -> float:
-        """Accelerations; ground and seat are applied to the bodies."""
+        """Write the accelerations under ground and seat to ``a``; return the power of both [W]."""
         power = self.contact_forces(q, v, bodies, ground, points)
         chair, data = self._chair, self._legs.data
         pelvis, share = self._guide, chair.thigh_share
@@ -74,7 +74,7 @@ class SeatedMujocoKernel(MujocoKernel):
         return power
 
     def _press(self, body: int, place: np.ndarray, stiffness: float) -> float:
-        """Apply the force of the seat to a point of a body; its power."""
+        """Apply the force of the seat to a point of a body; return its power in [W]."""
         chair, model, data = self._chair, self._legs.model, self._legs.data
         jacobian = np.zeros((3, model.nv))
         mujoco.mj_jac(model, data, jacobian, None, place, body)

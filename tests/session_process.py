@@ -1,4 +1,4 @@
-"""A live session of which only the record is real: a change every 10 ms, told on the output, until killed."""
+"""Live session with a real record only: a change every 10 ms, printed to the output, until it is killed."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""Single mutations of Python functions: one operator, constant or statement changed."""
+"""Single mutations of Python functions, in which one operator, constant or statement differs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
 
 
 def _changes(node: ast.AST) -> Iterator[ast.AST]:
-    """Replacements of one node."""
+    """Yield the replacements of one node."""
     if isinstance(node, ast.Compare):
         for other in _COMPARISONS.get(type(node.ops[0]), ()):
             yield ast.Compare(node.left, [other(), *node.ops[1:]], node.comparators)
@@ -53,11 +53,11 @@ def source_mutants(module: ModuleType, functions: set[str]) -> Iterator[tuple[st
     """Mutate functions of a module one place at a time.
 
     Args:
-        module: The module; it stays as it is.
+        module: The module, which is not changed.
         functions: Names of its functions and methods.
 
     Yields:
-        What was changed (``function: line: old → new``) and the namespace of the changed module.
+        Description of the change (``function: line: old → new``) and namespace of the changed module.
     """
     source = inspect.getsource(module)
     for place, (*_, node) in enumerate(_places(ast.parse(source), functions)):

@@ -1,4 +1,4 @@
-"""Sweeps in processes of their own, which a test may kill."""
+"""Sweeps in separate processes, which a test may kill."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 
 from twin_gait.configuration.documents import dump_yaml
 
-# Imports take seconds: a server does them once and forks at every start.
+# Imports take seconds: a server imports the modules once and forks at every start.
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(
     ["twin_gait.cli.studies", "twin_gait.studies.sweep.sweep", "twin_gait.cli.program"]
@@ -23,7 +23,7 @@ _SERVER.set_forkserver_preload(
 
 
 def write_spec(path: Path, **entries: object) -> Path:
-    """A sweep of short episodes with one stride on the bench, unless the entries say otherwise."""
+    """Write a sweep of short episodes with one stride on the bench and other entries; return its path."""
     spec = {
         "experiment": "bench_leg",
         "settings": {"duration_s": 2.0, "sensors.ideal": False, "sensors.angle_noise_rad": 1e-5},
@@ -41,7 +41,7 @@ def write_spec(path: Path, **entries: object) -> Path:
 
 
 def start_sweep(*arguments: object, errors: Path | None = None) -> BaseProcess:
-    """Begin ``twin-gait sweep`` in a process group of its own, its standard error in a file."""
+    """Start ``twin-gait sweep`` in a new process group, with its standard error in a file."""
     process = _SERVER.Process(target=_sweep, args=([str(item) for item in arguments], errors))
     process.start()
     return process
@@ -57,16 +57,16 @@ def _sweep(arguments: list[str], errors: Path | None) -> None:
 
 
 def kill_group(process: BaseProcess) -> None:
-    """Kill a sweep with all its workers, as a power switch would."""
+    """Kill a sweep with all its workers at once, as in a power failure."""
     try:
         os.killpg(process.pid, signal.SIGKILL)
-    except ProcessLookupError:  # on a busy machine it has no group of its own yet
+    except ProcessLookupError:  # on a busy machine it may not have its own group yet
         process.kill()
     process.join(30)
 
 
 def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
-    """Wait for something, but not for ever."""
+    """Wait for a condition; fail after a number of seconds."""
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "nothing happened in time"
@@ -74,7 +74,7 @@ def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
 
 
 def kept_episodes(out: Path) -> tuple[list[int], list[int]]:
-    """Episodes in the parts, and in the table, of a sweep."""
+    """Return the episodes in the parts, and in the table, of a sweep."""
     parts = sorted((out / "parts").glob("*.parquet"))
     in_parts = [episode for path in parts for episode in _episodes(path)]
     return in_parts, _episodes(out / "table.parquet") if (out / "table.parquet").is_file() else []

@@ -1,6 +1,6 @@
-"""A walk on the floor that nobody simulated: a leaning trunk, two crutches, legs that swing by sines.
+"""Synthetic walk on the floor without a simulation: leaning trunk, two crutches, sinusoidal legs.
 
-The pelvis goes on evenly and each crutch is set forwards while the other one stands.
+The pelvis moves at a constant speed, and each crutch is moved forwards while the other one is on the ground.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from twin_gait.vocabulary import Side
 from twin_gait.worlds.standing import stand_on_both_feet
 
 SPEED, STRIDE = 0.375, 1.6  # [m/s], [s]
-LOAD = 150.0  # on a crutch that stands [N]
-LOOK = 20  # ticks between two looks at the height of the pelvis
+LOAD = 150.0  # [N] load of a crutch on the ground
+LOOK = 20  # ticks between two computed heights of the pelvis
 
 
 def floor_walk(duration: float, *overrides: str) -> Run:
     """Write the log of the walk.
 
     Args:
-        duration: In [s].
-        overrides: Of the preset ``overground``.
+        duration: Duration in [s].
+        overrides: Settings that replace those of the preset ``overground``.
     """
     experiment = load_experiment("overground", [f"duration_s={duration}", *overrides]).experiment
     model, time = experiment.build_world().model, TICK * np.arange(round(duration / TICK))
@@ -55,7 +55,7 @@ def floor_walk(duration: float, *overrides: str) -> Run:
 
 
 def _leg(side: Side, strides: np.ndarray) -> dict[str, np.ndarray]:
-    """Hip forward at the start of a stride, knee bent in its second half."""
+    """Return the columns of a leg: hip forward at the start of a stride, knee flexed in its second half."""
     turn = 2.0 * math.pi * strides
     swing = np.clip(np.sin(turn + math.pi), 0.0, None)
     stands = strides % 1.0 < 0.55
@@ -69,7 +69,7 @@ def _leg(side: Side, strides: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _crutch(side: Side, strides: np.ndarray) -> dict[str, np.ndarray]:
-    """The tip stands for two thirds of a stride and is brought forward by a stride's length in the rest."""
+    """Return the columns of a crutch: on the ground for 2/3 of a stride, then moved by a stride length."""
     whole, share = np.floor(strides), strides % 1.0
     swing = np.clip((share - 2.0 / 3.0) * 3.0, 0.0, 1.0)
     lag = strides[0] - whole[0]

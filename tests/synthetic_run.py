@@ -1,8 +1,8 @@
-"""A walk that nobody simulated: every column is written by hand, so that every measure is known.
+"""Synthetic walk without a simulation: every column is given, so that every measure is known.
 
 Both legs make strides of 1.2 s; the right leg follows half a stride later. Each leg enters early
-stance 0.3 s before its heel strikes. Hip and knee follow the reference curve of the walk with a known
-error added.
+stance 0.3 s before its heel strikes. Hip and knee follow the reference curve of the walk plus a
+known error.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 from twin_gait.worlds import Treadmill
 
-STRIDE = 1200  # ticks, as all below
+STRIDE = 1200  # [ticks], like all durations below
 LAG = 300
 SWING = 450
 N_STRIDES = 6
@@ -37,15 +37,15 @@ PHASE_TICKS = (300, 250, 200, 200, 250)
 HIP_OFFSET = 0.1  # [rad]
 KNEE_AMPLITUDE = 0.05  # [rad]
 CLEARANCE = 0.03  # [m]
-DIP = 0.012  # [m], in the middle of swing
-ENERGY_SLIP = 0.25  # [J], at one instant
+DIP = 0.012  # [m] clearance in the middle of swing
+ENERGY_SLIP = 0.25  # [J] error at one instant
 
 PHASES = tuple(GaitPhase)
 CYCLE = tuple(zip(PHASES, (*PHASES[1:], PHASES[0]), strict=True))
 
 
 def five_phase_table() -> GaitTable:
-    """Five phases in a ring, and a time-out beside the guard out of swing flexion."""
+    """Return five phases in a ring, with a timeout in addition to the guard out of swing flexion."""
     ring = [transition(source, target, "hip.angle_deg > 0") for source, target in CYCLE]
     late = transition(GaitPhase.SWING_FLEXION, GaitPhase.SWING_EXTENSION, time_out_ticks=1000)
     return GaitTable(
@@ -66,13 +66,13 @@ def synthetic_experiment() -> Experiment:
 
 
 def phase_codes(side: Side) -> np.ndarray:
-    """Phase of every tick: early stance begins at 0, 1200, … on the left, at 600, 1800, … on the right."""
+    """Return the phase of every tick: early stance begins at 0, 1200, … (left) and 600, 1800, … (right)."""
     cycle = np.repeat(np.arange(len(PHASES)), PHASE_TICKS)
     return cycle[(np.arange(LENGTH) - SHIFT[side]) % STRIDE]
 
 
 def since_strike(side: Side) -> np.ndarray:
-    """Ticks since the last heel strike, as if strides had gone on before the start."""
+    """Return the ticks since the last heel strike, as if the walk had begun before the start."""
     return (np.arange(LENGTH) - SHIFT[side] - LAG) % STRIDE
 
 
@@ -87,7 +87,7 @@ def switches(side: Side, table: GaitTable, timed_out: Collection[int]) -> list[P
 
 
 def swing_clearance(side: Side) -> np.ndarray:
-    """-5 mm in stance; in swing 3 cm but for a dip at its middle and 1 mm in its first and last tenth."""
+    """Return −5 mm in stance, and 30 mm in swing with a dip in the middle and 1 mm in both end tenths."""
     swung = (since_strike(side) - (STRIDE - SWING)) / SWING
     clearance = np.full(LENGTH, -0.005)
     clearance[swung >= 0.0] = CLEARANCE
@@ -97,7 +97,7 @@ def swing_clearance(side: Side) -> np.ndarray:
 
 
 def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
-    """Write the log of the walk; the switches at some ticks may be time-outs."""
+    """Return the walk; ``timed_out``: ticks of the switches that are timeouts."""
     experiment = synthetic_experiment()
     layout = log_layout(build_problem(experiment))
     columns = {name: np.zeros(LENGTH) for name in layout.names}

@@ -10,7 +10,7 @@ from twin_gait.gait import GaitTable, JointImpedance, PhaseParameters, Transitio
 from twin_gait.gait.guards import Guard, parse_guard
 
 JOINTS = ("hip", "knee")
-FIVE_PHASES = Path(__file__).parent / "tables" / "five_phases.yaml"  # a whole table that never changes
+FIVE_PHASES = Path(__file__).parent / "tables" / "five_phases.yaml"  # a complete table that does not change
 
 
 def impedance(**changes: Any) -> JointImpedance:
@@ -42,7 +42,7 @@ def transition(source: str, target: str, condition: str | Guard | None = None, *
 def two_phase_table(
     *leaving_stance: Transition, phases: Mapping[str, PhaseParameters] | None = None, **changes: Any
 ) -> GaitTable:
-    """Stance and swing; swing is left at once when the hip is extended beyond −1000°, so never."""
+    """Return a table of stance and swing; swing is never left, since its guard needs a hip below −1000°."""
     exits = leaving_stance or (transition("stance", "swing", "hip.angle_deg > 10"),)
     values: dict[str, Any] = {
         "name": "two_phases",

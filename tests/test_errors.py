@@ -1,4 +1,4 @@
-"""The facts that tests find in messages are whole words, numbers and paths."""
+"""Tests of the helper that finds facts in messages as whole words, numbers and paths."""
 
 from __future__ import annotations
 

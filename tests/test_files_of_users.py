@@ -1,4 +1,4 @@
-"""Every reader refuses what is no regular file at once, in one line; limits hold for all kinds of files."""
+"""Readers reject anything but a regular file at once, in one line; limits hold for all kinds of files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from twin_gait.exceptions import ParameterFileError
 from twin_gait.network.dbc import load_messages
 from twin_gait.runs.record import write_run
 
-SHORT = ["duration_s=0.05", "engine=pinocchio"]  # nothing is compiled
+SHORT = ["duration_s=0.05", "engine=pinocchio"]  # avoids compilation
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _no_hang() -> Iterator[None]:
-    """End a test that waits for a pipe; what is refused takes no time at all."""
+    """Fail a test that waits for a pipe, because a rejection takes almost no time."""
 
     def end(*_: object) -> None:
         pytest.fail("a reader waits for a pipe")
@@ -108,7 +108,7 @@ def test_a_file_that_grows_beyond_the_limit_is_refused(
     assert files.read_bytes(path, 5) == b"12345"
     with raises(ParameterFileError, path, 4):
         files.read_bytes(path, 4)
-    monkeypatch.setattr(files, "require_regular", lambda path, most: None)  # measured before it grew
+    monkeypatch.setattr(files, "require_regular", lambda path, most: None)  # size before the growth
     with raises(ParameterFileError, path, 4):
         files.read_bytes(path, 4)
 
@@ -138,7 +138,7 @@ def test_lines_end_alike_in_texts_from_every_system(tmp_path: Path) -> None:
 
 
 def test_unknown_keys_are_compared_with_others_once_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sixty thousand of them took minutes: each one was compared with all others."""
+    """Sixty thousand keys took minutes, because each key was compared with all others."""
     calls, of = 0, validation.quantity_of
 
     def counted(key: str) -> str:

@@ -1,4 +1,4 @@
-"""``python -OO`` removes docstrings and assertions; the program works and explains itself without them."""
+"""``python -OO`` removes docstrings and assertions; the program and its help work without them."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ def test_docstrings_are_read_in_one_place_only() -> None:
 
 
 def test_no_assertion_decides_anything() -> None:
-    """They only narrow types: the test kit and messages need a raise."""
+    """Assertions only narrow types; the test kit and messages need a raise."""
     deciding = [
         f"{path}:{node.lineno}"
         for path, tree in trees()
         for node in ast.walk(tree)
         if isinstance(node, ast.Assert) and (path.parts[0] == "testing" or node.msg is not None)
     ]
-    known = ["simulation/views.py"]  # mistakes of who writes a law, found when it is compiled by a test
+    known = ["simulation/views.py"]  # mistakes of authors of laws, found when a test compiles the law
     assert [place for place in deciding if place.partition(":")[0] not in known] == []
 
 

@@ -1,7 +1,7 @@
 """Number of Python calls of an episode, of a run and of a slider's move.
 
-The counts do not depend on the speed of the machine. They grow if something is built that nobody reads, or if
-the same thing is built twice. The limits are 20 % above the counts of the day on which they were set.
+The counts do not depend on the speed of the machine. They grow if an object is built that is never read, or
+if the same object is built twice. The limits were set 20 % above the counts at that time.
 """
 
 import sys

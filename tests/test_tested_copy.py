@@ -1,4 +1,4 @@
-"""What would let a test pass that tested nothing: an older copy of the package, a browser that is missing."""
+"""Conditions under which a test would pass without a test: an old copy of the package, a missing browser."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tested_copy import CHECKOUT, complaint, copies_in_use
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder like that of a plain install: models beside the code."""
+    """Return a folder like that of a plain install, with the models next to the code."""
     folder = tmp_path_factory.mktemp("site") / "twin_gait"
     without = shutil.ignore_patterns("__pycache__")
     shutil.copytree(CHECKOUT / "twin_gait", folder, ignore=without)

@@ -1,4 +1,4 @@
-"""The wheel: what it holds, and that the README's commands run from it, outside the checkout."""
+"""Tests of the wheel: its content, and the commands of the README outside of the checkout."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def pip(*arguments: object) -> None:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory) -> Path:
-    """Built as ``pip install .`` builds it, by the build tool that is there, else by one from the index."""
+    """Build the wheel as ``pip install .`` does, with the installed build tool, or one from the index."""
     folder = tmp_path_factory.mktemp("wheel")
     offline = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
     pip("wheel", "--no-deps", *offline, "--wheel-dir", folder, ROOT)
@@ -49,7 +49,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
 
 @pytest.fixture(scope="module")
 def site(wheel, tmp_path_factory) -> dict[str, str]:
-    """An environment that finds the wheel's package first, and the checkout nowhere."""
+    """Return an environment that finds the package of the wheel first, and not the checkout."""
     folder = tmp_path_factory.mktemp("site")
     pip("install", "--no-deps", "--target", folder, wheel)
     return {**os.environ, "PYTHONPATH": str(folder), "PYTHONSAFEPATH": "1"}

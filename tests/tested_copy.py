@@ -1,4 +1,4 @@
-"""Which copy of the package the tests test: that of this checkout, or one that is equal to it."""
+"""Check that the tested copy of the package is that of this checkout, or equal to it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _WHERE = "import importlib.util as u; s = u.find_spec('twin_gait'); print(s.orig
 
 
 def copies_in_use() -> list[Path | None]:
-    """Folders of the package in this process and in one started elsewhere; None if there is none."""
+    """Return the folders of the package in this process and in one in another folder; None if missing."""
     import twin_gait
 
     with tempfile.TemporaryDirectory() as elsewhere:
@@ -21,14 +21,14 @@ def copies_in_use() -> list[Path | None]:
 
 
 def complaint(copy: Path | None, checkout: Path = CHECKOUT) -> str | None:
-    """Why a copy does not stand for a checkout.
+    """Return the reason why a copy differs from a checkout.
 
     Args:
         copy: Folder of the package that is imported.
-        checkout: Folder that the package's folder lies in.
+        checkout: Folder that contains the folder of the package.
 
     Returns:
-        One line, or None if the copy is the checkout's own or equal to it.
+        One line, or None if the copy is that of the checkout or equal to it.
     """
     way_out = "run: python -m pip install -e '.[test]'"
     if copy is None:

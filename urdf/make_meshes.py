@@ -655,7 +655,7 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 
 
 def corner_normals(mesh: Mesh) -> np.ndarray:
-    """Normals that are smooth on curved parts and keep edges.
+    """Return normals that are smooth on curved parts and preserve edges.
 
     A corner takes the mean, weighted by area, of the faces around its vertex that turn away from its own by
     less than an edge does.

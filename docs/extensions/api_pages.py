@@ -1,4 +1,4 @@
-"""Write a page for every public package: the names that its ``__all__`` lists, with their docstrings."""
+"""Writer of a page for every public package with the names in its ``__all__`` and their docstrings."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ PACKAGES = (
 
 
 def summary_of(module: str) -> str:
-    """First sentence of a module's docstring."""
+    """Return the first line of the docstring of a module."""
     return (importlib.import_module(module).__doc__ or "").strip().splitlines()[0]
 
 
 def constants(module: str) -> list[str]:
-    """Public names of a package that are neither classes nor functions and have no docstrings."""
+    """Return the public names of a package that are neither classes nor functions."""
     found = importlib.import_module(module)
     values = {name: getattr(found, name) for name in found.__all__ if not name.startswith("__")}
     return [
@@ -33,7 +33,7 @@ def constants(module: str) -> list[str]:
 
 
 def _assignments(module: str) -> Iterator[tuple[str, list[str], int, int]]:
-    """Names that the files of a package assign, the file's lines, and the first and last of the statement."""
+    """Yield the names assigned in a package, the lines of the file, and first and last line of each."""
     for path in sorted(Path(importlib.import_module(module).__file__ or "").parent.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         for node in ast.parse(text).body:
@@ -44,7 +44,7 @@ def _assignments(module: str) -> Iterator[tuple[str, list[str], int, int]]:
 
 
 def meanings(module: str) -> dict[str, str]:
-    """What the comments beside or above the assignment say of each constant of a package."""
+    """Return the comment next to or above the assignment of each constant of a package, by name."""
     wanted, found = set(constants(module)), {}
     for name, lines, first, last in _assignments(module):
         if name not in wanted:
@@ -58,7 +58,7 @@ def meanings(module: str) -> dict[str, str]:
 
 
 def constants_of(module: str) -> list[str]:
-    """Table of a package's constants."""
+    """Return the table of the constants of a package as lines."""
     said, values = meanings(module), importlib.import_module(module)
     rows = []
     for name in constants(module):
@@ -73,7 +73,7 @@ def constants_of(module: str) -> list[str]:
 
 
 def page_of(module: str, hidden: frozenset[str]) -> str:
-    """Page of a package in MyST; names in ``hidden`` stand on another page."""
+    """Return the page of a package in MyST; names in ``hidden`` are on another page."""
     names = [name for name in importlib.import_module(module).__all__ if name not in hidden]
     others = sorted(set(importlib.import_module(module).__all__) & hidden)
     lines = [f"# `{module}`", "", "```{eval-rst}", f".. automodule:: {module}"]
@@ -91,7 +91,7 @@ def page_of(module: str, hidden: frozenset[str]) -> str:
 
 
 def prepare(folder: Path) -> None:
-    """Write the pages; what has not changed keeps its time."""
+    """Write the pages; unchanged files keep their time of modification."""
     folder.mkdir(parents=True, exist_ok=True)
     top = frozenset(twin_gait.__all__)
     pages = {"twin_gait.md": page_of("twin_gait", frozenset({"__version__"}))}

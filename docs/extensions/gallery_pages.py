@@ -1,9 +1,9 @@
-"""Prepare the scripts of ``examples/`` for sphinx-gallery.
+"""Preparation of the scripts of ``examples/`` for sphinx-gallery.
 
-A script there is Markdown in percent cells, begins with a sentence, and keeps the results of its full form
-in git. sphinx-gallery wants reStructuredText and a title, and shows what it has run. So every script is
-copied with a title, its kept figures above the code, and its headings in the other markup; what it says is
-left alone.
+A script there has Markdown in percent cells, begins with a sentence, and its full results are stored in git.
+sphinx-gallery needs reStructuredText and a title, and shows the output of its own run. Therefore every script
+is copied with a title, its stored figures above the code, and its headings in reStructuredText; its text is
+unchanged.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 
-# Scripts by the heading under which the gallery shows them. A test holds that none is missing.
+# Scripts by their heading in the gallery. A test checks that no script is missing.
 SECTIONS = {
     "first_steps": ("First steps", ("first_gait", "change_the_table", "bench_leg")),
     "thesis": ("The thesis", ("thesis_friction", "thesis_control", "thesis_falls", "thesis_limits")),
@@ -37,16 +37,16 @@ SECTIONS = {
     ),
     "device": ("Firmware and proofs", ("firmware", "validation", "identification_coverage")),
 }
-# Scripts whose full form takes seconds, so that the site runs that one; of the others it runs the quick form.
+# Scripts whose full form takes seconds and runs in the site; the site runs the quick form of the others.
 IN_FULL = frozenset(
     {
         "first_gait", "change_the_table", "bench_leg", "thesis_control", "thesis_falls", "thesis_limits",
         "validation", "friction_presliding", "controllers", "ground_forces",
     }
 )  # fmt: skip
-# What the site cannot run: a bus needs multicast.
+# Scripts that the site cannot run: a bus needs multicast.
 NOT_RUN = frozenset({"can_monitor"})
-# Pictures of scripts that draw none, from docs/images.
+# Pictures from docs/images for scripts without figures.
 THUMBNAILS = {
     "bench_leg": "bench_leg.png",
     "change_the_table": "gait_cycle.png",
@@ -69,7 +69,7 @@ RAN_NOT = "It was not run when this site was built."
 
 
 def title_of(name: str, docstring: str) -> tuple[str, str]:
-    """Title and the rest of a script's docstring: what stands before the first colon or stop is the title."""
+    """Split the docstring of a script into title and rest; the title ends at the first colon or stop."""
     first, _, rest = docstring.partition("\n\n")
     first = " ".join(first.split())
     head = re.split(r"(?<=\w)[:.?](?:\s|$)", first, maxsplit=1)[0]
@@ -88,7 +88,7 @@ def _figures(name: str) -> list[Path]:
 
 
 def _in_the_other_markup(code: str) -> str:
-    """Headings of Markdown cells, and links, as reStructuredText has them."""
+    """Return code with the headings of its Markdown cells in reStructuredText."""
 
     def heading(match: re.Match[str]) -> str:
         text = match.group(1)
@@ -99,11 +99,11 @@ def _in_the_other_markup(code: str) -> str:
 
 
 def prepared(path: Path, *, run: bool) -> str:
-    """Text of a script as sphinx-gallery takes it.
+    """Return the text of a script in the form that sphinx-gallery needs.
 
     Args:
-        path: The script.
-        run: Whether the site runs what it shows.
+        path: Path of the script.
+        run: Whether the site runs its scripts.
     """
     text = path.read_text(encoding="utf-8")
     module = ast.parse(text)
@@ -117,7 +117,7 @@ def prepared(path: Path, *, run: bool) -> str:
     if figures and not (ran and path.stem in IN_FULL):
         header += KEPT.format(ran=RAN_QUICK if ran else RAN_NOT).splitlines()
     for figure in figures:
-        # sphinx-gallery writes into docs/gallery/SECTION, from where the picture is found.
+        # Paths are relative to docs/gallery/SECTION, into which sphinx-gallery writes.
         header += [
             "",
             f".. image:: /../examples/results/{path.stem}/{figure.name}",
@@ -132,19 +132,19 @@ def prepared(path: Path, *, run: bool) -> str:
 
 
 def _linked(text: str) -> str:
-    """Pages that a docstring names, as links."""
+    """Replace the paths of pages in a docstring by links."""
     return re.sub(r"docs/((?:background|reference)/\w+)\.md", r":doc:`/\1`", text)
 
 
 def prepare(folder: Path, *, run: bool) -> None:
-    """Write the scripts of all sections into a folder; what has not changed keeps its time."""
+    """Write the scripts of all sections into a folder; unchanged files keep their time of modification."""
     wanted = set()
     for order, (section, (heading, names)) in enumerate(SECTIONS.items()):
         place = folder / f"{order}_{section}"
         place.mkdir(parents=True, exist_ok=True)
         files = {"GALLERY_HEADER.rst": f"{heading}\n{'-' * len(heading)}\n"}
         files |= {f"{name}.py": prepared(EXAMPLES / f"{name}.py", run=run) for name in names}
-        # What scripts read beside them.
+        # Data files that scripts read from their folder.
         files |= {data.name: data.read_text(encoding="utf-8") for data in EXAMPLES.glob("*.yaml")}
         for name, text in files.items():
             path = place / name

@@ -16,7 +16,7 @@ SUPPORTS = (0.6, 0.4)
 
 
 def experiment_of(name: str, support: float, duration: float) -> Experiment:
-    """The shipped walk with a person that ships, ``mass alone`` or ``passive moments alone`` as wearer."""
+    """Return the shipped walk with a shipped person, ``mass alone`` or ``passive moments alone``."""
     settings = [f"scenario.support.share={support}", f"duration_s={duration}"]
     return load_experiment("treadmill", [*settings, *PLAIN.get(name, (f"patient={name}",))]).experiment
 
@@ -38,7 +38,7 @@ def wearer_power(run: Run, joint: JointName) -> float:
 
 
 def person_row(name: str, duration: float) -> dict[str, Any]:
-    """Walks of one person at both supports; all numbers are of the first."""
+    """Simulate one person at both supports and return a row; all numbers are those of the first support."""
     runs = [simulate(experiment_of(name, support, duration)) for support in SUPPORTS]
     sides = list(summarise(runs[0])["sides"].values())
     further = [sum(side[key] for side in sides) for key in ("further_contacts", "scuffs")]
@@ -58,7 +58,7 @@ def person_row(name: str, duration: float) -> dict[str, Any]:
 
 
 def stiffened(factor: float) -> BraceParameters:
-    """The default braces, stiffer by a factor, with the same share of critical damping."""
+    """Return the default braces, stiffer by a factor, with the same share of critical damping."""
     grown = {
         name: replace(brace, stiffness=factor * brace.stiffness, damping=math.sqrt(factor) * brace.damping)
         for name, brace in vars(BraceParameters()).items()

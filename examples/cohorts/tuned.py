@@ -27,7 +27,7 @@ class Job(NamedTuple):
 
 
 def experiment_of(walker: Mapping[str, Any]) -> Experiment:
-    """A minute on the treadmill."""
+    """Return the treadmill experiment of one minute."""
     settings = [f"scenario.support.share={SUPPORT}", f"duration_s={DURATION}"]
     return overridden(load_experiment("treadmill", settings).experiment, walker)
 

@@ -30,7 +30,7 @@ def sizes_of(person: Patient) -> dict[str, float | str]:
 
 
 def walkers(count: int, seed: int) -> list[dict[str, Any]]:
-    """A cohort as changes of an experiment, each with a condition and a belt speed drawn evenly.
+    """Return a cohort as changes of an experiment, each with an evenly drawn condition and belt speed.
 
     Walker i is the same in a cohort of any size. Those who are mass alone have no entry ``patient``.
     """
@@ -47,7 +47,7 @@ def walkers(count: int, seed: int) -> list[dict[str, Any]]:
 
 
 def cohort_row(name: str, seed: int, walks: pd.DataFrame) -> dict[str, Any]:
-    """A line of the table: how many walk, with Wilson's interval, and median errors of those who do."""
+    """Return a row: share of walks with Wilson's interval, and median errors of those who walk."""
     walked = walks[walks["outcome"] == "walked"]
     interval = stats.binomtest(len(walked), len(walks)).proportion_ci(CONFIDENCE, "wilson")
     others = walks["outcome"][walks["outcome"] != "walked"].value_counts()
@@ -69,7 +69,7 @@ def median_error(walked: pd.DataFrame, joint: str) -> str:
 
 
 def failures(name: str, seed: int, walks: pd.DataFrame, who: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A sentence on everybody who does not walk."""
+    """Return a sentence about each person who does not walk."""
     return [
         f"{name}, seed {seed}, number {row.episode}: {who[row.episode].get('patient', MASS_ALONE)}, "
         f"{who[row.episode]['patient.mass_kg']:.0f} kg, {who[row.episode]['patient.height_m']:.2f} m "

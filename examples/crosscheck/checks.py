@@ -68,7 +68,7 @@ def pendulum_error() -> float:
 
 
 def free_leg(method: str, step_ms: float) -> tuple[Run, float]:
-    """A second of the free leg, and the largest difference of an angle from the double pendulum in [rad]."""
+    """Simulate a second of the free leg; return it with its largest difference from the pendulum [rad]."""
     stepping = f"integration={{method: {method}, step_ms: {step_ms}}}"
     run = simulate(load_experiment("bench_leg", ["duration_s=1", *FREE_LEG, stepping]).experiment)
     angles = run.log[["right_hip_angle_rad", "right_knee_angle_rad"]].to_numpy().T
@@ -160,7 +160,7 @@ def friction_torque(velocity: float, law: FrictionParameters) -> float:
 
 
 def gear_loss(velocity: float, load: float, law: FrictionParameters, gear: ActuatorParameters) -> float:
-    """What a gear loses of its load in [N m]: η arrives driving, 1/η driven, all at rest, by a parabola."""
+    """Compute the loss of a gear in [N·m]: output over load is η driving, 1 at rest, 1/η driven."""
     eta = gear.gear_efficiency
     drives = np.sign(load) * np.tanh(10.0 * velocity / abs(law.breakaway_velocity))
     return float(load * (drives**2 - 0.5 * drives * ((drives - 1.0) / eta + (drives + 1.0) * eta)))

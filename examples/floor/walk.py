@@ -79,7 +79,7 @@ NOTHING = Goals()
 
 
 def positive(x: Any, width: float) -> Any:
-    """The positive part of a symbol, rounded over a width."""
+    """Return the positive part of a symbol, smoothed over a width."""
     return 0.5 * (x + ca.sqrt(x * x + width * width))
 
 
@@ -118,7 +118,7 @@ class Replay(Controller):
         return np.zeros_like(rows)
 
     def memory(self, plan: Plan) -> Torques:
-        """The torques."""
+        """Return the torques."""
         return Torques(self.torques.tolist())
 
     @staticmethod
@@ -153,7 +153,7 @@ class Walk:
     unknowns: np.ndarray
 
     def replayed(self) -> Run:
-        """The half stride in the engine: torques of the solution, tick by tick, no feedback."""
+        """Simulate the half stride in the engine with the torques of the solution, without feedback."""
         ticks = round(self.times[-1] / TICK)
         experiment = replace(self.problem.experiment, duration=ticks * TICK)
         ends = np.linspace(0.0, self.times[-1], self.torques.shape[1])
@@ -173,7 +173,7 @@ class Walk:
         return float(np.abs(DEGREES * (angles - states[[item.coordinate for item in joints]])).max())
 
     def walked(self, run: Run) -> Run:
-        """The half stride of a replay and its mirror image in turn, so that all measures of runs apply."""
+        """Return a half stride and its mirror image in turn, so that all measures of runs apply."""
         one, other = (f"{side}_" for side in self.problem.sides)
 
         def exchanged(name: str) -> str:
@@ -272,7 +272,7 @@ class Search:
     def _limits(
         self, then: Any, start: Any, later: Any, moments: Any
     ) -> list[tuple[Any, float | str, float | str]]:
-        """What is limited, its least and its most: numbers, or the goals that say them."""
+        """Return the limited quantities with lower and upper limits: numbers, or names of goals."""
         _, upward, forward, heights, voltage = then
         percent = 50.0 * self.times / self.half
 
@@ -311,7 +311,7 @@ class Search:
         return least, most
 
     def start_from(self, run: Run) -> np.ndarray:
-        """The last whole half stride of a simulated walk, stretched to the time of this one."""
+        """Return the last complete half stride of a simulated walk, scaled to the time of this one."""
         first, second = self.problem.sides
         strikes = [
             leg_record(run.log, side, run.table.phase_names, TICK).strides()[:, 0] for side in (first, second)
@@ -341,7 +341,7 @@ class Search:
         return np.concatenate([part.ravel("F") for part in parts])
 
     def solve(self, guess: np.ndarray, weight: float, goals: Goals = NOTHING) -> Walk:
-        """The walk of least error and weighted effort that a search from a guess ends in."""
+        """Search from a guess for the walk of least error and weighted effort, and return it."""
         least, most = self._bounds(goals)
         found = self._solver(x0=guess, p=weight, lbx=-self._bound, ubx=self._bound, lbg=least, ubg=most)
         states, torques = (np.array(item) for item in self._parts(found["x"]))
@@ -395,7 +395,7 @@ def _most_torque(problem: Problem, number: int) -> float:
 
 
 def plant_of(problem: Problem) -> Any:
-    """The plant as a function of casadi.
+    """Return the plant as a function of casadi.
 
     Returns:
         From coordinates, velocities, motor torques and accelerations, those that the losses of the gears are

@@ -245,7 +245,7 @@ def _too_hot(current: Values, run: Run, trip: Trip) -> Values:
 
 
 def _disobeys(current: Values, run: Run, trip: Trip) -> Values:
-    """Current off from what target, bus voltage and speed allow."""
+    """Return the ticks in which the current deviates from that of target, bus voltage and speed."""
     assert trip.side is not None and trip.joint is not None
     motor = run.experiment.plant.actuators[trip.joint]
     bus = run.log["bus_voltage_V"].to_numpy()
@@ -260,7 +260,7 @@ def _disobeys(current: Values, run: Run, trip: Trip) -> Values:
 
 
 def _load_stands_still(run: Run, trip: Trip) -> Values:
-    """The log has the true load, not the sensor's: it stands still from the fault on."""
+    """Return the ticks of motion from the fault on, with a frozen sensor; the log has the true load."""
     injected = [round(item.time / TICK) for item in run.experiment.faults if item.side is trip.side]
     moving = np.abs(_inferred_speed(run, trip)) > _settings(run).frozen_speed
     mask: Values = moving & (np.arange(len(moving)) >= min(injected, default=len(moving)))
@@ -310,5 +310,5 @@ _BREACHES: dict[TripCause, Callable[[Run, Trip], Values]] = {
 
 
 def audited_row(run: Run) -> dict[str, Any]:
-    """What became of a run with one fault, and what its log says."""
+    """Return the outcome of a run with one fault, and the findings in its log."""
     return {**fault_row(run), **audit(run)._asdict()}

@@ -63,7 +63,7 @@ def torque_control(gain: float, *, stiffness: float = 0.0) -> TorqueControl:
 
 
 def knee_test(control: TorqueControl, *, ratio: float = RATIO, **changes: Any) -> BenchJoint:
-    """The knee without a weight, so that friction (s of table 3.1) and spring are alone."""
+    """Return a test of the knee without a weight, with friction (s of table 3.1) and spring only."""
     friction = BenchFriction(law=MODEL.scaled(ratio))
     return bench_joint(KNEE, friction=friction, link=LinkParameters(mass=0.0), control=control, **changes)
 
@@ -87,7 +87,7 @@ def moved_by_hand(
 
 
 def pushed_and_let_go(control: TorqueControl) -> BenchJoint:
-    """A hand pushes the knee away from θ0 into extension, half a period, and lets go; 12 s without it."""
+    """Return a test with a push from θ0 into extension for half a period, then 12 s without the hand."""
     frequency = frequency_of(REACH)
     way = 0.5 / frequency
     hand = ImposedMotionParameters(amplitude=-REACH, frequency=frequency, release_time=way)
@@ -95,7 +95,7 @@ def pushed_and_let_go(control: TorqueControl) -> BenchJoint:
 
 
 def with_ideal_current(test: BenchJoint) -> BenchJoint:
-    """The same test with a current that follows at once, stepped once a tick; twenty times faster."""
+    """Return a test with an ideal current, one step per tick, which is twenty times faster."""
     drive = replace(test.drive, loop=CurrentLoop.IDEAL, rate=1.0 / TICK, noise=0.0, ripple=0.0, delay=0)
     return replace(test, drive=drive)
 

@@ -34,7 +34,7 @@ def claims_of(script: str) -> dict[str, list[dict[str, Any]]]:
 
 
 def number_of(entry: float | str | None, numbers: Numbers) -> float | None:
-    """A number as the claim states it, or the computed one that it names."""
+    """Return a number that the claim states, or the computed number that it names."""
     return numbers[entry] if isinstance(entry, str) else entry
 
 
@@ -65,7 +65,7 @@ def number_text(value: float | None, unit: str = "1") -> str:
 
 
 def band_text(claim: Mapping[str, Any], numbers: Numbers) -> str:
-    """A band in words, for example ``at least 1``."""
+    """Format a band in words, for example ``at least 1``."""
     low, high = (number_of(end, numbers) for end in claim.get("band", (None, None)))
     if low is None and high is None:
         return "–"
@@ -81,7 +81,7 @@ def label_of(figure: str) -> str:
 
 
 def rows_of(script: str, found: Mapping[str, Numbers]) -> Iterator[dict[str, str]]:
-    """A row for each claim on the figures that were made."""
+    """Return a row for each claim about the drawn figures."""
     for figure, claims in claims_of(script).items():
         for claim in claims if figure in found else ():
             numbers, unit = found[figure], claim.get("unit", "1")

@@ -220,7 +220,7 @@ def closed_slope(gain: float, reach: float, fastest: float, delay: float) -> flo
 
 
 def simulated_slopes(gain: float = GAINS[0], seed: int = SEED) -> list[float]:
-    """The same slope on the bench, for hands of all ``VELOCITIES``."""
+    """Return the slopes of simulations on the bench for hands of all ``VELOCITIES``."""
     control = torque_control(gain, stiffness=STIFFNESS)
     tests = [with_ideal_current(moved_by_hand(control, fastest=fastest)) for fastest in VELOCITIES]
     return [slope_per_deg(simulate_bench(test, seed=seed)) for test in tests]

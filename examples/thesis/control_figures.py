@@ -58,7 +58,7 @@ BELOW = {"loc": "outside lower center", "frameon": False}
 
 
 def draw_old_model(slow: BenchRun, quick: BenchRun) -> Figure:
-    """The old model and what the motor gave, for a slow and a fast hand."""
+    """Draw the old model and the torque of the motor, for a slow and a fast hand."""
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     wide, close = figure.subplots(1, 2)
     for axes, run, end in ((wide, quick, AXIS_VELOCITY), (close, slow, 0.3)):
@@ -76,7 +76,7 @@ def draw_old_model(slow: BenchRun, quick: BenchRun) -> Figure:
 
 
 def draw_spring(run: BenchRun) -> Figure:
-    """The spring as the motor gives it and as the hand feels it."""
+    """Draw the spring in the torque of the motor and in the torque of the hand."""
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes, rows = figure.subplots(), last_period(run)
     angle, motor = angle_from_rest(run, rows), -electromechanical_torque(run)[rows]

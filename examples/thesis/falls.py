@@ -65,13 +65,13 @@ class Fall:
 
 
 def planned_falls(seed: int = SEED) -> list[PlannedTest]:
-    """The falls of the knee's campaign: five weights, three K, three A."""
+    """Return the falls of the knee's campaign: five weights, three K, three A."""
     return planned_tests(Campaign(joint=KNEE, seed=seed))
 
 
 @cache
 def falls_of(mass: float, seed: int = SEED) -> tuple[Fall, ...]:
-    """The nine falls of a weight in [kg], in the order of the protocol."""
+    """Return the nine falls of a weight in [kg], in the order of the protocol."""
     return tuple(_fall(plan) for plan in planned_falls(seed) if plan.mass == mass)
 
 
@@ -106,7 +106,7 @@ def neutral_gain(joint: str = KNEE) -> float:
 
 
 def duty_numbers() -> dict[str, float]:
-    """Counts of A that make up for the weights, and the torque of one on the standing knee."""
+    """Return the counts of A that compensate the weights, and the torque of one count at rest."""
     weights = (MASSES[0] - MASSES[-1]) * BENCH.gravity * BENCH.link.lever
     return {"counts": weights / torque_per_count(), "torque_per_count": torque_per_count()}
 

@@ -79,7 +79,7 @@ def draw_viscous_duty(falls: Sequence[Fall]) -> Figure:
 
 
 def draw_falls(falls: dict[float, Sequence[Fall]]) -> Figure:
-    """A row for each weight: angle over time, and load torque over filtered speed."""
+    """Draw a row for each weight: angle over time, and load torque over filtered speed."""
     figure = Figure(figsize=(8.6, 1.7 * len(falls)), layout="constrained")
     rows = figure.subplots(len(falls), 2)
     for row, (mass, those) in zip(rows, falls.items(), strict=True):

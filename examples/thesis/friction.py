@@ -99,7 +99,7 @@ class LawFit:
 
 @cache
 def logs_of(joint: JointName, protocol: Protocol, seed: int) -> tuple[Log, ...]:
-    """Logs of a campaign on the simulated bench, written and read as files are."""
+    """Return the logs of a campaign on the simulated bench, written to files and read back."""
     with tempfile.TemporaryDirectory() as folder:
         logs = Path(folder) / "campaign"
         run_campaign(Campaign(joint=joint, protocol=protocol, seed=seed), logs)
@@ -162,7 +162,7 @@ def law_torque(values: Mapping[str, float], velocity: np.ndarray) -> np.ndarray:
 
 
 def torque_at(values: Mapping[str, float], speed: float) -> float:
-    """The same at one speed."""
+    """Compute the torque of equation (3.1) in [N·m] at one speed in [rad/s]."""
     return float(law_torque(values, np.array([speed]))[0])
 
 
@@ -170,7 +170,7 @@ def torque_at(values: Mapping[str, float], speed: float) -> float:
 
 
 def implied_samples(r_squared: float, adjusted: float) -> float:
-    """Samples that both statistics imply for four parameters: (1 - R²_adj)/(1 - R²) = (n - 1)/(n - p)."""
+    """Return the samples n that both statistics imply, (1 - R²_adj)/(1 - R²) = (n - 1)/(n - p), p = 4."""
     ratio = (1.0 - adjusted) / (1.0 - r_squared)
     return (ratio * len(LETTERS) - 1.0) / (ratio - 1.0)
 
@@ -232,7 +232,7 @@ def fit_numbers(joint: JointName, late: LawFit, prompt: LawFit, driven: LawFit) 
 
 
 def _law_row(label: str, values: Mapping[str, float], of_fit: Goodness | None) -> dict[str, str]:
-    """A row of a page's table: parameters, and the goodness of a fit (RMSE per degree of freedom)."""
+    """Return a row of a page's table: parameters, and goodness of fit (RMSE per degree of freedom)."""
     return {
         "law": label,
         **{f"{letter} [{UNITS[letter]}]": number_text(value) for letter, value in values.items()},

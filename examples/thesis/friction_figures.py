@@ -35,7 +35,7 @@ _SPREADS = (0.2, 0.5, 1.0, 2.0, 5.0)  # [N m], ticks
 
 
 def draw_velocities(fall: FilteredFall) -> Figure:
-    """The three signals over the fall, and closely around its beginning."""
+    """Draw the three signals over the fall, and in detail around its beginning."""
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     whole, close = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     ticks, samples = TICK * np.arange(len(fall.raw)), PERIOD * np.arange(len(fall.slow))
@@ -59,7 +59,7 @@ def draw_velocities(fall: FilteredFall) -> Figure:
 
 
 def draw_fits(joint: JointName, late: LawFit, prompt: LawFit) -> Figure:
-    """Samples and laws of both processings, and where the residuals are."""
+    """Draw samples and laws of both processings, and the residuals."""
     figure = Figure(figsize=(11.0, 7.4), layout="constrained")
     panels = figure.subplot_mosaic("AB;RR", height_ratios=[1.7, 1.0])
     both = (("A", late, "the thesis's processing", BLUE), ("B", prompt, "without delay", VERMILLION))

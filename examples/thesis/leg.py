@@ -60,7 +60,7 @@ GAIT_STIFFNESS, GAIT_DAMPING_RATIO = math.degrees(2.5), 0.7
 
 @cache
 def _base() -> Experiment:
-    """The bench leg without stops, and without the safety monitor, which would end what is looked for."""
+    """Return the bench leg without stops and without the monitor, which would end an unstable run."""
     settings = ["control.mode=transparent", "control.safety.enabled=false"]
     settings += ["plant.stops.stiffness_Nm_per_rad=0", "plant.stops.dissipation_s_per_rad=0"]
     return load_experiment("bench_leg", settings).experiment
@@ -69,7 +69,7 @@ def _base() -> Experiment:
 def hanging_experiment(
     gains: Pair, ratios: Pair = EQUAL, *, raised: Pair = RAISED, duration: float = SWINGING
 ) -> Experiment:
-    """The leg, let go with hip and knee raised in [rad], on friction compensation alone: G and s by joint."""
+    """Return a leg released with raised joints [rad], with friction compensation only: G and s by joint."""
     base = _base()
     joints = {
         str(joint): JointImpedance(
@@ -120,7 +120,7 @@ def _loop(velocity: float) -> LinearLoop:
 def linear_limit(
     direction: Pair, *, velocity: float = 0.0, stiffness: float = 0.0, damping: Pair = NEITHER
 ) -> float:
-    """The same gain by the eigenvalues of the coupled loop of the hanging leg, s equal at both joints.
+    """Return this gain from the eigenvalues of the coupled loop of the hanging leg, with equal s.
 
     Args:
         direction: As above.

@@ -65,14 +65,14 @@ class Limit(NamedTuple):
 
 
 def pushed(gain: float, ratio: float, window: int | None = None) -> BenchJoint:
-    """The transparent knee, pushed and left alone; with another window of the slow velocity if given."""
+    """Return a test of the pushed transparent knee; ``window``: another window of the slow velocity."""
     start, control = math.radians(10.0), torque_control(gain)
     test = knee_test(control, ratio=ratio, start_angle=start, start_velocity=PUSH, duration=2.5)
     return with_ideal_current(_with_window(test, window))
 
 
 def released(gain: float, ratio: float, window: int | None = None) -> BenchJoint:
-    """The knee on the thesis's spring, let go beside θ0 for four swings; likewise."""
+    """Return a test of the knee on the thesis's spring, released for four swings; ``window`` likewise."""
     control = torque_control(gain, stiffness=STIFFNESS)
     test = knee_test(control, ratio=ratio, start_angle=EQUILIBRIUM + RELEASE, duration=28.0)
     return with_ideal_current(_with_window(test, window))
@@ -130,7 +130,7 @@ def simulated_limits(
 
 
 def limits_of(ratio: float) -> Limit:
-    """The same, and that of the linear loop."""
+    """Return the limits by simulation, and the limit of the linear loop."""
 
     def unstable(gain: float) -> bool:
         return linear_radius(gain, ratio, STIFFNESS) > 1.0 + ROUNDING

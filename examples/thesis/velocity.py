@@ -42,7 +42,7 @@ class FilteredFall:
 
 
 def filtered_fall(name: str = "knee_2kg_5.log", seed: int = SEED) -> FilteredFall:
-    """A fall of the knee's campaign, by default neither the slowest nor the fastest."""
+    """Return a fall of the knee's campaign, by default neither the slowest nor the fastest."""
     plans = planned_tests(Campaign(joint=KNEE, seed=seed))
     plan = next(item for item in plans if item.name == name)
     run = simulate_bench(plan.test, seed=plan.noise_seed, variation=plan.variation)
@@ -59,7 +59,7 @@ def _before_stop(run: BenchRun) -> np.ndarray:
 
 
 def _averaged(values: np.ndarray) -> np.ndarray:
-    """Moving average of a joint that is at rest before the log begins."""
+    """Compute the moving average for a joint that is at rest before the log begins."""
     return moving_average(np.concatenate([np.zeros(WINDOW), values]), WINDOW)[WINDOW:]
 
 
@@ -112,7 +112,7 @@ def closed_delay(window: int, decimation: int) -> float:
 
 
 def log_filter(velocity: np.ndarray, window: int, decimation: int) -> np.ndarray:
-    """The post-processing of a log at 1 kHz (thesis 2.3.1), each sample held until the next one."""
+    """Apply the post-processing to a log at 1 kHz (thesis 2.3.1), with each sample held until the next."""
     slow = moving_average(velocity[::decimation], window)
     return np.repeat(slow, decimation)[: len(velocity)]
 

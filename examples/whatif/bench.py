@@ -59,7 +59,7 @@ def controlled(model: FrictionParameters = MODEL, **settings: Any) -> TorqueCont
 
 
 def knee(mass: float = 0.0, **changes: Any) -> BenchJoint:
-    """The knee bench with a quiet drive and a weight in [kg]; a test ends at the upper stop."""
+    """Return the knee bench with a quiet drive and a weight in [kg]; a test ends at the upper stop."""
     chosen = {"drive": DRIVE, "link": LinkParameters(mass=mass), "rest_at_stop": 0.0, **changes}
     return bench_joint(JOINT, **chosen)
 
@@ -92,7 +92,7 @@ def root_mean_square(values: np.ndarray) -> float:
 
 
 def law_in(friction: BenchFriction, load: float = 0.0) -> FrictionParameters:
-    """The law that a bench friction is under its temperature and a steady load in [N m].
+    """Return the law of a bench friction at its temperature and a steady load in [N·m].
 
     What temperature and load add has the shapes of two terms of equation (3.1), so that the sum is such a
     law again.
@@ -114,7 +114,7 @@ def torques(law: FrictionParameters, velocity: np.ndarray) -> np.ndarray:
 
 
 def torque_ratio(true: FrictionParameters, model: FrictionParameters, speed: np.ndarray) -> np.ndarray:
-    """True friction over the model's at speeds of 0 or more; at rest the ratio of the slopes."""
+    """Compute true friction over modelled friction at speeds of 0 or more; at rest the ratio of slopes."""
 
     def ratio(value: float) -> float:
         law = friction_torque if value > 0.0 else friction_slope
@@ -134,7 +134,7 @@ def least_torque_ratio(true: FrictionParameters, model: FrictionParameters, spee
 
 
 def linear_loop(test: BenchJoint, velocity: float, load: float = 0.0) -> LinearLoop:
-    """The loop of a test under torque control, linearised at 90°, for its transition matrix.
+    """Return the loop of a test under torque control, linearised at 90°, for its transition matrix.
 
     Args:
         test: The test; the weight has no slope where the link is level.
@@ -166,7 +166,7 @@ SPAN = 6.0  # [s]; the last two of this length are compared
 
 
 def push(speed: float, frequency: float = HAND_FREQUENCY) -> ImposedMotionParameters:
-    """A hand that brings the joint to a speed in [rad] / [s], away from the near stop, and lets go there."""
+    """Return a hand that moves the joint away from the near stop, and releases it at a speed in [rad/s]."""
     amplitude = -speed / (math.pi * frequency)
     return ImposedMotionParameters(
         joint=JOINT, amplitude=amplitude, frequency=frequency, release_time=0.25 / frequency

@@ -91,7 +91,7 @@ def true_law(law: Law, ratio: float) -> FrictionParameters:
 
 
 def bench_of(setting: Setting) -> BenchJoint:
-    """The bench as a setting describes it, without a hand."""
+    """Return the bench of a setting without a hand."""
     decimation, window = setting.filter
     bench = knee(
         setting.load,
@@ -195,7 +195,7 @@ def linear_gain(setting: Setting) -> float:
 
 
 def cost_row(setting: Setting) -> Row:
-    """What an imposed motion takes without a spring, and how well the joint follows a path with one."""
+    """Return the cost of an imposed motion without a spring, and the error on a path with a spring."""
     free = setting._replace(spring=0.0)
     effort, plain = imposed_motion(bench_of(free)), imposed_motion(bench_of(Setting(gain=0.0, spring=0.0)))
     return {

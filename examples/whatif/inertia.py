@@ -84,7 +84,7 @@ SENSORS = {Source.GYROSCOPE: InertialSensor.GYROSCOPE, Source.ACCELEROMETER: Ine
 
 
 def bench_of(setting: Setting, friction: FrictionParameters, **control: float) -> BenchJoint:
-    """The bench as a setting describes it, with a true friction law; the hand holds still."""
+    """Return the bench of a setting with a true friction law and a hand at rest."""
     bench = knee(
         LOAD,
         friction=BenchFriction(law=friction),
@@ -116,7 +116,7 @@ def unit_of(setting: Setting) -> InertialUnit | None:
 
 
 def linear_bench(setting: Setting, **control: float) -> BenchJoint:
-    """The bench with the slope of its friction at 1 rad/s, and without friction compensation."""
+    """Return the bench with the slope of its friction at 1 rad/s, and without friction compensation."""
     slope = friction_slope(MODEL.scaled(THESIS_RATIO), 1.0)
     viscous = FrictionParameters(
         breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=slope
@@ -155,7 +155,7 @@ class InertiaLoop:
 
 
 def loop_of(setting: Setting) -> InertiaLoop:
-    """The linear loop of :func:`linear_bench`, for its matrix."""
+    """Return the linear loop of :func:`linear_bench`, for its matrix."""
     bench = linear_bench(setting)
     hand, torsion = bench.imposed_motion, bench.torsion
     return InertiaLoop(
@@ -263,7 +263,7 @@ def growth_rate(loop: InertiaLoop) -> float:
 
 
 def torque_noise(loop: InertiaLoop, deviation: float) -> float:
-    r"""Standard deviation in [N m] of the torque that white noise of a sensor makes in the closed loop.
+    r"""Compute the standard deviation in [N·m] of the torque from white sensor noise in the closed loop.
 
     The covariance of the state solves :math:`P = A P A^T + \sigma^2 b b^T`.
 
@@ -302,7 +302,7 @@ def apparent_inertia(loop: InertiaLoop, frequency: float) -> float:
 
 
 def sample_deviation(setting: Setting) -> float:
-    """Standard deviation of a sample in the unit of what it measures; of the encoder a count over √12."""
+    """Return the standard deviation of a sample in its unit; for the encoder a count over √12."""
     unit = unit_of(setting)
     if unit is None:
         count = 2.0 * math.pi / (sensors_of(setting).encoder_counts * knee().actuator.gear_ratio)

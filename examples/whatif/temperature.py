@@ -70,7 +70,7 @@ def viscous_loss_per_kelvin() -> float:
 
 
 def friction_in(condition: Condition) -> BenchFriction:
-    """True friction: table 3.1 with its parts by temperature, age and load."""
+    """Return the true friction: table 3.1 with its parts by temperature, age and load."""
     return BenchFriction(
         law=MODEL.scaled(condition.ageing),
         coulomb_per_kelvin=-COULOMB_LOSS_PER_KELVIN * condition.ageing * MODEL.coulomb_friction,
@@ -91,7 +91,7 @@ def true_law(condition: Condition) -> FrictionParameters:
 
 
 def bench_in(case: Case, spring: float = 0.0) -> BenchJoint:
-    """The bench under a condition with its compensator and a spring in [N m] / [rad], without a hand."""
+    """Return the bench in a condition with its compensator and a spring in [N·m/rad], without a hand."""
     condition = case.condition
     bench = knee(condition.load, friction=friction_in(condition), sensors=SensorParameters(ideal=False))
     control = controlled(
@@ -120,7 +120,7 @@ def where(case: Case) -> Row:
 
 
 def case_row(case: Case) -> Row:
-    """What an imposed motion takes, and what becomes of a push."""
+    """Return the cost of an imposed motion, and the ending of a push."""
     effort, end = imposed_motion(bench_in(case)), pushed_on_a_spring(case)
     return {
         **where(case),

@@ -14,7 +14,7 @@ ORDER = 2  # order of the Butterworth filter; running forwards and backwards dou
 
 
 def zero_phase(values: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
-    """Low-pass filter evenly sampled values without delay: Butterworth, forwards and backwards.
+    """Filter evenly sampled values without delay: Butterworth low-pass, forwards and backwards.
 
     ``values``: shape ``(n,)``. ``cutoff``: cutoff frequency of one pass in [Hz]; half the amplitude is left
     there. ``rate``: samples per second in [Hz], above twice the cutoff. Returns shape ``(n,)``.

@@ -1,12 +1,12 @@
-"""Write the rigid-body dynamics of one model as straight-line Python.
+"""Generator of the rigid-body dynamics of one model as straight-line Python.
 
 The generic algorithms of :mod:`twin_gait.kernels.rigid_body` run once over symbols. Topology, axes and
 structural zeros are folded into the text; masses, inertias, lengths and armature stay inputs, so that
 another wearer needs no new kernel.
 
 Straight-line code runs five to ten times faster than loops, but its text grows with the square of the number
-of joints, and the time to compile it faster still: models of more than :data:`STRAIGHT_LINE_LIMIT` joints are
-refused.
+of joints, and the time to compile grows even faster: models of more than :data:`STRAIGHT_LINE_LIMIT` joints
+are rejected.
 """
 
 import inspect
@@ -24,24 +24,24 @@ from twin_gait.kernels.rigid_body import Bodies, Points, Vector, vector
 from twin_gait.kernels.tracing import Block, Scalar, Trace, compact, readable, text, together
 from twin_gait.leg_model.bodies import BodyArrays
 
-# Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
-# with ankles on a pelvis in a harness have 8, and with a wearer in braces 16.
+# Largest number of joints. The function ``dynamics`` alone compiles in 0.5 s for 2 joints, 14 s for 16 and
+# 100 s for 32. Two legs with ankles on a pelvis in a harness have 8 joints, and with a wearer in braces 16.
 STRAIGHT_LINE_LIMIT = 16
 
 POINT_FIELDS = tuple(item.name for item in fields(Point))
 
 
 class Called(NamedTuple):
-    """A function that kernels call for several things at once, which may become vectors."""
+    """Function that kernels call for several items at once, whose calls may become one vector operation."""
 
-    function: Callable[..., tuple[float, ...]]  # Of one of them.
-    shared: int  # Arguments that all have in common; they come first.
-    arguments: int  # Of each.
-    results: tuple[str, ...]  # Quantities of each.
+    function: Callable[..., tuple[float, ...]]  # Function of one item.
+    shared: int  # Number of leading arguments that all items have in common.
+    arguments: int  # Number of arguments of each item.
+    results: tuple[str, ...]  # Quantities of the results of each item.
 
     @property
     def name(self) -> str:
-        """In the text."""
+        """Name of the function in the text of a kernel."""
         return self.function.__name__
 
 
@@ -72,29 +72,29 @@ def _at_run_time(body: BodyArrays, symbols: Sequence[Any]) -> BodyArrays:
 
 
 def _values_of(bodies: Bodies, points: Points) -> list[float]:
-    """All that a kernel may read at run time, in its order; what is zero is folded into the text."""
+    """Return all numbers that a kernel may read, in its order; zeros are folded into the text."""
     values = [value for body in bodies for value in _numbers_of(body)]
     return values + [value for point in points for value in point.position]
 
 
 def body_values(bodies: Bodies, points: Points = ()) -> list[float]:
-    """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out."""
+    """Return the run-time inputs of a kernel in the order of their use, without structural zeros."""
     return [value for value in _values_of(bodies, points) if value != 0.0]
 
 
 class KernelBodies(NamedTuple):
-    """What a kernel is written for."""
+    """Model for which a kernel is generated."""
 
     bodies: Bodies
-    points: Points  # Of the plant, that may touch the ground.
+    points: Points  # Points of the plant that may touch the ground.
     control_bodies: Bodies
-    up_axis: str  # ``"z"`` or ``"y"``.
+    up_axis: str  # Vertical axis of the world, ``"z"`` or ``"y"``.
     guides: Sequence[int] = (0,)
-    sloped: bool = False  # Whether the ground may rise forwards; else it is level and nothing is turned.
+    sloped: bool = False  # Whether the ground may rise forwards; level ground needs no rotation.
 
 
 class _Function:
-    """A function of a kernel that is being written: its inputs as symbols, and the lines so far."""
+    """Function of a kernel during its generation: its inputs as symbols, and the lines so far."""
 
     def __init__(self, bodies: Bodies, points: Points = (), up_axis: str = "z") -> None:
         self.trace, places = Trace(), count()
@@ -108,7 +108,7 @@ class _Function:
         self._up_axis = up_axis
 
     def inputs(self, name: str) -> Vector:
-        """Symbols of an array with an entry for each coordinate."""
+        """Return the symbols of an array with an entry for each coordinate."""
         return vector([self.trace.input(f"{name}[{index}]") for index in range(len(self.bodies))])
 
     def note(self, comment: str, quantity: str, body: BodyArrays | None) -> None:
@@ -118,12 +118,12 @@ class _Function:
 
     @property
     def gravity(self) -> Vector:
-        """Its acceleration in the world."""
+        """Acceleration of gravity in the world frame, shape ``(3,)``."""
         down = -self.trace.input("gravity")
         return vector([0.0, 0.0, down] if self._up_axis == "z" else [0.0, down, 0.0])
 
     def ground(self, sloped: bool) -> rigid_body.Law:
-        """Contact law that calls the one in core; gives forces, height and power."""
+        """Return a contact law that calls the one in core; it returns forces, height and power."""
         sine: Any = self.trace.input("ground.slope_sine")
         cosine: Any = self.trace.input("ground.slope_cosine")
 
@@ -150,7 +150,7 @@ class _Function:
         stores: Sequence[tuple[str, Scalar]],
         returned: Sequence[Scalar] = (),
     ) -> str:
-        """Source of the function, with what it stores and returns."""
+        """Return the source of the function, with its stores and its return statement."""
         outputs = [value for _, value in stores] + list(returned)
         body = self.trace.live_lines(outputs)
         for item in SIDE_BY_SIDE:
@@ -180,7 +180,7 @@ def _power(contacts: Sequence[Sequence[Scalar]]) -> Scalar:
 
 
 def write_dynamics(kernel: KernelBodies) -> str:
-    """Source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
+    """Return the source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
     made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, torque = (made.inputs(name) for name in ("q", "v", "torque"))
     acceleration, contacts = rigid_body.forward_dynamics(
@@ -192,7 +192,7 @@ def write_dynamics(kernel: KernelBodies) -> str:
 
 
 def write_contact_forces(kernel: KernelBodies) -> str:
-    """Source of ``contact_forces``."""
+    """Return the source of ``contact_forces``."""
     made = _Function(kernel.bodies, kernel.points)
     q, v, law = made.inputs("q"), made.inputs("v"), made.ground(kernel.sloped)
     contacts = rigid_body.inverse_dynamics(
@@ -203,7 +203,7 @@ def write_contact_forces(kernel: KernelBodies) -> str:
 
 
 def write_observe(kernel: KernelBodies) -> str:
-    """Source of ``observe``; the wrench is that of all guides, each about its own origin."""
+    """Return the source of ``observe``; its wrench is the sum over all guides, each about its own origin."""
     made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, a = (made.inputs(name) for name in ("q", "v", "a"))
 
@@ -222,7 +222,7 @@ def write_observe(kernel: KernelBodies) -> str:
 
 
 def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
-    """Source of ``control_gravity``."""
+    """Return the source of ``control_gravity``."""
     made = _Function(bodies, (), up_axis)
     result = rigid_body.inverse_dynamics(
         made.bodies, made.inputs("q"), made.zeros, made.zeros, made.gravity, note=made.note
@@ -232,7 +232,7 @@ def write_control_gravity(bodies: Bodies, up_axis: str) -> str:
 
 
 def write_control_inertia(bodies: Bodies) -> str:
-    """Source of ``control_inertia``."""
+    """Return the source of ``control_inertia``."""
     made, places = _Function(bodies), range(len(bodies))
     lower, a = rigid_body.mass_matrix(made.bodies, made.inputs("q"), made.note), made.inputs("a")
     torques: list[Scalar] = []
@@ -244,9 +244,9 @@ def write_control_inertia(bodies: Bodies) -> str:
 
 
 def write_kernel(kernel: KernelBodies) -> str:
-    """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
+    """Return the source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
 
-    It needs the functions of :data:`SIDE_BY_SIDE` in its module.
+    The module of the source must contain the functions of :data:`SIDE_BY_SIDE`.
     """
     functions = [
         write_dynamics(kernel),
@@ -259,7 +259,7 @@ def write_kernel(kernel: KernelBodies) -> str:
 
 
 def write_side_by_side(text: str) -> list[str]:
-    """Source of what the text of a kernel calls for several things at once: one thing after the other."""
+    """Return the sources of the functions that a kernel calls for several items at once, as single calls."""
     found = []
     for item in SIDE_BY_SIDE:
         for calls in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
@@ -277,7 +277,7 @@ def write_side_by_side(text: str) -> list[str]:
 
 
 def kernel_structure(kernel: KernelBodies) -> str:
-    """What the text of :func:`write_kernel` depends on; it takes a hundredth of the time to write that.
+    """Return the data that determine the text of :func:`write_kernel`, in a hundredth of its time.
 
     Raises ModelError if the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
     """
@@ -291,7 +291,7 @@ def kernel_structure(kernel: KernelBodies) -> str:
 
 
 def _structure(bodies: Bodies, points: Points = ()) -> str:
-    """All that the text of a kernel depends on: names, topology, axes, and which run-time inputs are zero."""
+    """Return the data that determine a kernel: names, topology, axes, and which run-time inputs are zero."""
     frames = [(body.name, body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
     zeros = [value == 0.0 for value in _values_of(bodies, points)]
     return repr((frames, [point.body for point in points], zeros))

@@ -1,7 +1,7 @@
-"""Rigid-body dynamics by Pinocchio behind the interface of the generated kernels.
+"""Rigid-body dynamics by Pinocchio with the interface of the generated kernels.
 
-It shares the laws of :mod:`twin_gait.core` and the steps of a tick with the compiled engine, not the
-dynamics, and so is what that one is checked against.
+It shares the laws of :mod:`twin_gait.core` and the steps of a tick with the compiled engine, but not the
+dynamics; therefore the compiled engine is checked against it.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ Points: TypeAlias = list[Point]
 
 
 class _Foot(NamedTuple):
-    """A foot: Pinocchio's index of its joint, its first point among all, positions of its points in [m]."""
+    """Foot: Pinocchio's index of its joint, index of its first point, positions of its points in [m]."""
 
     joint: int
     first: int
@@ -34,11 +34,11 @@ class GroundContacts:
     """Forces of the ground on the feet of a model, by the law of :mod:`twin_gait.core.contact`.
 
     Attributes:
-        forces: On the bodies as Pinocchio takes them, of the last evaluation.
+        forces: External forces on the bodies in the form of Pinocchio, from the last evaluation.
     """
 
     def __init__(self, world: World) -> None:
-        """Find the feet; with braces, those of the wearer."""
+        """Find the feet of the device, or those of the wearer if there are braces."""
         self.model, self.data = world.chains[-1].model, world.chains[-1].data
         self.forces = no_forces(self.model)
         self.feet: dict[Side, _Foot] = {}
@@ -50,12 +50,12 @@ class GroundContacts:
             first += len(points)
 
     def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Points) -> float:
-        """Evaluate a state of the model; the points of the soles are changed. Returns the power in [W]."""
+        """Write the forces in a state to the points of the soles, and return their power in [W]."""
         pin.forwardKinematics(self.model, self.data, q, v)
         return sum(self._press(foot, ground, points) for foot in self.feet.values())
 
     def _press(self, foot: _Foot, ground: Ground, points: Points) -> float:
-        """Forces on the points of a foot, and their sum on its joint."""
+        """Compute the forces on the points of a foot and their sum at its joint; return the power in [W]."""
         placement = self.data.oMi[foot.joint]
         # Python numbers are several times faster here than numpy's scalars.
         (r00, r01, r02), _, (r20, r21, r22) = placement.rotation.tolist()
@@ -81,16 +81,16 @@ class GroundContacts:
         return power
 
     def wrench(self, side: Side) -> np.ndarray:
-        """Force in [N] and moment about the world origin in [N m] on a foot, shape ``(6,)``."""
+        """Return force [N] and moment about the world origin [N·m] on a foot, shape ``(6,)``."""
         joint = self.feet[side].joint
         return np.array(self.data.oMi[joint].act(self.forces[joint]).vector)
 
 
 class PinocchioKernel:
-    """The functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+    """Functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
 
     def __init__(self, world: World, control_model: LegModel) -> None:
-        """Take the models of a world and of its controller."""
+        """Store the models of a world and of its controller."""
         own, self._control = world.model.nv, control_model
         self._contacts = GroundContacts(world)
         airborne = [no_forces(chain.model) for chain in world.chains[:-1]]
@@ -100,14 +100,14 @@ class PinocchioKernel:
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
-        """The functions by name, to be bound."""
+        """Functions of the kernel by name, for the specialisation of the engine."""
         found = (self.dynamics, self.contact_forces, self.observe, self.control_gravity, self.control_inertia)
         return {function.__name__: function for function in found}
 
     def dynamics(
         self, q: Row, v: Row, torque: Row, bodies: Row, gravity: float, ground: Ground, a: Row, points: Points
     ) -> float:
-        """Accelerations by the articulated-body algorithm."""
+        """Write accelerations (articulated-body algorithm) to ``a``; return the contact power in [W]."""
         power = self.contact_forces(q, v, bodies, ground, points)
         whole_q, whole_v, whole_torque = np.array(q), np.array(v), np.array(torque)
         for chain, part, forces in self._chains:
@@ -117,7 +117,7 @@ class PinocchioKernel:
         return power
 
     def contact_forces(self, q: Row, v: Row, bodies: Row, ground: Ground, points: Points) -> float:
-        """Contact forces of a state."""
+        """Write the contact forces of a state to ``points``; return their power in [W]."""
         if not self._contacts.feet:
             return 0.0
         _, part, _ = self._chains[-1]
@@ -126,7 +126,10 @@ class PinocchioKernel:
     def observe(
         self, q: Row, v: Row, a: Row, bodies: Row, gravity: float, points: object
     ) -> tuple[float, float, float, float]:
-        """Energies, and by inverse dynamics what the guides of the pelvis take, each about its own pelvis."""
+        """Return kinetic and potential energy [J], forward force [N] and pitch moment [N·m] of the guides.
+
+        Force and moment come from inverse dynamics, each about its own pelvis, summed over the chains.
+        """
         kinetic = potential = force = moment = 0.0
         whole_q, whole_v, whole_a = np.array(q), np.array(v), np.array(a)
         for chain, part, forces in self._chains:
@@ -139,14 +142,14 @@ class PinocchioKernel:
         return kinetic, potential, force, moment
 
     def control_gravity(self, q: Row, bodies: Row, gravity: float, torque: Row) -> None:
-        """Gravity torques of the controller's model."""
+        """Write the gravity torques of the controller's model in [N·m] to ``torque``."""
         torque[:] = self._control.gravity_torque(np.array(q)).tolist()
 
     def control_inertia(self, q: Row, a: Row, bodies: Row, torque: Row) -> None:
-        """Inertia torques of the controller's model."""
+        """Write the inertia torques of the controller's model in [N·m] to ``torque``."""
         torque[:] = self._control.inertia_torque(np.array(q), np.array(a)).tolist()
 
 
 def no_forces(model: pin.Model) -> pin.StdVec_Force:
-    """Forces from outside on the bodies of a model: none."""
+    """Return zero external forces on the bodies of a model."""
     return pin.StdVec_Force([pin.Force.Zero()] * model.njoints)

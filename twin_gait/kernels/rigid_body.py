@@ -1,7 +1,7 @@
 """Rigid-body algorithms on numbers or symbols: Newton-Euler, composite inertia, sparse L'DL.
 
-Written after Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5, 6 and 8, in body
-frames with three-vectors. Run over :class:`~twin_gait.kernels.tracing.Symbol` they write the
+The algorithms follow Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5, 6 and 8, in body
+frames with three-vectors. With inputs of :class:`~twin_gait.kernels.tracing.Symbol` they generate the
 specialised kernel of one model.
 """
 
@@ -18,15 +18,15 @@ Vector: TypeAlias = Any
 Matrix: TypeAlias = Any
 Bodies: TypeAlias = Sequence[BodyArrays]
 Points: TypeAlias = Sequence[ContactPoint]
-# From number, position and velocity of a point in the world to its force along world x and z (first two
-# results) and anything else.
+# Contact law: it takes number, position and velocity of a point in the world, and returns its force along
+# world x and z (first two results) and any further results.
 Law: TypeAlias = Callable[[int, Vector, Vector], list[Scalar]] | None
 # Receives the comment, the quantity and the body (None: the world) of each step before it is computed.
 Note: TypeAlias = Callable[[str, str, BodyArrays | None], None]
 
 
 def vector(values: Sequence[Any] | np.ndarray) -> Vector:
-    """An array of numbers and symbols."""
+    """Return an array of numbers and symbols."""
     return np.array(values, dtype=object)
 
 
@@ -38,25 +38,25 @@ def _no_note(comment: str, quantity: str, body: BodyArrays | None) -> None:
 
 
 class InverseDynamics(NamedTuple):
-    """Forces that go with a motion."""
+    """Forces that belong to a motion."""
 
-    torques: list[Scalar]  # On the coordinates, without armature, shape ``(n,)``.
+    torques: list[Scalar]  # Torques on the coordinates, without armature, shape ``(n,)``.
     contacts: list[list[Scalar]]  # Results of the contact law per point.
-    # Moment and force that each joint passes on to its body, in the body's frame and about the joint frame's
+    # Moment and force that each joint exerts on its body, in the body's frame and about the joint frame's
     # origin.
     wrenches: list[list[Vector]]
-    kinetic_energy: Scalar  # With that of the rotors.
+    kinetic_energy: Scalar  # Kinetic energy with that of the rotors.
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
+    """Return the vector product a × b."""
     return vector([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
-    """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
+    """Return the rotation matrix about a constant axis (Rodrigues), sparse for coordinate axes."""
     (s, c), (x, y, z) = sine_and_cosine(angle), axis
-    # All products of a coordinate axis are 0 but the one along it.
+    # All products of the components of a coordinate axis are 0, except the one along the axis.
     one = 0.0 if 1.0 in np.abs(axis) else 1.0 - c
     xx, yy, zz = (1.0 if abs(part) == 1.0 else c + part * part * one for part in axis)
     return vector(
@@ -86,7 +86,7 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
 
 
 def _poses(bodies: Bodies, q: Vector, note: Note) -> list[_Pose]:
-    """Pose of every body in its parent."""
+    """Return the pose of every body in its parent."""
     poses = []
     for body, angle in zip(bodies, q, strict=True):
         note("Pose", "pose", body)
@@ -95,7 +95,7 @@ def _poses(bodies: Bodies, q: Vector, note: Note) -> list[_Pose]:
 
 
 def _world_poses(bodies: Bodies, poses: Sequence[_Pose], note: Note) -> list[tuple[Matrix, Vector]]:
-    """Orientation and origin of every body in the world."""
+    """Return orientation and origin of every body in the world."""
     found: list[tuple[Matrix, Vector]] = []
     for body, pose in zip(bodies, poses, strict=True):
         note("Pose in the world", "world", body)
@@ -114,7 +114,7 @@ def inverse_dynamics(
     law: Law = None,
     note: Note = _no_note,
 ) -> InverseDynamics:
-    """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
+    """Compute the torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
     ``gravity``: acceleration of gravity in the world frame. ``note``: receives each step.
     """
@@ -183,7 +183,7 @@ def inverse_dynamics(
 
 
 def mass_matrix(bodies: Bodies, q: Vector, note: Note = _no_note) -> list[list[Scalar]]:
-    """Joint-space inertia (lower triangle along the tree), armature included."""
+    """Compute the joint-space inertia (lower triangle along the tree), armature included."""
     poses = _poses(bodies, q, note)
     n = len(bodies)
     composite = [(body.mass, body.first_moment, body.inertia) for body in bodies]
@@ -273,7 +273,7 @@ def forward_dynamics(
     law: Law = None,
     note: Note = _no_note,
 ) -> tuple[list[Scalar], list[list[Scalar]]]:
-    """Accelerations under joint torques and contact forces, and results of the contact law per point."""
+    """Compute the accelerations under torques and contact forces, and the contact law's results per point."""
     bias = inverse_dynamics(bodies, q, v, [0.0] * len(bodies), gravity, contacts, law, note)
     right: list[Scalar] = []
     for body, torque, load in zip(bodies, tau, bias.torques, strict=True):
@@ -283,7 +283,7 @@ def forward_dynamics(
 
 
 def potential_energy(bodies: Bodies, q: Vector, gravity: Vector, note: Note = _no_note) -> Scalar:
-    """Energy in the field of gravity, zero where the world's origin is."""
+    """Compute the potential energy of gravity, which is zero at the height of the world's origin."""
     energy: Scalar = 0.0
     poses = _world_poses(bodies, _poses(bodies, q, note), note)
     for body, (rotation, origin) in zip(bodies, poses, strict=True):

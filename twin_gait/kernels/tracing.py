@@ -1,8 +1,8 @@
-"""Symbols that write down what is done to them, as straight-line Python.
+"""Symbols that record the operations on them as straight-line Python.
 
 A :class:`Symbol` behaves like a number; every operation on it appends a line to its
-:class:`Trace`. Constants are folded, zeros and ones vanish and equal sub-expressions are shared, so
-that a generic rigid-body algorithm run once over symbols leaves only the arithmetic that one model
+:class:`Trace`. Constants are folded, zeros and ones are removed and equal sub-expressions are shared, so
+that one run of a generic rigid-body algorithm over symbols leaves only the arithmetic that one model
 needs.
 """
 
@@ -17,7 +17,7 @@ from twin_gait.core.elementary import sine_cosine
 
 
 class Block(NamedTuple):
-    """A step of an algorithm for one body: its lines have a comment, and its results have names."""
+    """Step of an algorithm for one body, with the comment of its lines and the names of its results."""
 
     comment: str = ""
     quantity: str = "term"
@@ -30,7 +30,7 @@ class Block(NamedTuple):
 
 
 class Trace:
-    """The lines written so far.
+    """Lines of straight-line Python that have been recorded so far.
 
     Attributes:
         lines: Assignments in order.
@@ -49,23 +49,23 @@ class Trace:
         self._count = 0
 
     def input(self, expression: str) -> Symbol:
-        """Make a symbol for something that exists already, such as ``q[0]``."""
+        """Return a symbol for an expression that exists already, such as ``q[0]``."""
         return Symbol(self, expression)
 
     def combined(self, first: Scalar, operator: str, second: Scalar) -> Symbol:
-        """Append what an operator makes of two numbers, of which at least one is a symbol."""
+        """Append a binary operation on two numbers, at least one of them a symbol, and return its symbol."""
         left, right = text(first), text(second)
         operands = sorted((left, right)) if operator in "+*" else (left, right)
         (result,) = self.emit((operator, *operands), f"{left} {operator} {right}")
         return result
 
     def call(self, function: str, arguments: Sequence[Scalar], outputs: Sequence[str]) -> list[Symbol]:
-        """Append a call of a function with several results; ``outputs`` are their quantities."""
+        """Append a call of a function and return symbols of its results; ``outputs``: their quantities."""
         given = [text(item) for item in arguments]
         return self.emit((function, *given), f"{function}({', '.join(given)})", outputs)
 
     def emit(self, key: tuple[str, ...], expression: str, outputs: Sequence[str] = ()) -> list[Symbol]:
-        """Append an assignment unless the same expression is known, and return its symbols."""
+        """Append an assignment, unless the same expression was recorded before, and return its symbols."""
         if key not in self._known:
             quantities = outputs or (self.block.quantity,)
             names = [f"t{self._count + index}" for index in range(len(quantities))]
@@ -77,7 +77,7 @@ class Trace:
         return self._known[key]
 
     def live_lines(self, outputs: Sequence[Scalar]) -> list[str]:
-        """Lines that the outputs depend on, in order."""
+        """Return the lines that the outputs depend on, in order."""
         needed = {text(item) for item in outputs}
         kept = []
         for line in reversed(self.lines):
@@ -89,7 +89,7 @@ class Trace:
 
 
 class Symbol:
-    """A number that is not known yet; ``positive`` is what it is the negative of, if it is one."""
+    """Number without a value yet; if it is a negative, ``positive`` is the symbol that it negates."""
 
     __slots__ = ("name", "positive", "trace")
 
@@ -102,7 +102,7 @@ class Symbol:
     def __add__(self, other: Scalar) -> Scalar:
         if other == 0.0:
             return self
-        # Adding a negative is subtracting what it is the negative of, exactly.
+        # Adding a negative number equals subtracting its positive, exactly.
         for one, negative in ((self, other), (other, self)):
             if isinstance(negative, Symbol) and negative.positive is not None:
                 return one - negative.positive
@@ -146,19 +146,19 @@ class Symbol:
 
 Scalar = Symbol | float
 
-FEWEST_TOGETHER = 4  # calls; of fewer, one after the other is as fast as side by side
-_LONGEST = 90  # characters of an expression
+FEWEST_TOGETHER = 4  # calls; fewer are as fast in sequence as in a vector
+_LONGEST = 90  # maximum length of an expression in characters
 # Characters of a name without its number: C distinguishes names by their first 31 characters.
 _LONGEST_NAME = 26
 _NAME = re.compile(r"\bt\d+\b")
-_ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?)")  # of an array, or its field
+_ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?)")  # element of an array, or its field
 
 
 def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
-    """Write what is used once where it is used, and read what is used often once.
+    """Inline results that are used once, and read elements of arrays that are used more than once only once.
 
-    The operations and their order stay the same; there are half as many names, which is what the time to
-    compile goes by.
+    The operations and their order stay the same. The number of names, which determines the time to compile,
+    is halved.
     """
     uses = Counter(_NAME.findall(" ".join(line.split(" = ", 1)[1] for line in lines)))
     inside: dict[str, str] = {}
@@ -176,7 +176,7 @@ def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
 def readable(lines: Sequence[str], trace: Trace) -> list[str]:
     """Give the remaining results readable names, and each step of the algorithm a comment.
 
-    A comment is a statement of a text alone, so that it is part of the syntax tree. ``lines``: from
+    A comment is a statement that consists of a string, so that it is part of the syntax tree. ``lines``: from
     :func:`compact`, with the names of the trace.
     """
     names = list(dict.fromkeys(name for line in lines for name in _NAME.findall(line)))
@@ -208,7 +208,7 @@ def _numbered(names: Sequence[str], labels: Mapping[str, str]) -> dict[str, str]
 
 
 def _reading_once(lines: Sequence[str]) -> list[str]:
-    """Read what lies in memory and is used more than once into a name before its first use."""
+    """Assign each element of an array that is used more than once to a name before its first use."""
     uses = Counter(found[0] for line in lines for found in _ELEMENT.finditer(line))
     named: set[str] = set()
     result: list[str] = []
@@ -223,19 +223,19 @@ def _reading_once(lines: Sequence[str]) -> list[str]:
         return short
 
     for line in lines:
-        # The name comes before the line that needs it first.
+        # The assignment of the name precedes the first line that uses it.
         result.append(_ELEMENT.sub(name, line))
     return result
 
 
 def together(lines: Sequence[str], name: str, shared: int) -> list[str]:
-    """Several calls of a function as one call that takes all their arguments, where the last of them is.
+    """Combine several calls of a function into one call with all their arguments, in place of the last call.
 
-    What needs a result and stands before that place comes after it; otherwise the order stays. No call may
-    need the result of another.
+    A line that uses a result and precedes this call is moved behind it; otherwise the order stays. No call
+    may need the result of another.
 
-    ``lines``: from :meth:`Trace.live_lines`. ``name``: of the function; that of the one call goes on with
-    their number. ``shared``: arguments that all calls have in common; they come first.
+    ``lines``: from :meth:`Trace.live_lines`. ``name``: name of the function; the name of the combined call
+    is extended by the number of calls. ``shared``: number of leading arguments that all calls have in common.
     """
     calls = [line for line in lines if f" = {name}(" in line]
     if len(calls) < FEWEST_TOGETHER:
@@ -259,12 +259,12 @@ def together(lines: Sequence[str], name: str, shared: int) -> list[str]:
 
 
 def text(value: Scalar) -> str:
-    """Write a scalar as Python source; floats exactly."""
+    """Return a scalar as Python source; floats exactly."""
     return value.name if isinstance(value, Symbol) else repr(float(value))
 
 
 def sine_and_cosine(angle: Scalar) -> tuple[Scalar, Scalar]:
-    """Sine and cosine of a number or symbol; those of a symbol are asked for once."""
+    """Return sine and cosine of a number or symbol; both of a symbol come from one call."""
     if isinstance(angle, Symbol):
         sine, cosine = angle.trace.call("sine_cosine", [angle], ("sine", "cosine"))
         return sine, cosine

@@ -1,4 +1,4 @@
-"""Pictures of a run, and the canvas for pictures of one's own; matplotlib is imported when one is drawn."""
+"""Pictures of a run, and the canvas for further pictures; matplotlib is imported when one is drawn."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
-"""What all pictures share: figure, panels, phase bands, legend, file.
+"""Common parts of all pictures: figure, panels, phase bands, legend, file.
 
-Figures are matplotlib objects without pyplot, so that nothing global is touched and no display is
+Figures are matplotlib objects without pyplot, so that no global state changes and no display is
 needed.
 """
 
@@ -42,13 +42,13 @@ BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
 SCREEN_WIDTH = 11.0  # [inches]
 LEGEND_COLUMN, LEGEND_ROW = 1.65, 0.18  # [inches]
 EDGE, TITLE_LINE, PANEL_TITLE = 0.06, 0.2, 0.28  # [inches]
-LEFT, RIGHT, X_TICKS, X_LABEL, Y_TICKS = 0.9, 0.17, 0.06, 0.5, 0.3  # [inches] around panels
-MOST_EVENTS = 3  # in a title
-HELD = -1  # in the place of a phase, after a trip
+LEFT, RIGHT, X_TICKS, X_LABEL, Y_TICKS = 0.9, 0.17, 0.06, 0.5, 0.3  # [inches] margins of panels
+MOST_EVENTS = 3  # largest number of events in a title
+HELD = -1  # replaces the index of a phase after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
 Drawing = Callable[[], Figure | None]  # draws a picture, or returns None if it does not apply
-# matplotlib's own defaults, without the settings of the user.
+# Defaults of matplotlib, without the settings of the user.
 _STANDARD: dict[Any, Any] = {name: value for name, value in mpl.rcParamsDefault.items() if name != "backend"}
 
 
@@ -68,8 +68,8 @@ def standard_settings(more: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 
 def style_panel(axes: Axes, title: str, unit: str) -> None:
-    """Give a panel its title, the unit of its values and a quiet grid. ``title``: what it shows."""
-    axes.set_title(title, fontsize="medium", y=1.0)  # without y matplotlib looks for ticks above the panel
+    """Set the title of a panel, the label ``unit`` of its vertical axis and a light grid."""
+    axes.set_title(title, fontsize="medium", y=1.0)  # without y, matplotlib looks for ticks above the panel
     axes.set_ylabel(unit)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -94,12 +94,12 @@ def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequ
 
 
 def colour_of(phase: int, names: Sequence[str]) -> str:
-    """Colour of a phase by its index, or of ``HELD``."""
+    """Return the colour of a phase by its index, or that of ``HELD``."""
     return HELD_COLOUR if phase == HELD else phase_colour(names[phase], phase)
 
 
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
-    """Legend entries of the phases that occur. ``occurring``: indices of phases, any shape."""
+    """Return the legend entries of the phases that occur; ``occurring``: indices of phases, any shape."""
     order = sorted(np.unique(occurring).tolist(), key=lambda index: index == HELD)
     labels = {**dict(enumerate(map(readable, names))), HELD: "held after the trip"}
     return [Patch(color=colour_of(index, names), alpha=STRIP_OPACITY, label=labels[index]) for index in order]
@@ -111,9 +111,9 @@ def readable(name: str) -> str:
 
 
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
-    """Put one legend under all panels, where it covers nothing: lines and areas, then phases.
+    """Add one legend below all panels: lines and areas, then phases.
 
-    Of equal labels one is kept.
+    Entries with the same label are merged.
     """
     entries = list({str(item.get_label()): item for item in (*lines, *phases)}.values())
     columns = min(len(entries), legend_columns(figure))
@@ -121,7 +121,7 @@ def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist]
 
 
 def legend_columns(figure: Figure) -> int:
-    """Return the largest number of columns of a legend that has the width of a figure."""
+    """Return the largest number of columns of a legend in the width of a figure."""
     return max(1, int(figure.get_figwidth() / LEGEND_COLUMN))
 
 
@@ -132,13 +132,13 @@ def legend_rows(figure: Figure) -> int:
 
 
 def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTION) -> bytes:
-    """A figure as PNG, PDF or SVG; the same figure gives the same bytes.
+    """Return a figure as PNG, PDF or SVG; the same figure gives the same bytes.
 
     Letters stay letters in PDF (TrueType) and become outlines in SVG, so that they look the same everywhere.
-    ``resolution`` of a PNG in dots per inch.
+    ``resolution``: resolution of a PNG in dots per inch.
     """
     undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
-    # Half of the usual effort makes a file 7 % larger in two thirds of the time.
+    # Compression level 3 instead of 6 makes a file 7 % larger in two thirds of the time.
     packing: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
     room = io.BytesIO()
     with standard_settings({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
@@ -149,7 +149,7 @@ def picture_bytes(figure: Figure, form: str = "png", resolution: int = RESOLUTIO
 def write_pictures(drawings: Mapping[str, Drawing], folder: Path) -> Pictures:
     """Draw pictures and write them as PNG under their names into a folder, which may be new.
 
-    A picture that cannot be drawn is left out, with the reason, so that it never costs the numbers.
+    A picture that cannot be drawn is left out and its reason is returned, so that no numbers are lost.
     """
     folder.mkdir(exist_ok=True)
     pictures = Pictures({}, {})
@@ -173,7 +173,7 @@ def write_figures_page(
     rows: Sequence[Sequence[str]],
     tables: Mapping[str, Sequence[Sequence[str]]],
 ) -> dict[str, str]:
-    """Write figures into a folder, and a page that shows them under a table and above more tables.
+    """Write figures into a folder, and a page that shows them between a table and further tables.
 
     The first row of a table is its head. Returns the reason of each figure that could not be drawn, by name.
     """
@@ -185,10 +185,10 @@ def write_figures_page(
 
 
 def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLUTION) -> Path:
-    """Write a figure as :func:`picture_bytes` has it.
+    """Write a figure with :func:`picture_bytes`, and return the path.
 
-    ``form``: ``png``, ``pdf`` or ``svg``; what the name of the file says by default; ``resolution`` of a PNG
-    in dots per inch. Raises RunDirectoryError if it cannot be written.
+    ``form``: ``png``, ``pdf`` or ``svg``, by default the ending of the name of the file; ``resolution``:
+    resolution of a PNG in dots per inch. Raises RunDirectoryError if the figure cannot be written.
     """
     write_atomically(path, picture_bytes(figure, form or path.suffix[1:], resolution))
     return path
@@ -196,12 +196,12 @@ def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLU
 
 SHOWN_STRIDES = 2
 SHOWN_WITHOUT_STRIDES = 6.0  # [s]
-SHOWN_BEFORE_EVENT = 1 / 3  # of a window
+SHOWN_BEFORE_EVENT = 1 / 3  # share of a window before the event
 _EVENT_STYLES = {EventKind.FAULT: "--", EventKind.TRIP: "-", EventKind.FALL: ":", EventKind.DIVERGENCE: ":"}
 
 
 def last_strides(run: Run) -> slice:
-    """Rows of the events of a run, or of the last strides of its first leg, or of its last seconds."""
+    """Return the rows of a run's events, or of the last strides of its first leg, or of its last seconds."""
     begins = run.leg_records()[0].stride_events
     if run.events or len(begins) <= SHOWN_STRIDES:
         return end_or_events(run, SHOWN_WITHOUT_STRIDES)
@@ -209,7 +209,7 @@ def last_strides(run: Run) -> slice:
 
 
 def end_or_events(run: Run, duration: float) -> slice:
-    """Rows of the end of a run, or around its first event; at most so many seconds."""
+    """Return the rows of the end of a run or around its first event, for a ``duration`` in [s]."""
     length = round(duration / TICK)
     start = len(run.log) - length
     if run.events:
@@ -218,7 +218,7 @@ def end_or_events(run: Run, duration: float) -> slice:
 
 
 def shown_strides(record: LegRecord) -> np.ndarray:
-    """Strides that a cycle picture shows: the settled ones, or the last if none has settled.
+    """Return the strides in a cycle picture: the settled ones, or the last one if none has settled.
 
     Returns first tick of each stride and of the next one, shape ``(n_strides, 2)``.
     """
@@ -232,28 +232,28 @@ def has_cycles(run: Run) -> bool:
 
 
 def flexion(joint: str) -> str:
-    """Label of an axis with the angle of a joint."""
+    """Return the label of an axis with the angle of a joint."""
     return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
 
 
 class Sheet:
-    """A picture of a run in the making; on a screen its title says what it shows and of which run.
+    """Picture of a run under construction; on a screen its title names its content and the run.
 
-    What it labels goes into one legend under all panels.
+    All its labels are entries of one legend below the panels.
 
     Attributes:
-        figure: The picture.
-        window: Rows of the log that curves over time show.
-        time: Of these rows in [s].
-        records: What the log has of each leg.
+        figure: Figure of the picture.
+        window: Rows of the log in curves over time.
+        time: Time of these rows in [s].
+        records: Columns of the log of each leg.
         lines: Entries of the legend.
     """
 
     def __init__(self, run: Run, title: str, size: tuple[float, float], window: slice = slice(None)) -> None:
-        """Begin a picture; one for print has no title inside.
+        """Begin a picture; a picture for print has no title.
 
-        ``size``: width and height in inches, of two joints where there are panels of legs; one narrower than
-        a screen is for print; ``window``: by default all of the run.
+        ``size``: width and height in inches, the height for two joints if there are panels of legs; a picture
+        narrower than a screen is for print. ``window``: rows of the log, by default the whole run.
         """
         self.run, self.window = run, window
         self.time = run.log["time_s"].to_numpy()[self.window]
@@ -271,9 +271,10 @@ class Sheet:
     def leg_panels(
         self, unit: Callable[[str], str], *, timed: bool = True
     ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
-        """One panel for each joint (row) of each leg (column), titled, the unit at the first column.
+        """Yield a titled panel for each joint (row) and leg (column), with the unit at the first column.
 
-        ``unit``: label of the vertical axes, by the name of the joint; ``timed``: on the phases over time.
+        ``unit``: label of the vertical axes by the name of the joint; ``timed``: whether the phases over time
+        are in the background.
         """
         joints = list(self.records[0].angles)
         self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
@@ -288,7 +289,7 @@ class Sheet:
                 yield axes, record, joint
 
     def phases(self, record: LegRecord, rows: slice | None = None) -> np.ndarray:
-        """Phases of a leg in some rows; from a trip on the legs are held, whatever the machine says.
+        """Return the phases of a leg in some rows, with ``HELD`` from a trip on.
 
         ``rows``: by default those of the window. Returns index of the phase, or ``HELD``, shape ``(n,)``.
         """
@@ -298,7 +299,7 @@ class Sheet:
         return phases[rows or self.window]
 
     def curve(self, axes: Axes, values: str | np.ndarray, label: str, color: str, **style: Any) -> None:
-        """Draw a column of the log, or one value per row of it, over time; ``style`` as for ``plot``."""
+        """Draw a column of the log, or one value per row of the log, over time; ``style`` as for ``plot``."""
         known = self.run.log[values].to_numpy() if isinstance(values, str) else values
         style = {"linewidth": 1.5, "color": color, "label": label, **style}
         self.lines += axes.plot(self.time, known[self.window], **style)
@@ -309,9 +310,9 @@ class Sheet:
         self.lines += [axes.axhline(value, label=label, zorder=1, **options) for value in values]
 
     def finished_over_time(self, *lowest: Axes, phases: bool = True) -> Figure:
-        """The picture with events in all panels, the time below the lowest, by default the last row.
+        """Return the picture with events in all panels, and the time below the lowest ones or the last row.
 
-        ``phases``: whether they are in the legend.
+        ``phases``: whether the phases are in the legend.
         """
         shown = [event for event in self.run.events if self.time[0] <= event.time <= self.time[-1]]
         for axes, event in itertools.product(self.figure.axes, shown):
@@ -323,7 +324,7 @@ class Sheet:
         return self.finished([self.phases(record) for record in self.records] if phases else ())
 
     def finished(self, phases: Sequence[np.ndarray] = ()) -> Figure:
-        """The picture with its legend, in which the phases stand that occur in some arrays."""
+        """Return the picture with its legend, which includes the phases that occur in the arrays."""
         handles = phase_handles(self.names, np.concatenate(phases)) if phases else []
         put_legend(self.figure, self.lines, handles)
         if self.on_screen:
@@ -334,7 +335,7 @@ class Sheet:
 def arrange(figure: Figure) -> None:
     """Place title, panels and legend of a figure on a screen.
 
-    The margins are fixed, because a layout engine takes longer to find them than the figure to be drawn.
+    The margins are fixed, because a layout engine takes longer to compute them than to draw the figure.
     """
     width, height = figure.get_size_inches()
     grid = figure.axes[0].get_gridspec()
@@ -354,9 +355,9 @@ def arrange(figure: Figure) -> None:
 
 
 def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artist]:
-    """Draw angles over the gait cycle, with an axis that says so.
+    """Draw angles over the gait cycle, with a label of the axis.
 
-    ``angles`` in [deg] at ``PERCENT``, shape ``(101,)``; ``style``: as matplotlib's ``plot`` takes it.
+    ``angles``: angles in [deg] at ``PERCENT``, shape ``(101,)``; ``style``: as for ``plot`` of matplotlib.
     """
     axes.set_xlim(PERCENT[0], PERCENT[-1])
     axes.set_xlabel("share of the gait cycle [%]")
@@ -364,9 +365,10 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
 
 
 def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: Mapping[str, str]) -> Figure:
-    """Draw mean strides of several walks beside those of the healthy one, a panel for each joint of a leg.
+    """Draw mean strides of several walks and of a healthy one, with a panel for each joint of a leg.
 
-    ``runs`` of an experiment by name, and their ``colours``; one without a counted stride has no curve.
+    ``runs``: runs of an experiment by name; ``colours``: their colours. A run without a counted stride has no
+    curve.
     """
     styles: dict[str, dict[str, Any]] = {name: {"color": colours[name], "linewidth": 1.5} for name in runs}
     healthy = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}

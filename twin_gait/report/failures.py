@@ -1,6 +1,6 @@
-"""Pictures that could not be drawn: they never cost the numbers that they show.
+"""Report of pictures that could not be drawn; their failure does not affect the numbers of a run.
 
-This module imports no matplotlib, so that a broken installation of it is a failed picture too.
+This module does not import matplotlib, so that a broken installation of it is also a failed picture.
 """
 
 import warnings
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 
 class PictureWarning(UserWarning):
-    """A picture could not be drawn; everything else is written."""
+    """Warning that a picture could not be drawn, while everything else is written."""
 
 
 def reason_of(error: Exception) -> str:
@@ -17,9 +17,9 @@ def reason_of(error: Exception) -> str:
 
 
 def failed_pictures(failed: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Warn once of pictures that could not be drawn, and return the entry that records them.
+    """Warn once of pictures that could not be drawn, and return the entry of the summary about them.
 
-    ``failed``: reason by name; nothing is warned of or returned if it is empty.
+    ``failed``: reason by name; without an entry there is no warning, and the result is empty.
     """
     if not failed:
         return {}

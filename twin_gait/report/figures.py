@@ -1,4 +1,4 @@
-"""All pictures of a run: for its directory, and for a paper."""
+"""Pictures of a run for its directory and for a paper."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from twin_gait.report.canvas import (
 )
 from twin_gait.simulation.run import Run
 
-# By name: what draws a run in a width in inches, or gives None if the picture does not apply to it.
+# Functions that draw a run in a width in inches, or return None if the picture does not apply, by name.
 FIGURES: dict[str, Callable[..., Figure | None]] = {
     "gait_cycle": run_figures.draw_cycle,
     "ground_forces": run_figures.draw_ground_forces,
@@ -34,15 +34,15 @@ FIGURES: dict[str, Callable[..., Figure | None]] = {
     "phase_portrait": run_figures.draw_portrait,
 }
 
-# Figures that a run folder gets; all eight take longer to draw than the rest of the command takes.
+# Figures in a run folder; to draw all eight takes longer than the rest of the command.
 FIRST_FIGURES = ("gait_cycle", "ground_forces", "torques")
 FIRST_WITHOUT_STRIDES = ("joint_angles", "torques")
 NARROWEST, WIDEST = 60.0, 270.0  # [mm]
 INCH = 25.4  # [mm]
-_ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] of a row of panels, around them, and of a row of the legend
-_THINNER = 0.55  # lines, of their width on a screen
+_ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] height of a row of panels, of their margin, of a legend row
+_THINNER = 0.55  # width of lines in print over their width on a screen
 _PRINT: dict[Any, float] = {
-    "font.size": 7.0,  # [pt]; journals ask for 6 or more
+    "font.size": 7.0,  # [pt]; journals require 6 or more
     "axes.linewidth": 0.5,
     **{f"{axis}tick.major.{what}": 2.0 for axis in "xy" for what in ("size", "pad")},
     **{f"{axis}tick.major.width": 0.5 for axis in "xy"},
@@ -53,9 +53,9 @@ _PRINT: dict[Any, float] = {
 
 
 def screen_figures(run: Run) -> dict[str, Figure]:
-    """All pictures that apply to a run, by name in the order of ``FIGURES``; none of less than two rows.
+    """Draw all pictures that apply to a run, by name in the order of ``FIGURES``; none for a single row.
 
-    A run without strides has no picture of the gait cycle, and one without ground none of the feet.
+    A run without strides has no picture of the gait cycle, and a run without ground has none of the feet.
     """
     with standard_settings():
         drawn = {name: draw(run, width=SCREEN_WIDTH) for name, draw in FIGURES.items() if len(run.log) > 1}
@@ -69,14 +69,14 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
         run: The run.
         figure: ``gait_cycle``, ``ground_forces``, ``joint_angles``, ``torques``, ``currents``,
             ``battery``, ``feet`` or ``phase_portrait``.
-        width_mm: Of a figure for print, 85 or 174 for one column or two, with letters and without a title;
-            None draws for a screen.
+        width_mm: Width of a figure for print in [mm], 85 or 174 for one column or two; it has letters and no
+            title. None draws for a screen.
 
     Returns:
         The figure; notebooks show it after ``%matplotlib inline``, its ``savefig`` writes it.
 
     Raises:
-        ParameterError: If there is no such picture, none of this run, or the width is out of range.
+        ParameterError: If there is no such picture, none for this run, or the width is out of range.
     """
     if figure not in FIGURES:
         raise ParameterError(f"figure: no {figure!r}; there are {', '.join(FIGURES)}")
@@ -95,7 +95,7 @@ def plot_run(run: Run, figure: str = "gait_cycle", *, width_mm: float | None = N
 
 
 def _letter_panels(figure: Figure) -> None:
-    """Letters and a few words in the place of the panels' titles."""
+    """Replace the titles of the panels by letters and a few words."""
     for letter, axes in zip(ascii_lowercase, figure.axes, strict=False):
         short = re.split("[,:]", axes.get_title())[0]
         axes.set_title("")
@@ -103,7 +103,7 @@ def _letter_panels(figure: Figure) -> None:
 
 
 def _size(figure: Figure) -> None:
-    """Height after the panels and the legend, and lines and ticks after the size."""
+    """Set the height for the panels and the legend, and scale lines and ticks to the size."""
     grid = figure.axes[0].get_gridspec()
     rows = 1 if grid is None else grid.nrows
     (legend,) = figure.legends
@@ -118,9 +118,9 @@ def _size(figure: Figure) -> None:
 
 
 def first_figures(run: Run) -> Sequence[str]:
-    """Return the names of the figures that a run folder gets; ``twin-gait plot`` draws the others.
+    """Return the names of the figures in a run folder; ``twin-gait plot`` draws the others.
 
-    A run without strides gets its joint angles over time in place of the gait cycle.
+    A run without strides has its joint angles over time in place of the gait cycle.
     """
     return FIRST_FIGURES if has_cycles(run) else FIRST_WITHOUT_STRIDES
 

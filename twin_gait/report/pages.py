@@ -1,6 +1,7 @@
-"""Pages and lines from the templates beside this module.
+"""Pages and lines from the templates next to this module.
 
-A page is one file that needs no other: what it shows stands in it, and its policy forbids to load anything.
+A page is one self-contained file: it includes all its content, and its security policy forbids to load any
+other.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from twin_gait import __version__
 from twin_gait.templates import templates_in
 
 TEMPLATES = Path(__file__).with_name("templates")
-FIGURES_FOLDER = "figures"  # folder of the pictures inside of a folder of results
+FIGURES_FOLDER = "figures"  # name of the folder of pictures in a folder of results
 
 
 @cache
@@ -31,17 +32,17 @@ def _environment() -> Environment:
 def render(template: str, content: Mapping[str, Any]) -> str:
     """Fill a template.
 
-    ``template``: name of a file in ``TEMPLATES``; of HTML and SVG all that is filled in is escaped;
-    ``content``: what is filled in, by name, functions among it; ``version`` is this package's.
+    ``template``: name of a file in ``TEMPLATES``; values are escaped in HTML and SVG. ``content``: values and
+    functions by name, to which the ``version`` of this package is added. Returns the text.
     """
     return _environment().get_template(template).render(version=__version__, **content)
 
 
 def lines(template: str, content: Mapping[str, Any]) -> list[str]:
-    """Fill a template of what a terminal shows."""
+    """Fill a template of text for a terminal and return its lines."""
     return render(template, content).splitlines()
 
 
 def address(png: bytes) -> str:
-    """A picture as an address with the content in it."""
+    """Return a picture as a data URL, which contains its content."""
     return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"

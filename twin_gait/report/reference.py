@@ -1,4 +1,4 @@
-"""The healthy walk that a run is compared with."""
+"""Healthy reference walk of a run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from twin_gait.vocabulary import JointName
 
 
 def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
-    """Speed in [m/s] and body height in [m]; None without them, or beyond the regression."""
+    """Return speed [m/s] and body height [m]; None without them, or outside of the regression."""
     walking, patient = experiment.scenario.walking, experiment.patient
     if walking is None or patient is None:
         return None
@@ -23,7 +23,7 @@ def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
 
 
 def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | None:
-    """Reference angles for an experiment.
+    """Return the reference angles of a joint for an experiment.
 
     Returns angles in [rad] at ``PERCENT``, shape ``(101,)``; None without a reference walk.
     """
@@ -33,14 +33,14 @@ def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | No
 
 @lru_cache(maxsize=16)
 def _cycle(joint: JointName, speed: float, height: float) -> np.ndarray:
-    """A summary asks for it some ten times, and building the spline takes as long as reading the strides."""
+    """Return a reference curve from a cache: a summary needs it some ten times, and a new spline is slow."""
     curve = reference.reference_curve(joint, PERCENT, speed=speed, height=height)
     curve.setflags(write=False)
     return curve
 
 
 def reference_ground_force(experiment: Experiment) -> reference.GroundForce | None:
-    """Force of the ground on a foot of the reference walk over the weight that it carries, at ``PERCENT``.
+    """Return the ground reaction force of the reference walk over the carried weight, at ``PERCENT``.
 
     Returns shape ``(101,)`` each; None without a reference walk.
     """
@@ -49,11 +49,11 @@ def reference_ground_force(experiment: Experiment) -> reference.GroundForce | No
 
 
 def reference_measures(experiment: Experiment) -> dict[str, float]:
-    """Measures of the reference walk, as :func:`twin_gait.measures.walk.walk_measures` has them.
+    """Return the measures of the reference walk, named as in :func:`twin_gait.measures.walk.walk_measures`.
 
-    Angles and time are of Koopman et al. (2014), forces of Winter (1991); feet that neither brake nor propel
-    on the mean, and a belt that gives nothing, are what even walking is. Returns those that are known; none
-    without a reference walk.
+    Angles and time are from Koopman et al. (2014), forces from Winter (1991). In steady walking the mean
+    fore-aft force and the power of the belt are zero. Measures without a reference are left out; the result
+    is empty without a reference walk.
     """
     walk, force = _reference_walk(experiment), reference_ground_force(experiment)
     if walk is None or force is None:

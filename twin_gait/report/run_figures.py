@@ -1,7 +1,7 @@
-"""The pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits.
+"""Pictures of a run: angles over cycle and time, torques, currents, battery, feet, portraits.
 
-Each takes a run and the width of the figure in inches (one narrower than a screen is for print), and gives
-the figure, or None where it does not apply.
+Each function takes a run and the width of the figure in inches (a figure narrower than a screen is for
+print), and returns the figure, or None if it does not apply.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from twin_gait.report.canvas import SCREEN_WIDTH, Sheet, draw_cycle_curve, flexi
 from twin_gait.report.reference import reference_cycle, reference_ground_force
 from twin_gait.simulation.run import Run
 
-SHOWN_SECONDS = 30.0  # of angles, on a screen; a narrower picture shows less
-MOST_STRIDES = 10  # of a portrait
+SHOWN_SECONDS = 30.0  # time range of the angles on a screen; a narrower picture shows less
+MOST_STRIDES = 10  # largest number of strides in a phase portrait
 REFERENCE_STYLE: dict[str, Any] = {"color": REFERENCE_COLOUR, "linestyle": (0, (4, 2)), "linewidth": 1.6}
 _FORCE_PANELS = (
     ("vertical force", "force / carried weight"),
@@ -38,7 +38,7 @@ _FORCE_PANELS = (
 
 
 def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw the mean cycle of every joint with its range and the reference; None without strides."""
+    """Draw the mean cycle of every joint with its range and the reference; return None without strides."""
     if not canvas.has_cycles(run):
         return None
     records = run.leg_records()
@@ -61,7 +61,7 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
 
 
 def _draw_mean_and_range(sheet: Sheet, axes: Axes, cycles: np.ndarray) -> None:
-    """Draw mean and range over strides."""
+    """Draw mean and range over strides; ``cycles``: shape ``(n_strides, 101)``."""
     low, high = cycles.min(axis=0), cycles.max(axis=0)
     label = "range over strides"
     spread = axes.fill_between(PERCENT, low, high, color=BLACK, alpha=0.25, linewidth=0, label=label)
@@ -74,7 +74,7 @@ def _draw_healthy(sheet: Sheet, axes: Axes, cycle: np.ndarray, source: str) -> N
 
 
 def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw the force of the ground over the mean cycle beside a healthy one; None without strides."""
+    """Draw the ground reaction force over the mean cycle with a healthy one; return None without strides."""
     records, walkway = run.leg_records(), run.walkway
     if walkway is None or not canvas.has_cycles(run):
         return None
@@ -123,10 +123,10 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
 
 
 def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw what the controller asks for, part by part, and what the motor gives."""
+    """Draw the parts of the command torque and the motor torque."""
     window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
     sheet = Sheet(run, "Motor torques and their parts", (width, 8.0), window)
-    for axes, record, joint in sheet.leg_panels(lambda _: "torque [N m]"):
+    for axes, record, joint in sheet.leg_panels(lambda _: "torque [N·m]"):
         name = f"{record.side}_{joint}"
         for part, colour in palette.TORQUE_COLOURS.items():
             values = run.log[f"{name}_{part}_torque_Nm"].to_numpy()
@@ -163,7 +163,7 @@ def draw_battery(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
 
 
 def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
-    """Draw forces and clearances of both feet; None without ground."""
+    """Draw forces and clearances of both feet; return None without ground."""
     records = run.leg_records()
     if any(record.contacts is None for record in records):
         return None
@@ -174,7 +174,7 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
         colour, label = palette.SIDE_COLOURS[record.side], f"{record.side} foot"
         sheet.curve(force, f"{record.side}_foot_normal_force_N", label, colour)
         sheet.curve(clearance, 1e3 * run.log[f"{record.side}_foot_clearance_m"].to_numpy(), label, colour)
-        strikes = record.stride_events  # there is ground
+        strikes = record.stride_events  # heel strikes, because there is ground
         strikes = strikes[(strikes >= window.start) & (strikes < window.stop)]
         height, label = np.full(len(strikes), CONTACT_FORCE), f"{record.side} heel strike"
         sheet.lines += force.plot(strikes * TICK, height, "^", color=colour, markersize=8, label=label)
@@ -188,7 +188,7 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
 
 
 def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
-    """Draw angle against velocity, coloured by phase, over the last strides of a walk or else the run."""
+    """Draw velocity over angle, coloured by phase, for the last strides of a walk or else the whole run."""
     title = "Phase portraits; a dot marks each change of phase"
     sheet, occurring = Sheet(run, title, (width, 8.5)), []
     unit = "{} velocity [°/s]".format

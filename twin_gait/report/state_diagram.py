@@ -1,4 +1,4 @@
-"""The state machine of a gait table as a drawing in SVG, or in Mermaid."""
+"""Drawing of the state machine of a gait table in SVG or in Mermaid."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from twin_gait.report.pages import render
 
 
 def readable(name: str) -> str:
-    """A name of the table as words on one line: ``early stance`` for ``early_stance``."""
+    """Return a name of the table as words on one line: ``early stance`` for ``early_stance``."""
     return " ".join(name.replace("_", " ").split()) or name
 
 
 def duration(ticks: int) -> str:
-    """Write a number of ticks as milliseconds, or seconds from one second on."""
+    """Format a number of ticks in milliseconds, or in seconds from one second on."""
     seconds = ticks * TICK
     return f"{number(seconds)} s" if seconds >= 1.0 else f"{number(1000.0 * seconds)} ms"
 
 
 def signal_words(signal: str) -> tuple[str, str]:
-    """Name of a signal in words, and its unit: ``("other hip velocity", "°/s")``."""
+    """Return the name of a signal in words, and its unit: ``("other hip velocity", "°/s")``."""
     leg = next((front for front in (OTHER, LEFT, RIGHT) if signal.startswith(front)), "")
     part, declared = part_of(signal.removeprefix(leg)), signal_of(signal)
     return f"{leg.replace('.', ' ')}{readable(part) if part else ''}{declared.words}", declared.unit.symbol
 
 
 def guard_words(guard: Guard) -> str:
-    """A guard with readable names and units: ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``."""
+    """Format a guard with readable names and units: ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``."""
     if isinstance(guard, PhaseMembership):
         names = " or ".join(readable(name) for name in guard.phases)
         return f"other leg in {names}" if guard.of == LEG_WORDS.of else f"{guard.of} {names}"
@@ -49,7 +49,7 @@ def guard_words(guard: Guard) -> str:
 
 
 def condition_words(transition: Transition) -> str:
-    """What a transition waits for: its conditions, then debounce and time."""
+    """Format the condition of a transition: its guard, then debounce and timeout."""
     words = [] if transition.guard is None else [guard_words(transition.guard)]
     if transition.debounce_ticks > 1:
         words.append(f"for {duration(transition.debounce_ticks)}")
@@ -60,7 +60,7 @@ def condition_words(transition: Transition) -> str:
 
 def state_diagram_mermaid(table: StateTable) -> str:
     """Write the state diagram in Mermaid's ``stateDiagram-v2``."""
-    # Numbers, because a name of the table might be a word of Mermaid's.
+    # Phases have numbers, because a name of the table might be a keyword of Mermaid.
     names = {phase: f"phase_{place}" for place, phase in enumerate(table.phase_names, start=1)}
     lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]
     lines += [f'    state "{_mermaid(readable(phase))}" as {name}' for phase, name in names.items()]
@@ -71,38 +71,38 @@ def state_diagram_mermaid(table: StateTable) -> str:
 
 
 def _mermaid(text: str) -> str:
-    """Text with what Mermaid or HTML would read as syntax in Mermaid's entity codes."""
+    """Replace characters that are syntax of Mermaid or HTML by entity codes of Mermaid."""
     return "".join(char if char.isalnum() or char in " _.,°/−ζθ()[]-+" else f"#{ord(char)};" for char in text)
 
 
-_LINE_CHARACTERS = 110  # below the drawing
+_LINE_CHARACTERS = 110  # in a line of text below the drawing
 _HEADLINE, _LINE = 36.0, 16.0  # [px] of a box
 _BELOW = 26.0  # [px] between boxes
 _DIGITS = 4
 
 
 class Way(NamedTuple):
-    """What one arrow stands for: the transitions between two phases that are time-outs, or are not."""
+    """Transitions from one phase to another with a common arrow: timeouts, or the other transitions."""
 
     source: int  # position of the phase that is left
     target: int  # position of the phase that is entered
-    time_out: bool  # whether they are time-outs
+    time_out: bool  # whether the transitions are timeouts
 
 
 class Arrow(NamedTuple):
-    """An arrow from the edge of a box to a lane beside the boxes, along it, and back to a box."""
+    """Arrow from the edge of a box to a lane next to the boxes, along the lane, and back to a box."""
 
-    start: float  # where it leaves a box, downwards in [px]
-    end: float  # where it enters one
-    lane: int  # which of the lanes, the innermost being 1; in one lane no two arrows meet
+    start: float  # where the arrow leaves a box, downwards in [px]
+    end: float  # where the arrow enters a box, downwards in [px]
+    lane: int  # number of the lane from 1 for the innermost; arrows in a lane do not overlap
     time_out: bool
-    numbers: str  # of its transitions in the list below
+    numbers: str  # numbers of the transitions in the list below the drawing
 
 
 def state_diagram_svg(table: StateTable) -> str:
-    """Draw the phases one below the other, with an arrow for each way out in a lane beside them.
+    """Draw the phases one below the other, with an arrow for each exit in a lane next to them.
 
-    Returns SVG, ending with a line break; it needs no other file and follows a dark page.
+    Returns self-contained SVG that ends with a line break and adapts to a dark page.
     """
     boxes = [
         (f"{place} {readable(phase)}", phase_colour(phase, place - 1), _box_lines(table, phase))
@@ -122,12 +122,12 @@ def state_diagram_svg(table: StateTable) -> str:
 
 
 def arrows(table: StateTable, box_height: float) -> list[Arrow]:
-    """Lay the arrows of a table beside its boxes, short ones within long ones."""
+    """Assign the arrows of a table to lanes next to its boxes, short arrows inside of long ones."""
     ways: dict[Way, list[str]] = {}
     for place, item in enumerate(table.transitions, start=1):
         way = Way(table.phase_index(item.source), table.phase_index(item.target), item.is_time_out)
         ways.setdefault(way, []).append(str(place))
-    # Of each box those who come to its edge, arrows that lead upwards above the others.
+    # Arrows at the edge of each box, with those that lead upwards above the others.
     edges = [
         sorted((sum(way[:2]) - place, way) for way in ways if place in way[:2])
         for place in range(len(table.phases))
@@ -149,7 +149,7 @@ def arrows(table: StateTable, box_height: float) -> list[Arrow]:
 
 
 def _transition_lines(table: StateTable) -> Iterator[str]:
-    """What the numbers of the arrows stand for."""
+    """Yield the lines of text that explain the numbers of the arrows."""
     for place, item in enumerate(table.transitions, start=1):
         way = f"{readable(item.source)} → {readable(item.target)}"
         text = f"{place}  {way}, {readable(item.cause)}: {condition_words(item)}"
@@ -157,12 +157,12 @@ def _transition_lines(table: StateTable) -> Iterator[str]:
 
 
 def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
-    """Rows of cells in a phase's box; a row of one cell is a remark."""
+    """Return the rows of cells in the box of a phase; a row with a single cell is a remark."""
     if isinstance(table, ModeTable):
         mode = table.phases[phase]
         told = {"walk": mode.walk, "step": mode.step, f"posture {mode.posture}": mode.posture}
         return [*((text,) for text, tells in told.items() if tells), *((text,) for text in _stay(mode))]
-    assert isinstance(table, GaitTable)  # there is no third kind
+    assert isinstance(table, GaitTable)  # a table is a mode table or a gait table
     common = table.phases[phase]
     rows: list[tuple[str, ...]] = [("", "k", "θ0", "damping", "G")]
     rows += [(readable(name), *_cells(joint)) for name, joint in common.joints.items()]
@@ -177,7 +177,7 @@ def _box_lines(table: StateTable, phase: str) -> list[tuple[str, ...]]:
 
 def _cells(joint: JointImpedance) -> tuple[str, ...]:
     sign, damping = ("b", joint.damping) if joint.damping is not None else ("ζ", joint.damping_ratio)
-    assert damping is not None  # JointImpedance holds exactly one of them
+    assert damping is not None  # JointImpedance has exactly one of the two
     return (
         number(joint.stiffness / math.degrees(1.0), _DIGITS),
         f"{number(math.degrees(joint.equilibrium_angle), _DIGITS)}°",

@@ -1,6 +1,6 @@
-"""Pictures of a sweep: main effect of every parameter, and heat maps over pairs of them.
+"""Pictures of a sweep: main effect of every parameter, and heat maps over pairs of parameters.
 
-Columns of its table become axes with levels or bins.
+Columns of the sweep's table become axes with levels or bins.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ MOST_PAIRS = 6
 MOST_PARAMETERS = 12
 PANELS_IN_ROW = 3
 _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
-# More different values than this are cut into bins.
+# More distinct values than this are divided into bins.
 MOST_LEVELS = 12
 EPISODES_PER_BIN = 6
 MOST_BINS = 8
 
 
 def axis_of(table: pd.DataFrame, column: str) -> pd.Series | None:
-    """Lay a parameter out: its level in each episode, or the middle of a bin of equally many episodes.
+    """Return the level of a parameter in each episode, or the median of a bin of equally many episodes.
 
-    Returns an ordered category, empty where an episode has none; None if there is but one value.
+    Returns an ordered category, missing where an episode has no value; None for fewer than two values.
     """
     values, count = table[column], table[column].nunique()
     if count < 2:
@@ -47,7 +47,7 @@ def axis_of(table: pd.DataFrame, column: str) -> pd.Series | None:
 
 
 def names_of(axis: pd.Series) -> list[str]:
-    """What stands beside the levels of an axis."""
+    """Return the labels of the levels of an axis."""
     digits = partial(np.format_float_positional, precision=4, fractional=False, trim="-")
     return [digits(item) if isinstance(item, float) else str(item) for item in axis.cat.categories]
 
@@ -59,11 +59,11 @@ def laid_out(table: pd.DataFrame, parameters: Sequence[str]) -> list[pd.Series]:
 
 
 def main_effect(axis: pd.Series, values: np.ndarray) -> pd.DataFrame:
-    """Sum a measure up at each level of a parameter.
+    """Summarise a measure at each level of a parameter.
 
-    ``values``: one per episode, NaN where the wearer did not walk, shape ``(n,)``. Returns a row a level:
-    ``episodes`` in all, ``n`` of them with the measure, ``mean`` and sample standard deviation ``sd`` over
-    these, NaN where there are too few.
+    ``values``: one per episode, NaN where the wearer did not walk, shape ``(n,)``. Returns a row per level:
+    number of all ``episodes``, number ``n`` of those with the measure, and ``mean`` and sample standard
+    deviation ``sd`` over these, NaN where there are too few.
     """
     groups = pd.Series(values, axis.index).groupby(axis, observed=False)
     found = pd.DataFrame({"episodes": groups.size(), "n": groups.count(), "mean": groups.mean()})
@@ -94,10 +94,10 @@ def _digits(value: float) -> str:
 def sweep_figures(
     table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
 ) -> dict[str, Drawing]:
-    """Return the figures of a sweep: the share that walked, or a measure over the episodes that did.
+    """Return the figures of a sweep: the share that walked, or a measure over the episodes that walked.
 
-    ``parameters``: columns of what was varied; ``measures``: ``walked`` and columns. Returns
-    ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
+    ``parameters``: columns of the varied parameters; ``measures``: ``walked`` and columns. Returns
+    ``main_effects_<measure>`` and, with two parameters or more, ``heat_map_<measure>``.
     """
     axes = laid_out(table, parameters)
     figures: dict[str, Drawing] = {}
@@ -112,12 +112,12 @@ def sweep_figures(
 
 
 def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
-    """A measure of every episode.
+    """Return a measure of every episode.
 
-    ``measure``: a column, or ``walked``. Returns numbers, NaN where the wearer did not walk or there is none,
+    ``measure``: a column, or ``walked``. Returns numbers, NaN where the wearer did not walk or has no value,
     shape ``(n,)``; for ``walked`` 1 or 0, and NaN for a run that was too short to judge.
     """
-    # An episode without a verdict is one that was not asked to walk, such as a held posture on the bench.
+    # An episode without a verdict contains no walk, such as a held posture on the bench.
     walked = (table["outcome"].isna() | (table["outcome"] == Outcome.WALKED)).to_numpy()
     if measure == WALKED:
         return np.where(table["outcome"] == Outcome.TOO_SHORT, np.nan, walked.astype(float))
@@ -128,7 +128,7 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
 
 
 def cell_means(values: np.ndarray, first: pd.Series, second: pd.Series) -> np.ndarray:
-    """Mean over the episodes of each combination of two parameters' levels.
+    """Compute the mean over the episodes of each combination of levels of two parameters.
 
     ``values``: one per episode, shape ``(n,)``. Returns means, NaN where there is no episode, shape
     ``(k_first, k_second)``.
@@ -139,11 +139,11 @@ def cell_means(values: np.ndarray, first: pd.Series, second: pd.Series) -> np.nd
 
 
 def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: str, title: str) -> Figure:
-    """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others.
+    """Draw a measure (shape ``(n,)``) over each parameter alone, averaged over the others.
 
-    A measure has its standard deviation as error bars; n below a level counts the episodes in the mean.
+    Error bars show the standard deviation; n below a level is the number of episodes in the mean.
     """
-    # One vertical scale, so that effects can be compared.
+    # All panels have the same vertical scale, so that effects can be compared.
     spread = "share of n runs" if measure == WALKED else "mean ± SD of the n runs that walked"
     heading = f"{title}: {_what(measure)}\n{spread}"
     figure, panels = _panels(heading, len(axes), height=3.2, sharey=True)

@@ -25,16 +25,16 @@ Outcome = Mapping[str, Any]
 
 
 def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
-    """The report as one page that needs no other file.
+    """Return the report as one self-contained page.
 
-    ``outcome``: content of ``tune.json``; ``pictures``: PNG of what :func:`drawings_of` draws, by its names.
+    ``outcome``: content of ``tune.json``; ``pictures``: PNG of the drawings of :func:`drawings_of`, by name.
     """
     title = f"A gait table tuned to {outcome['wearer']}"
     return render("tune.html", {**_content(outcome), "title": title, "pictures": pictures})
 
 
 def summary(outcome: Outcome) -> list[str]:
-    """What the tuning found and what the search took, for a terminal."""
+    """Return the result of a tuning and the cost of its search as lines for a terminal."""
     return lines("tune.txt", _content(outcome))
 
 
@@ -56,9 +56,9 @@ def drawings_of(
 
 
 def non_dominated(points: np.ndarray) -> np.ndarray:
-    """Which points no other one betters in one coordinate without being worse in another (V. Pareto).
+    """Return which points are Pareto-optimal: no other point is better in one coordinate and worse in none.
 
-    ``points``: a row each, less being better, shape ``(n, m)``. Returns mask of shape ``(n,)``.
+    ``points``: one row per point, lower values are better, shape ``(n, m)``. Returns mask of shape ``(n,)``.
     """
     no_worse = (points[:, None] <= points).all(axis=2)
     better = (points[:, None] < points).any(axis=2)
@@ -66,7 +66,7 @@ def non_dominated(points: np.ndarray) -> np.ndarray:
 
 
 def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Figure:
-    """Draw error over effort and over sensitivity, the best compromises of the three marked.
+    """Draw error over effort and over sensitivity, with the best compromises of the three marked.
 
     ``trade_offs``: ``candidates``, ``before`` and ``after``, see
     :func:`twin_gait.studies.tune.walks.standing`.
@@ -84,7 +84,7 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
         (after, {"marker": "*", "markersize": 16, "color": VERMILLION, "label": "chosen"}),
     ]
     error = f"error: RMS of {' and '.join(', '.join(joints).rsplit(', ', 1))} [°]"
-    labels = ("effort: RMS torque of the motors [N m]", "sensitivity: mean cost in the other cases")
+    labels = ("effort: RMS torque of the motors [N·m]", "sensitivity: mean cost in the other cases")
     for axes, column, label in zip(panels, (1, 2), labels, strict=True):
         for points, style in groups:
             axes.plot(points[:, column], points[:, 0], linestyle="none", **style)
@@ -95,7 +95,7 @@ def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Fig
 
 
 def draw_convergence(best: Sequence[float]) -> Figure:
-    """Draw the best cost after each generation; the start is 0."""
+    """Draw the best cost after each generation; generation 0 is the start."""
     figure = Figure(figsize=(canvas.SCREEN_WIDTH, 3.4), layout="constrained")
     axes = figure.subplots()
     axes.step(range(len(best)), best, "o-", where="post", color=AFTER_COLOUR)

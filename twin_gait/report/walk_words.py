@@ -1,4 +1,4 @@
-"""What people read of a run: its wearer, and a table of the walk."""
+"""Texts about a run for people: its wearer, and a table of the walk."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from twin_gait.measures.strides import stride_count
 
 
 def wearer_in_words(experiment: Experiment) -> list[str]:
-    """Describe the wearer, and the walk: belt speed between its ramps, and supported weight."""
+    """Describe the wearer and the walk: belt speed between its ramps, and body-weight support."""
     patient, walking, who = experiment.patient, experiment.scenario.walking, ["no wearer"]
     if patient is not None:
         name, size = wearer_of(patient).label, f"{patient.mass:g} kg, {patient.height:.2f} m"
@@ -26,7 +26,7 @@ def wearer_in_words(experiment: Experiment) -> list[str]:
 
 
 def describe(experiment: Experiment) -> list[str]:
-    """Describe in short texts everything by which two runs are told apart: wearer, walk and device."""
+    """Describe in short texts the properties that distinguish two runs: wearer, walk and device."""
     parts = parts_of(experiment)
     named = [f"{key} {parts[key].label}" for key in ("table", "device", "controller")]
     return [*wearer_in_words(experiment), *named]
@@ -36,7 +36,7 @@ DASH = "–"
 
 
 def amount(value: float | None, unit: str = "") -> str:
-    """A number with its unit and as many places as a person reads; a dash for None."""
+    """Format a number with its unit and about three significant digits; a dash for None."""
     if value is None:
         return DASH
     places = sum(abs(value) < bound for bound in (1.0, 10.0, 100.0))
@@ -44,10 +44,10 @@ def amount(value: float | None, unit: str = "") -> str:
 
 
 def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Measures of the legs beside those of healthy walking, by their names in the summary.
+    """Return a table of the measures of the legs and of healthy walking, by their names in the summary.
 
-    ``summary`` of a run; one of an earlier version has no such measures. Returns a head and a row for each
-    measure; nothing without strides on a belt. Peaks and loads without a unit are over carried weight.
+    ``summary``: summary of a run; those of earlier versions lack such measures. Returns a head and a row for
+    each measure; empty without strides on a belt. Peaks and loads without a unit are over carried weight.
     """
     legs = {side: leg for side, leg in summary["sides"].items() if leg.get("walk") and leg["strides_counted"]}
     if not legs:
@@ -71,7 +71,7 @@ def _measures(leg: Mapping[str, Any]) -> dict[str, float | None]:
 
 
 def carried_by_belt(summary: Mapping[str, Any]) -> str:
-    """That the belt carries a walk, where it does; else empty."""
+    """Return a sentence if the belt drives the walk; otherwise an empty string."""
     power = summary.get("power")
     if not power or not power["carried_by_belt"]:
         return ""
@@ -90,7 +90,7 @@ def missing_peaks(summary: Mapping[str, Any]) -> list[str]:
 
 
 def strides_of(leg: Mapping[str, Any]) -> str:
-    """Describe the strides of a leg of a summary: time, swing, double support; by phases without ground."""
+    """Describe the strides of a leg in a summary: time, swing, double support; by phases without ground."""
     by = "_by_phase" if leg["strides"] is None else ""
     counted = leg[f"strides{by}_counted"]
     told = f"{'in the air, by its phases ' if by else ''}{stride_count(counted, leg[f'strides{by}'])}"
@@ -104,7 +104,7 @@ def strides_of(leg: Mapping[str, Any]) -> str:
 
 
 def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
-    """A table in lines of text, numbers to the right."""
+    """Return a table as lines of text, with the numbers aligned to the right."""
     widths = [max(len(row[place]) for row in table) for place in range(len(table[0]))] if table else []
     for row in table:
         cells = [text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True)]

@@ -1,7 +1,7 @@
-"""What a run leaves on the disk: its directory, its summary, and how it is read again.
+"""Storage of runs: run directory, summary, and reading them back.
 
-What is offered here is imported when it is first asked for: pictures and tables take longer than a walk to
-simulate.
+The names of this package are imported at their first use, because the imports for pictures and tables take
+longer than the simulation of a walk.
 """
 
 import lazy_loader

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from twin_gait.conventions import DEGREES, RADIANS
 
-# Factor to SI by the way a unit is written; the unit of SI comes first.
+# Factor to the SI unit by the spelling of a unit; the SI unit comes first.
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0}
 ANGLES = {RADIANS: 1.0, DEGREES: math.pi / 180.0, "°": math.pi / 180.0, "turn": 2.0 * math.pi}
 FORCES = {"N": 1.0, "kN": 1e3}
@@ -28,8 +28,8 @@ def find_unit(text: str | None, units: Mapping[str, float]) -> str | None:
 def split_heading(column: str, units: Mapping[str, float]) -> tuple[str, str | None]:
     """Split the name of a column into the name without its unit, and the unit as it is written, or None.
 
-    A number in brackets is an index, as in ``dq[3]``, and no unit. A last word behind an underscore is a unit
-    if ``units`` contains it, or if it is a quotient such as ``deg_per_s``.
+    A number in brackets is an index, as in ``dq[3]``, and no unit. The last word after an underscore is a
+    unit if ``units`` contains it, or if it is a quotient such as ``deg_per_s``.
     """
     found = _HEADING.fullmatch(column.strip())
     name, bracketed, behind = found.groups() if found else (column.strip(), None, None)

@@ -1,4 +1,4 @@
-"""Folders that appear when all in them is written, and replace only their own kind."""
+"""Folders that appear only when they are complete, and that replace only folders of their own kind."""
 
 import contextlib
 import fcntl
@@ -13,32 +13,33 @@ from typing import NamedTuple
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import check_replaceable, permitted, sync_folder
 
-PARTIAL = ".partial"  # how the name of a folder ends that is being written
-SETTLED = 60.0  # [s]
+PARTIAL = ".partial"  # end of the name of a folder that is incomplete
+SETTLED = 60.0  # [s] minimum age of an abandoned folder
 JOURNAL_SUFFIX = ".unfinished.arrows"
 
 
 def journal_of(folder: Path) -> Path:
-    """File of the live walk whose run folder is not complete yet."""
+    """Return the path of the journal of a live walk whose run folder is not complete yet."""
     return folder.with_name(folder.name + JOURNAL_SUFFIX)
 
 
 class FolderKind(NamedTuple):
-    """What a command leaves behind."""
+    """Kind of folder that a command writes."""
 
     name: str  # with its article, for messages
-    mark: str  # file by which such a folder is known
+    mark: str  # name of the file that identifies such a folder
 
     def owns(self, folder: Path) -> bool:
-        """Whether a folder is of this kind, or empty."""
+        """Return whether a folder is of this kind, or empty."""
         return folder.is_dir() and ((folder / self.mark).is_file() or not any(folder.iterdir()))
 
 
 @contextlib.contextmanager
 def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> Iterator[Path]:
-    """Give a hidden folder beside the target that takes its place when all is written.
+    """Provide a hidden folder next to the target that replaces it when all files are written.
 
-    Whatever happens inside, the target is either as it was or complete.
+    The target is either unchanged or complete, even after an error. Raises RunDirectoryError if it exists and
+    may not be replaced, or cannot be written.
     """
     target = target.expanduser().absolute()
     check_target(target, kind, force=force)
@@ -60,22 +61,22 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
 
 
 def hold(folder: Path) -> int | None:
-    """Lock a folder; the system takes the lock back from a process that is killed. None if it is held."""
+    """Lock a folder until the returned descriptor is closed or the process ends; None if it is locked."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # held, or on a file system without locks
+    except OSError:  # the folder is locked, or the file system has no locks
         os.close(descriptor)
         return None
     return descriptor
 
 
 def abandoned(parent: Path) -> list[Path]:
-    """What killed runs have left behind beside the folders that they were to make."""
+    """Return the incomplete folders of killed runs in a parent folder."""
     found = []
     with contextlib.suppress(OSError):
         for path in sorted(parent.glob(f".*{PARTIAL}")):
-            # One that is a moment old may be about to be locked.
+            # The process of a new folder may not have locked it yet.
             if path.is_symlink() or time.time() - path.stat().st_mtime < SETTLED:
                 continue
             held = hold(path)
@@ -86,7 +87,7 @@ def abandoned(parent: Path) -> list[Path]:
 
 
 def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
-    """Refuse a folder that exists, unless it is of its kind and may be replaced."""
+    """Raise RunDirectoryError if a folder exists and may not be replaced, or is of another kind."""
     target = target.expanduser().absolute()
     check_replaceable(target)
     if not target.exists():

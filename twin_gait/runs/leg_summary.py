@@ -1,4 +1,4 @@
-"""One leg of a run in numbers, for the summary."""
+"""Measures of one leg of a run for the summary."""
 
 import math
 from collections.abc import Mapping
@@ -22,18 +22,19 @@ from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
-SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
+SETTLED_AFTER = 3  # number of strides after which a timeout is not due to the start of the walk
 
 
 def continuous_current(actuator: ActuatorParameters) -> float:
-    """Current that a motor can hold in [A]."""
+    """Return the continuous current of a motor in [A]."""
     return torque_to_current(actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio)
 
 
 def reference_error(run: Run, angles: np.ndarray, joint: JointName, bounds: np.ndarray) -> float:
-    """RMS distance of a joint's strides from healthy walking in [deg]; NaN without strides or reference.
+    """Compute the RMS distance of strides from healthy walking in [deg]; NaN without strides or reference.
 
-    ``angles`` of the joint in [rad], one a tick; ``bounds``: its strides, shape ``(n_strides, 2)``.
+    ``angles``: angles of the joint in [rad], one per tick; ``bounds``: first tick of each stride and of the
+    next one, shape ``(n_strides, 2)``.
     """
     reference = reference_cycle(run.experiment, joint)
     if reference is None:
@@ -51,9 +52,9 @@ def _largest_magnitude(values: np.ndarray) -> float:
 
 
 def limit_shares(run: Run) -> dict[str, float]:
-    """Compute how often the motors of a run are at a limit, by names in a summary.
+    """Compute the shares of the ticks at which motors of a run are at a limit, by their names in a summary.
 
-    ``worst_joint_saturated_share``: share of the ticks of the joint that is at a limit most often;
+    ``worst_joint_saturated_share``: share of the ticks with the joint at a limit, for the worst joint;
     ``any_joint_saturated_share``: share of the ticks in which at least one joint is at a limit.
     """
     legs = [MeasuredLeg(run, record) for record in run.leg_records()]
@@ -66,11 +67,11 @@ def limit_shares(run: Run) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredLeg:
-    """A leg of a run, and what it did in numbers by their names in a summary; NaN if not defined."""
+    """Measures of one leg of a run by their names in a summary; NaN if not defined."""
 
     run: Run
     record: LegRecord
-    skip: int = SKIPPED_STRIDES  # strides at the start that do not count
+    skip: int = SKIPPED_STRIDES  # number of strides at the start that are not counted
 
     @cached_property
     def log(self) -> LogColumns:
@@ -79,11 +80,11 @@ class MeasuredLeg:
 
     @cached_property
     def strides(self) -> np.ndarray:
-        """Those that count, see :meth:`LegRecord.strides`."""
+        """Bounds of the counted strides, see :meth:`LegRecord.strides`."""
         return self.record.strides(skip=self.skip)
 
     def summary(self, measures: Mapping[str, float] | None = None) -> dict[str, Any]:
-        """Gait and effort, with ``measures`` of the walk on a belt; None or NaN if not defined."""
+        """Return gait and effort, with ``measures`` of a walk on a belt; None or NaN if not defined."""
         return {
             **self.by_contact(),
             **self.by_phase(),
@@ -99,7 +100,7 @@ class MeasuredLeg:
         return load_shape(mean_stride(force / walkway.carried_weight, self.strides)).pattern
 
     def in_brief(self) -> dict[str, Any]:
-        """The part of :meth:`summary` that a table of many runs holds."""
+        """Return the part of :meth:`summary` that a table of many runs contains."""
         return {
             **self.by_contact(),
             "strides_by_phase": len(self.record.strides_by_phase(skip=0)),
@@ -109,22 +110,22 @@ class MeasuredLeg:
         }
 
     def column(self, joint: JointName, quantity: str) -> np.ndarray:
-        """A quantity of a joint at every tick, as the log has it."""
+        """Return the column of the log with a quantity of a joint at every tick."""
         return np.asarray(self.log[f"{self.record.side}_{joint}_{quantity}"])
 
     def wearer_velocity(self, joint: JointName) -> np.ndarray:
-        """Of the wearer's own joint at every tick in [rad] / [s]."""
+        """Return the velocity of the wearer's joint at every tick in [rad/s]."""
         name = wearer_column(self.log, self.record.side, joint, "velocity_rad_per_s")
         return np.asarray(self.log[name])
 
     def compared_angles(self) -> dict[JointName, np.ndarray]:
-        """Angles that healthy walking has too: of the driven joints, and of the ankle where there is one."""
+        """Return the angles with a healthy reference [rad]: driven joints, and the wearer's ankle."""
         log, angles = self.log, dict(self.record.angles)
         ankle = wearer_column(log, self.record.side, JointName.ANKLE, "angle_rad")
         return angles | ({JointName.ANKLE: np.asarray(log[ankle])} if ankle in log else {})
 
     def errors(self) -> dict[str, Any]:
-        """Distance of hip, knee and ankle from healthy walking, in parts; nothing without a reference."""
+        """Return the parts of the errors of hip, knee and ankle; empty without a healthy reference."""
         found = {}
         for joint, angles in self.compared_angles().items():
             reference = reference_cycle(self.run.experiment, joint)
@@ -134,14 +135,14 @@ class MeasuredLeg:
         return {"errors": found} if found else {}
 
     def by_contact(self) -> dict[str, Any]:
-        """What strides from heel strike to heel strike tell; None without ground."""
+        """Return the measures of strides from heel strike to heel strike; None for each without ground."""
         record, contacts = self.record, self.record.contacts
         if contacts is None or record.clearance is None:
             return {"strides": None, "further_contacts": None}
-        if self.run.trip is not None:  # legs that are held are lowered; no machine moves them
+        if self.run.trip is not None:  # in the hold the legs are lowered, not moved by the gait table
             contacts = contacts.before(self.run.trip.tick)
         lags = phases.entry_lags(record.entries, contacts.heel_strikes, TICK)
-        # A step that begins or ends a walk may land in another phase.
+        # A step at the start or the end of a walk may land in another phase.
         even = np.array([(span.start, span.stop) for span in record.steady_ticks], dtype=int).reshape(-1, 2)
         missed = np.isnan(lags) & strides.in_strides(contacts.heel_strikes, even)
         clearances = swing_clearances(record.clearance, contacts)
@@ -164,7 +165,7 @@ class MeasuredLeg:
         }
 
     def by_phase(self) -> dict[str, Any]:
-        """What strides from one entry into the first phase to the next tell."""
+        """Return the measures of strides from one entry into the first phase to the next."""
         record = self.record
         counted, time_outs = record.strides_by_phase(skip=self.skip), self.time_outs()
         since = int(counted[0, 0]) if len(counted) else len(record.phases)
@@ -191,7 +192,7 @@ class MeasuredLeg:
         }
 
     def phases_in_order(self) -> bool:
-        """Whether the phases of the table's first cycle followed each other while the leg walked evenly."""
+        """Return whether the phases followed the order of the table's first cycle in steady walking."""
         record, names = self.record, self.run.table.phase_names
         cycle = (*self.run.table.cycles, names)[0]
         places = np.array([cycle.index(name) if name in cycle else -1 for name in names])
@@ -200,18 +201,18 @@ class MeasuredLeg:
         )
 
     def time_outs(self) -> list[int]:
-        """Ticks of the switches that only the clock made."""
+        """Return the ticks of the switches that a timeout caused."""
         clocked = {place for place, item in enumerate(self.run.table.transitions) if item.is_time_out}
         own = [item for item in self.run.switches if item.side is self.record.side]
         return [item.tick for item in own if item.transition in clocked and item.cause != POSTURE]
 
     def joint(self, joint: JointName) -> dict[str, float]:
-        """Everything that is measured of a driven joint."""
+        """Return all measures of a driven joint."""
         rooms = (self.effort, self.work, self.torque_at_switches, self.energy_at_switches, self.jerk)
         return {name: value for measured in rooms for name, value in measured(joint).items()}
 
     def effort(self, joint: JointName) -> dict[str, float]:
-        """Motion of a joint and effort of its motor."""
+        """Return measures of the motion of a joint and of the effort of its motor."""
         actuator = self.run.experiment.plant.actuators[joint]
         found = {**self.motion(joint), **self.saturation(joint)}
         for quantity, unit, values, continuous in (
@@ -224,7 +225,7 @@ class MeasuredLeg:
         return found
 
     def motion(self, joint: JointName) -> dict[str, float]:
-        """Means over the counted strides of range, lowest and highest angle of a joint."""
+        """Compute range, lowest and highest angle of a joint in [deg], as means over the counted strides."""
         lowest, peak = np.degrees(strides.stride_extremes(self.record.angles[joint], self.strides)).T
         return {
             "range_of_motion_deg": finite_mean(peak - lowest),
@@ -247,7 +248,7 @@ class MeasuredLeg:
         return effort.saturation_shares(*self._limits_of(joint))
 
     def double_support_share(self) -> float:
-        """Compute the share of the counted strides in which both feet carry; NaN for one leg alone."""
+        """Compute the share of the counted strides with both feet loaded; NaN for a single leg."""
         own = self.record
         other = next((item for item in self.run.leg_records() if item.side is not own.side), None)
         if other is None or own.loaded is None or other.loaded is None:
@@ -255,7 +256,7 @@ class MeasuredLeg:
         return strides.double_support_share(own.loaded, other.loaded, self.strides)
 
     def work(self, joint: JointName) -> dict[str, float]:
-        """What a motor does at its joint, means over the counted strides; work is per mass of the wearer."""
+        """Compute peak power [W] and work [J/kg of the wearer] of a motor, means over counted strides."""
         patient = self.run.experiment.patient
         mass = math.nan if patient is None else patient.mass
         power = self.column(joint, "motor_torque_Nm") * self.column(joint, "velocity_rad_per_s")
@@ -270,10 +271,10 @@ class MeasuredLeg:
         }
 
     def torque_at_switches(self, joint: JointName) -> dict[str, float]:
-        """What the switches in the counted strides do to the commanded torque of a joint.
+        """Compute the changes of the command torque of a joint at the switches in the counted strides.
 
         ``switch_torque_jump_Nm`` is its largest change in one tick of a blend, ``switch_torque_change_Nm``
-        that from before a switch to any tick of its blend.
+        its largest change from before a switch to any tick of the blend.
         """
         table, side, command = self.run.table, self.record.side, self.column(joint, "motor_command_torque_Nm")
         own = [item for item in self.run.switches if item.side is side and 0 < item.tick < len(command)]
@@ -288,17 +289,17 @@ class MeasuredLeg:
         }
 
     def energy_at_switches(self, joint: JointName) -> dict[str, float]:
-        """What the switches put into the virtual spring of a joint on balance, mean over strides.
+        """Compute the net energy that switches add to the virtual spring of a joint [J], mean over strides.
 
-        It is of the spring that the gait table asks for, also where a limit or another controller keeps the
-        motor from acting like it.
+        The spring is that of the gait table, even if a limit or another controller keeps the motor from
+        following it.
         """
         names = ("measured_angle_rad", "stiffness_Nm_per_rad", "equilibrium_rad")
         energy = switching.switching_energy(*(self.column(joint, name) for name in names))
         return {"switch_energy_J": finite_mean(switching.sums_over(energy, self.strides))}
 
     def jerk(self, joint: JointName) -> dict[str, float]:
-        """Jerk of a joint over the strides, filtered as :mod:`twin_gait.measures.switching` says."""
+        """Compute the jerk of a joint over the strides with :mod:`twin_gait.measures.switching`."""
         velocity, bounds = self.wearer_velocity(joint), self.strides
         jerk = switching.joint_jerk(velocity, TICK)
         ticks = (bounds[:, 1] - bounds[:, 0]).sum()

@@ -1,4 +1,4 @@
-"""Read log files as columns: parquet, motion files of OpenSim (.mot, .sto) and any other table of text.
+"""Reader of log files as columns: parquet, motion files of OpenSim (.mot, .sto) and any table of text.
 
 The header of a motion file states ``nRows``, ``nColumns`` and ``inDegrees`` as ``key=value``; files of the
 older SIMM form state no unit. Several columns may have the same name.
@@ -24,10 +24,10 @@ from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import LONGEST_LINE, MOST_TEXT, read_bytes, read_parquet, require_table_size
 from twin_gait.runs.text_layout import BLANKS, bare_name, encoding_of, find_layout, is_missing, used_lines
 
-_LISTED = 12  # columns that a message names
+_LISTED = 12  # largest number of columns that a message names
 _NEXUS_BLOCKS = frozenset({"Model Outputs", "Trajectories", "Devices", "Joints", "Segments"})
 END_OF_HEADER = "endheader"
-_UNITS = {"yes": DEGREES, "no": RADIANS, None: None}  # by what inDegrees says
+_UNITS = {"yes": DEGREES, "no": RADIANS, None: None}  # unit by the value of inDegrees
 T = TypeVar("T")
 
 
@@ -35,28 +35,31 @@ T = TypeVar("T")
 class LogTable:
     """Columns of a log file."""
 
-    source: str  # the file, for messages
-    frame: pd.DataFrame  # the columns; a name may occur twice
-    unit: str | None = None  # of angles, if the file states it: ``rad`` or ``deg``
+    source: str  # path of the file, for messages
+    frame: pd.DataFrame  # table of the columns; a name may occur twice
+    unit: str | None = None  # unit of angles, if the file states it: ``rad`` or ``deg``
     opensim: bool = False  # whether it is a motion file of OpenSim
     decimal: str = "."  # decimal mark
-    notices: tuple[str, ...] = ()  # deviations from the format that were accepted, one line each
+    notices: tuple[str, ...] = ()  # accepted deviations from the format, one line each
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the columns, in order."""
+        """Names of the columns, in order."""
         return tuple(map(str, self.frame.columns))
 
     def __contains__(self, name: str) -> bool:
-        """Whether there is a column of that name."""
+        """Return whether there is a column of that name."""
         return name in self.names
 
     def numbers(self, name: str, *, gaps: bool = False) -> np.ndarray:
-        """A column of finite numbers; with ``gaps`` NaN where a cell says that there is none."""
+        """Return a column of finite numbers, with ``gaps`` NaN where a cell states that there is no number.
+
+        Raises ParameterFileError with the first row that has no finite number.
+        """
         cells = self._column(name)
         try:
             values = cells.to_numpy(dtype=float)
-        except (ValueError, TypeError, OverflowError):  # not every cell is a number: which of them
+        except (ValueError, TypeError, OverflowError):  # a cell is no number: convert each cell alone
             values = np.array([number_of(item, self.decimal) for item in cells])
         wrong = np.flatnonzero(~np.isfinite(values))
         if gaps:
@@ -69,22 +72,22 @@ class LogTable:
         return values
 
     def words(self, name: str) -> np.ndarray:
-        """A column of names."""
+        """Return a column of names, shape ``(n,)``."""
         return np.array([str(item).strip() for item in self._column(name)], dtype=object)
 
     def signed_name(self, name: str) -> tuple[str, float]:
-        """Return the full name of a column, and -1 if a minus precedes the given name, or else 1."""
+        """Return the full name of a column, and -1 if a minus precedes the given name, otherwise 1."""
         if name.startswith("-") and name not in self:
             return self.full_name(name[1:].strip()), -1.0
         return self.full_name(name), 1.0
 
     def full_name(self, name: str) -> str:
-        """Return the name of a column that is given with or without the unit in brackets behind it."""
+        """Return the name of a column that is given with or without its unit in brackets."""
         known = [full for full in self.names if name in (full, bare_name(full))]
         return name if name in self.names else self._only(known, name)
 
     def listed(self) -> str:
-        """Names of the columns for a message."""
+        """Return the names of the columns for a message."""
         more = f" and {len(self.names) - _LISTED} more" if len(self.names) > _LISTED else ""
         return ", ".join(self.names[:_LISTED]) + more
 
@@ -101,7 +104,7 @@ class LogTable:
 
 
 def number_of(cell: Any, decimal: str = ".") -> float:
-    """Value of a cell to the last digit; NaN if it holds no number."""
+    """Return the value of a cell with all its digits; NaN if it contains no number."""
     try:
         return float(cell.replace(decimal, ".") if isinstance(cell, str) else cell)
     except (ValueError, TypeError, OverflowError):
@@ -109,7 +112,10 @@ def number_of(cell: Any, decimal: str = ".") -> float:
 
 
 def read_table(path: Path) -> LogTable:
-    """Read a log file of one of the known formats, by the ending of its name."""
+    """Read a log file in the format that the ending of its name states.
+
+    Raises ParameterFileError if there is no such file, the format is unknown or the file is not valid.
+    """
     readers: dict[str, Callable[[Path], LogTable]] = {".parquet": _read_parquet}
     readers |= dict.fromkeys((".csv", ".tsv", ".txt"), read_text_table)
     readers |= dict.fromkeys((".mot", ".sto"), _read_storage)
@@ -132,9 +138,8 @@ def _read_parquet(path: Path) -> LogTable:
 def read_text_table(path: Path, required: Collection[str] = ()) -> LogTable:
     """Read a table of text with commas, semicolons, tabs or blanks between its cells.
 
-    Comments, and lines above the names of the columns, are passed over; ``required``: some of the names. A
-    table without names has numbered columns. A line of units below the names is appended to the names in
-    brackets.
+    Comments, and lines above the names of the columns, are skipped; ``required``: some of the names. A table
+    without names has numbered columns. A line of units below the names is appended to the names in brackets.
     """
     layout = find_layout(_lines_of_table(path), required)
     frame = _cells(path, layout.rows, layout.separator)
@@ -191,7 +196,7 @@ def _coordinate(name: str) -> str:
 
 
 def _lines(path: Path) -> list[str]:
-    """Lines of a text, unless it or one of them is larger than that of any log of a walk."""
+    """Return the lines of a text file; raise ParameterFileError if it or one of its lines is too large."""
     try:
         content = read_bytes(path, MOST_TEXT)
         encoding = encoding_of(content)
@@ -212,13 +217,13 @@ def _lines(path: Path) -> list[str]:
 
 
 def _cells(path: Path, lines: Sequence[str], separator: str) -> pd.DataFrame:
-    """Cells as they are written, the names in the first row."""
+    """Return the cells as strings, the names in the first row."""
     if not lines:
         raise ParameterFileError(path, "", "is empty; expected a line of column names and rows of numbers")
     require_table_size(path, len(lines) - 1, lines[0].count(separator) + 1)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # for rows longer than the header
             return pd.read_csv(
                 io.StringIO("\n".join(lines)), sep=separator, header=None, index_col=False,
                 skipinitialspace=True, dtype=str, keep_default_na=False,

@@ -1,6 +1,6 @@
-"""Copies of a user's own files in a folder, so that it opens on another machine: URDF, meshes and DBC.
+"""Copies of the user's files in a folder, so that it can be read on another machine: URDF, meshes and DBC.
 
-Person, gait table and modes need no copy: ``experiment.yaml`` has their content.
+Person, gait table and modes need no copy, because ``experiment.yaml`` contains them.
 """
 
 import warnings
@@ -17,25 +17,25 @@ FILES_FOLDER = "files"
 
 
 class StoredFile(NamedTuple):
-    """A file that an experiment names, and its copy in a folder."""
+    """File that an experiment names, and its copy in a folder."""
 
-    section: str  # of the experiment file that names it
+    section: str  # section of the experiment file that names the file
     path: Path  # absolute path of the original
-    name: str  # path of the copy in the folder, or the name of a file that ships and is not copied
+    name: str  # path of the copy in the folder, or name of a file of the package, which is not copied
 
     @property
     def copied(self) -> bool:
-        """Whether the folder has a copy."""
+        """Whether the folder contains a copy."""
         return self.name != self.path.name
 
     def is_in(self, folder: Path) -> bool:
-        """Whether a folder has all that it needs of this file, with the content of the original."""
+        """Return whether a folder has an up-to-date copy of this file, or needs none."""
         copy = folder / self.name
         return not self.copied or (copy.is_file() and copy.read_bytes() == self.path.read_bytes())
 
 
 def stored_file(section: str, path: Path, folder: str = FILES_FOLDER) -> StoredFile:
-    """Return a file with the name of its copy, which lies in ``folder``, a relative path."""
+    """Return a file with the name of its copy in ``folder``, a relative path."""
     shipped = shipped_file(path.name)
     ships = shipped is not None and shipped.read_bytes() == path.read_bytes()
     return StoredFile(section, path, path.name if ships else Path(folder, path.name).as_posix())
@@ -50,7 +50,7 @@ def files_of(experiment: Experiment) -> list[StoredFile]:
 
 
 def store_files(files: Iterable[StoredFile], folder: Path) -> dict[str, str]:
-    """Copy files into a folder, a URDF with its meshes, unless they ship with the package.
+    """Copy files into a folder, a URDF with its meshes, unless they are part of the package.
 
     Returns their names in ``experiment.yaml`` by section. Raises RunDirectoryError if a copy cannot be
     written.
@@ -67,7 +67,7 @@ def store_files(files: Iterable[StoredFile], folder: Path) -> dict[str, str]:
 
 
 def _store_meshes(urdf: Path, folder: Path) -> None:
-    from twin_gait.viewer.visuals import mesh_files, stored_mesh  # the viewer takes its time to import
+    from twin_gait.viewer.visuals import mesh_files, stored_mesh  # the import of the viewer is slow
 
     for name, path in mesh_files(urdf).items():
         copy = stored_mesh(name, folder)

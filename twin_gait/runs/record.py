@@ -1,4 +1,4 @@
-"""The run directory: what a run leaves behind, written atomically, and how it is read again."""
+"""Run directory: the files of a run, written atomically, and their reader."""
 
 import io
 import json
@@ -45,11 +45,11 @@ RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
 
 
 class StoredRun(NamedTuple):
-    """A run read back from its directory."""
+    """Run that was read from its directory."""
 
-    run: Run  # as :func:`twin_gait.simulate` gave it back
+    run: Run  # run as :func:`twin_gait.simulate` returned it
     summary: Mapping[str, Any]  # content of ``summary.json``
-    name: str = ""  # of its directory
+    name: str = ""  # name of its directory
 
 
 def write_run(
@@ -60,9 +60,9 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Write everything that a run leaves behind into a folder; return the summary.
+    """Write all files of a run into a folder; return the summary.
 
-    A picture or page that cannot be made is warned of, recorded in the summary and left out.
+    A picture or page that cannot be drawn causes a warning, is recorded in the summary and is left out.
     """
     files = store_files(files_of(run.experiment), directory)
     resolved = resolved_document(run.experiment, document, versions(), files)
@@ -84,7 +84,7 @@ def write_run(
 
 
 def _write_page(stored: StoredRun, path: Path) -> dict[str, str]:
-    """Write the page that plays a run; return the reason by the name of the file if that is not possible."""
+    """Write the page that plays a run; return the reason by the name of the file if that fails."""
     try:
         from twin_gait.runs.run_page import page_of
 
@@ -97,7 +97,7 @@ def _write_page(stored: StoredRun, path: Path) -> dict[str, str]:
 def _draw(run: Run, folder: Path) -> dict[str, str]:
     """Draw the first figures of a run into a folder; return the reason by the name of each that failed.
 
-    The reason of all of them, such as a matplotlib that cannot be imported, is named after the folder.
+    A reason that applies to all of them, such as a failed import of matplotlib, has the name of the folder.
     """
     try:
         from twin_gait.report.figures import first_figures, write_figures
@@ -110,9 +110,10 @@ def _draw(run: Run, folder: Path) -> dict[str, str]:
 def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:
     """Write a run directory, as ``twin-gait simulate`` does.
 
-    ``run``: the run. ``folder``: the directory to make; it appears when all in it is written. ``pictures``:
-    whether to draw the first figures and the animation. ``force``: whether an existing run directory may be
-    replaced. Returns the directory. Raises RunDirectoryError if it exists, or cannot be written.
+    ``run``: the run. ``folder``: the new directory, which appears when it is complete. ``pictures``: whether
+    to draw the first figures and the animation. ``force``: whether an existing run directory may be
+    replaced. Returns the directory. Raises RunDirectoryError if it exists without ``force`` or is not a run
+    directory, or cannot be written.
     """
     target = Path(folder).expanduser()
     with staged_directory(target, RUN_DIRECTORY, force=force) as staging:
@@ -127,13 +128,14 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
     write_parquet(path, log, **about, units=units, meanings=meanings)
 
 
-Measured = Callable[[Side, str, str], np.ndarray]  # of a side, a joint and a name: the quantity at every tick
+# Returns the quantity of a side, a joint and a name at every tick.
+Measured = Callable[[Side, str, str], np.ndarray]
 
 
 def switches_csv(
     switches: Sequence[PhaseSwitch], joints: Sequence[str], measured: Measured, start: float = 0.0
 ) -> str:
-    """Phase switches with their causes, angles and velocities, as CSV text; ``start``: time of tick 0."""
+    """Return switches with causes, angles and velocities as CSV text; ``start``: time of tick 0 [s]."""
     names = [(joint, name) for joint in joints for name in ("angle_rad", "velocity_rad_per_s")]
     heads = ("tick", "time_s", "side", "from", "to", "cause", *(f"{joint}_{name}" for joint, name in names))
     rows = [
@@ -158,18 +160,18 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
 
 
 def load_run(folder: str | Path) -> Run:
-    """Read a run directory back.
+    """Read a run directory.
 
-    ``folder``: the directory. Returns the run, with log, switches and trip as they were, and the experiment
-    with everything resolved, such as the integrator that its engine chose. Raises ParameterFileError if its
-    experiment file has a mistake, or URDF or table have changed since. Raises RunDirectoryError if it is not
-    a complete run directory.
+    ``folder``: the directory. Returns the run with its log, switches and trip, and the experiment with all
+    resolved values, such as the integrator that its engine chose. Raises ParameterFileError if its experiment
+    file has a mistake, or URDF or table have changed since. Raises RunDirectoryError if it is not a complete
+    run directory.
     """
     return read_run(Path(folder)).run
 
 
 def read_run(directory: Path) -> StoredRun:
-    """Read a run back with its summary; raises as :func:`load_run`."""
+    """Read a run with its summary; raise the errors of :func:`load_run`."""
     directory = directory.expanduser()
     if journal_of(directory.absolute()).is_file():
         way_out = f"twin-gait sessions complete {directory}"
@@ -177,7 +179,7 @@ def read_run(directory: Path) -> StoredRun:
     if not (directory / EXPERIMENT_FILE).is_file():
         raise RunDirectoryError(f"{directory}: not a run directory: it has no {EXPERIMENT_FILE}")
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
-    # A controller of the user's own, whose module may be gone, changes nothing in what is read here.
+    # A controller of the user, whose module may no longer exist, does not change the data that are read here.
     problem = build_problem(replace(experiment, controller=None))
     table = problem.table
     switches = _read_switches(directory / SWITCHES_FILE, table)
@@ -210,7 +212,7 @@ def read_run(directory: Path) -> StoredRun:
 
 
 def _trip_of(safety: Mapping[str, Any]) -> Trip | None:
-    """What the safety monitor tripped on, by that part of a summary."""
+    """Return the trip of the safety monitor from that part of a summary; None without a trip."""
     if not safety["tripped"]:
         return None
     side, _, joint = safety["place"].partition(" ")

@@ -1,4 +1,4 @@
-"""Runs of any age as a page shows them: one alone, or two beside each other."""
+"""Page of one stored run, or of two stored runs next to each other."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,10 @@ from twin_gait.vocabulary import Surroundings
 
 
 def about(stored: StoredRun, other: StoredRun | None = None) -> About:
-    """Return the texts of the page of a run, measures from its summary; ``other``: second run of a pair."""
+    """Return the texts of the page of a run, with measures from its summary.
+
+    ``other``: second run of a pair. Raises RunDirectoryError if the summary is not complete.
+    """
     run, summary, name = stored
     subtitle = describe(run.experiment)
     beside = subtitle if other is None else describe(other.run.experiment)
@@ -39,7 +42,7 @@ def about(stored: StoredRun, other: StoredRun | None = None) -> About:
 
 
 def page_of(runs: Sequence[StoredRun], *, moments: Sequence[float] = ()) -> str:
-    """The page of one run, or of two beside each other, their frames at the same ``moments`` in [s]."""
+    """Return the page of one run, or of two next to each other with frames at the same ``moments`` in [s]."""
     changes = (phase_changes(one.run.log) for one in runs)
     events = ([event.time for event in one.run.events] for one in runs)
     wanted = np.unique(np.concatenate([np.asarray(moments, dtype=float), *changes, *events]))
@@ -59,7 +62,7 @@ def page_of(runs: Sequence[StoredRun], *, moments: Sequence[float] = ()) -> str:
 
 
 def setting_of(experiment: Experiment) -> Setting:
-    """What the viewer draws around the figure."""
+    """Return the setting that the viewer draws around the figure."""
     world, walking = experiment.scenario, experiment.scenario.walking
     carried = walking is not None and walking.support_share > 0.0
     return Setting(
@@ -74,5 +77,5 @@ def setting_of(experiment: Experiment) -> Setting:
 
 
 def modes_of(experiment: Experiment) -> Sequence[str]:
-    """Names of the operating modes in the order of their codes, or nothing."""
+    """Return the names of the modes of operation in the order of their codes; empty without modes."""
     return () if experiment.modes is None else tuple(experiment.modes.phases)

@@ -1,4 +1,4 @@
-"""Check of the log of a run folder, which somebody may have edited, cut or written with another program."""
+"""Check of the log of a run folder, which may have been edited, cut or written by another program."""
 
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,10 @@ from twin_gait.simulation.problem import Problem
 
 
 def checked_log(log: pd.DataFrame, problem: Problem, path: Path) -> pd.DataFrame:
-    """Check that a log has the columns of an experiment, numbers in them, phases and every tick.
+    """Check that a log has the columns of an experiment, with numbers, known phases and a row for every tick.
 
-    Returns the log, its phases as categories of the gait table. Raises RunDirectoryError, with the column and
-    the row, if it has not.
+    Returns the log with its phases as categories of the gait table. Raises RunDirectoryError with the column
+    and the row of the first deviation.
     """
     again = f"restore the file, or run it again: twin-gait simulate {path.parent}"
     if log.empty:

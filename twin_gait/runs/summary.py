@@ -1,4 +1,4 @@
-"""A run in numbers: what goes into ``summary.json``."""
+"""Summary of a run in numbers: the content of ``summary.json``."""
 
 import math
 import platform
@@ -28,14 +28,14 @@ from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulator import simulate
 from twin_gait.vocabulary import JointName, Side
 
-# Distributions whose version can change a number of a log, by the name that people know.
+# Distributions whose version can change a number of a log, by their usual name.
 NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
 SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that the numbers rest on."""
+    """Return the versions of this package, Python and the libraries that determine the numbers."""
     return {
         "twin_gait": twin_gait.__version__,
         "python": platform.python_version(),
@@ -44,9 +44,9 @@ def versions() -> dict[str, str]:
 
 
 def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
-    """Sum a run up, ready for JSON: plain values, angles in degrees as the keys say, None where not defined.
+    """Summarise a run for JSON: plain values in the units that the keys state, None where not defined.
 
-    ``skip_strides``: strides at the start that do not count.
+    ``skip_strides``: number of strides at the start that are not counted.
     """
     walk = run.walk_measures(skip=skip_strides)
     sides = {
@@ -88,7 +88,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
 def identity_in_words(experiment: Experiment) -> dict[str, Any]:
     """Return the description of an experiment, and wearer, table, device and controller with their hashes.
 
-    A controller of the user's own also has its module, class and hash of the source.
+    A controller of the user also has its module, its class and the hash of its source.
     """
     patient, own = experiment.patient, experiment.controller
     wearer = None
@@ -102,7 +102,7 @@ def identity_in_words(experiment: Experiment) -> dict[str, Any]:
 
 
 def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:
-    """Symmetry indices of the two legs, or None for one leg."""
+    """Return the symmetry indices of the two legs, or None for one leg."""
     if len(sides) < 2:
         return None
     left, right = sides[Side.LEFT], sides[Side.RIGHT]
@@ -110,7 +110,7 @@ def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None
 
 
 def _walk(run: Run, legs: Mapping[Side, Mapping[str, float]], skip: int) -> dict[str, Any]:
-    """Return who drives a walk on a belt, and the measures of the healthy one; nothing on the bench."""
+    """Return the power of a walk and the measures of healthy walking; empty without a walkway."""
     power = run.walk_power(skip=skip, legs=legs)
     if power is None:
         return {}
@@ -118,7 +118,7 @@ def _walk(run: Run, legs: Mapping[Side, Mapping[str, float]], skip: int) -> dict
 
 
 def battery_in_numbers(run: Run) -> dict[str, float]:
-    """What a run takes from the battery, and how long that lasts."""
+    """Compute the use of the battery in a run, and the battery life in [h] at its mean power."""
     battery = run.experiment.plant.battery
     use = effort.battery_use(np.asarray(run.columns["battery_power_W"]), TICK, battery.continuous_power)
     return {
@@ -130,14 +130,14 @@ def battery_in_numbers(run: Run) -> dict[str, float]:
 
 
 def energy_in_numbers(run: Run) -> dict[str, float]:
-    """How well the energy of a run balances with the work of all sources."""
+    """Compute the balance of the energy of a run with the work of all sources."""
     log = run.columns
     works = np.array([np.asarray(log[f"{source}_work_J"]) for source in work_sources(log)])
     return effort.energy_balance(np.asarray(log["kinetic_energy_J"] + log["potential_energy_J"]), works)
 
 
 def _safety(run: Run) -> dict[str, Any]:
-    """What the safety monitor did, and the faults of the experiment in their notation."""
+    """Return the state and the trip of the safety monitor, and the faults of the experiment as text."""
     trip = run.trip
     return {
         "watched": run.experiment.control.safety.enabled,
@@ -150,7 +150,7 @@ def _safety(run: Run) -> dict[str, Any]:
 
 
 def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
-    """What device and wearer do to each other, and how far they move apart."""
+    """Compute the loads of the braces between device and wearer, and their relative motion."""
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
     log, interaction = run.log, dict[str, dict[str, float]]()
@@ -172,15 +172,15 @@ def interaction_summary(run: Run, skip_strides: int = SKIPPED_STRIDES) -> dict[s
 
 
 def _brace(log: pd.DataFrame, load: str, device: str, wearer: str) -> tuple[float, float, float]:
-    """RMS and peak of the load of a brace, and how far its two ends come apart; arguments are columns."""
+    """Return RMS and peak of a brace's load, and the peak distance of its ends; arguments are columns."""
     values, apart = log[load].to_numpy(), (log[device] - log[wearer]).to_numpy()
     return effort.root_mean_square(values), float(np.abs(values).max()), float(np.abs(apart).max())
 
 
 def crutch_summary(run: Run) -> dict[str, Any]:
-    """Way, lean and arms of a run with a free trunk; nothing for one whose pelvis is guided.
+    """Compute distance, lean and use of the arms for a run with a free trunk; empty for a guided pelvis.
 
-    The run is repeated without crutches: what the arms are needed for is not left to belief.
+    The run is repeated without crutches to measure the contribution of the arms.
     """
     if TRUNK_PITCH not in run.log or len(run.log) == 0:
         return {}
@@ -203,7 +203,7 @@ def crutch_summary(run: Run) -> dict[str, Any]:
 
 
 def _without_arms(run: Run) -> dict[str, Any] | None:
-    """How the same run ends without crutches, and when."""
+    """Return status, reason and duration of the same run without crutches; None without crutches."""
     world = run.experiment.scenario.without_aids()
     if world is None:
         return None

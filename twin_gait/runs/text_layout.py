@@ -1,7 +1,7 @@
 """Layout of a text table: encoding, separator, decimal mark, and the lines of the names and of the units.
 
-The rows of numbers decide: the names are in the line above the first of them, units may be in a line between,
-and all lines above the names are passed over.
+The layout follows from the rows of numbers: the names are in the line above the first row, units may be in a
+line between, and all lines above the names are skipped.
 """
 
 import codecs
@@ -10,8 +10,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 SEPARATORS, BLANKS = ",;\t", r"\s+"
-PREAMBLE = 50  # lines that may precede the names
-_REMARKS = "#%"  # characters that begin a comment at the start of a line
+PREAMBLE = 50  # largest number of lines before the names
+_REMARKS = "#%"  # characters that begin a comment line
 _MISSING = re.compile(r"|nan|na|n/a|null|none|-|[+-]?1\.#(?:ind|qnan|snan)\d*", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[+-]?\d+)?|[+-]?inf|[+-]?1\.#inf\d*", re.IGNORECASE)
 _DECIMAL = r"(?<![^\s;\"])[+-]?\d*{}\d+(?:[eE][+-]?\d+)?(?![^\s;\"])"
@@ -52,8 +52,8 @@ class TextLayout:
 
     separator: str  # separator of the cells; a regular expression
     decimal: str  # decimal mark, "." or ","
-    named: bool  # whether the first row holds the names of the columns
-    units: Sequence[str]  # units of the columns by a line of their own; empty without one
+    named: bool  # whether the first row contains the names of the columns
+    units: Sequence[str]  # units of the columns from the line of units; empty without such a line
     rows: Sequence[str]  # lines of the table, the names first
 
 
@@ -80,7 +80,7 @@ def find_layout(lines: Sequence[str], required: Collection[str] = ()) -> TextLay
 
 
 def _first_line(lines: Sequence[str], required: Collection[str]) -> tuple[int, bool]:
-    """Return the line in which the table begins, and whether it holds the names."""
+    """Return the line in which the table begins, and whether it contains the names."""
     for number, line in enumerate(lines[:PREAMBLE] if required else ()):
         rows = (_cells(line, separator) for separator in (*SEPARATORS, BLANKS))
         if any(set(required) <= {*row, *map(bare_name, row)} for row in rows):
@@ -93,12 +93,12 @@ def _first_line(lines: Sequence[str], required: Collection[str]) -> tuple[int, b
 
 
 def bare_name(column: str) -> str:
-    """Return the name of a column without the unit or the index in brackets behind it."""
+    """Return the name of a column without the unit or the index in brackets that follows it."""
     return re.split(r"[\[(]", column)[0].strip(' "')
 
 
 def _separator(header: Sequence[str], body: Sequence[str]) -> str:
-    """Return the separator of the cells: the rows of numbers decide, or the names without such a row."""
+    """Return the separator of the cells from the rows of numbers, or from the names without such a row."""
     numeric = next(filter(_is_numeric, body), None)
     if numeric is not None:
         return _separator_of_row(numeric)
