@@ -1,7 +1,8 @@
-"""Is this installation right, and how far is it from MuJoCo and from what can be worked out by hand?
+"""Is this installation correct, and how much does it differ from MuJoCo and closed-form solutions?
 
-Compares rigid bodies, integrators, engines and a whole run with MuJoCo, a double pendulum on paper and
-conservation of energy, and prints every figure beside its limit. Takes seconds; ends with 1 if a check fails.
+The script compares rigid bodies, integrators, engines and a complete run with MuJoCo, a double pendulum in
+closed form and conservation of energy, and prints every figure with its limit. It takes seconds, and exits
+with 1 if a check fails.
 """
 
 # %%
@@ -18,8 +19,8 @@ rows = []
 
 
 def check(name: str, reference: str, figure: float, limit: float, unit: str = "") -> None:
-    figure += 0.0  # no minus before a zero
-    passed = figure <= limit  # which a figure that is not a number is not
+    figure += 0.0  # removes the minus of a zero
+    passed = figure <= limit  # False for NaN
     found, bound = f"{figure:.1e} {unit}".strip(), f"{limit:g} {unit}".strip()
     answer = "yes" if passed else "**no**"
     rows.append(
@@ -30,7 +31,7 @@ def check(name: str, reference: str, figure: float, limit: float, unit: str = ""
 
 # %% [markdown]
 # Rigid bodies at 100 random states. Rounding of 2e-16 is magnified by the condition of the mass matrix, 7e3
-# for the worn device (a pelvis of 60 kg beside a foot of 0.01 kg m²); the rest is room for other processors.
+# for the worn device (a pelvis of 60 kg and a foot of 0.01 kg·m²); the rest is a margin for other processors.
 
 # %%
 ROUNDING = 1e-10
@@ -41,8 +42,8 @@ if mujoco:
 check("accelerations of the bench leg", "Lagrange's equations by hand", checks.pendulum_error(), ROUNDING)
 
 # %% [markdown]
-# Integrators: a second of a leg that falls without friction and motors, with steps of 1, 0.5 and 0.25 ms. The
-# next term of the error is smaller by the step over the time scale of the motion.
+# Integrators: one second of a falling leg without friction and motors, with steps of 1, 0.5 and 0.25 ms. The
+# next term of the error is smaller by the ratio of the step to the time scale of the motion.
 
 # %%
 run, error = checks.free_leg("rk4", 0.25)
@@ -53,8 +54,8 @@ for method, order, limit in (("semi_implicit_euler", 1, 0.01), ("rk4", 4, 0.05))
     check(f"order {order} of {method}", "scipy DOP853, by hand", difference, limit)
 
 # %% [markdown]
-# The same laws in another order of additions: a switch of phase that came one tick later would move an angle
-# by 1e-4 rad and more.
+# The same laws with another order of additions: a switch of phase one tick later would change an angle by
+# 1e-4 rad or more.
 
 # %%
 SAME_MOTION = 1e-9
@@ -70,8 +71,8 @@ if mujoco:
     check("the same with losses of the gears", "MuJoCo as the plant", error, SAME_MOTION, "rad")
 
 # %% [markdown]
-# Energy and passivity on the treadmill. Runge-Kutta errs by (λh)⁴/120, where λ, of friction near rest over
-# the inertia of a drive, is the fastest rate: 5e-9 at 1 ms, and less at the 0.1 ms of the preset.
+# Energy and passivity on the treadmill. The error of Runge-Kutta is (λh)⁴/120, where λ, the slope of friction
+# near rest over the inertia of a drive, is the fastest rate: 5e-9 at 1 ms, less at the 0.1 ms of the preset.
 
 # %%
 walk = simulate(load_experiment("treadmill", ["duration_s=5"]).experiment)

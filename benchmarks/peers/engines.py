@@ -1,4 +1,4 @@
-"""The engines of this package as sessions of the benchmark."""
+"""Engines of this package as sessions of the benchmark."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
 THREADS = os.cpu_count() or 1
-SPREAD = 0.05  # of the phase parameters within a block
+SPREAD = 0.05  # relative spread of the phase parameters in a block
 
 
 class EngineSession:
-    """An engine of this package, made anew for every run."""
+    """Engine of this package, created again for every run."""
 
     def __init__(self, case: Case, ticks: int, *, compiled: bool, record: bool = True) -> None:
-        """Lay the problem out; only the compiled engine can do without its log."""
+        """Prepare the problem; only the compiled engine can run without a log."""
         self._problem = build_setup(case.lasting(ticks))
         self._compiled, self._record = compiled, record
         self._run: Run | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Make a new engine and load what it has compiled."""
+        """Create a new engine and load its compiled code."""
         if self._compiled:
             self._engine = CompiledEngine(self._problem)
             self._engine.episode["recording"]["on"] = self._record
@@ -44,11 +44,11 @@ class EngineSession:
             self._engine = ReferenceEngine(self._problem)
 
     def run(self) -> None:
-        """Run to the end."""
+        """Run the episode to its end."""
         self._run = self._engine.run()
 
     def angles(self) -> np.ndarray | None:
-        """Coordinates of the log, or None without one."""
+        """Return the coordinates of the log, shape ``(n_ticks, nv)``, or None without a log."""
         if self._run is None or len(self._run.log) == 0:
             return None
         columns, _ = state_columns(self._problem.world.model)
@@ -56,17 +56,17 @@ class EngineSession:
 
 
 class PlainSession:
-    """The steps of the compiled engine over the same kernel, as plain Python, without a log."""
+    """Steps of the compiled engine with the same kernel in plain Python, without a log."""
 
     def __init__(self, case: Case, ticks: int) -> None:
-        """Lay the problem out."""
+        """Prepare the problem."""
         self._problem = build_setup(case.lasting(ticks))
         self._kernel = kernel_names(assemble(self._problem)[0])
         self._trace = np.zeros((ticks, self._problem.world.model.nv))
         self.reset()
 
     def reset(self) -> None:
-        """Make a new engine."""
+        """Create a new engine."""
         self._engine = ReferenceEngine(self._problem, kernel=self._kernel)
         self._engine.episode.recording.on = False
 
@@ -78,38 +78,38 @@ class PlainSession:
             self._engine.run_ticks(tick, tick + 1, no_rows)
 
     def angles(self) -> np.ndarray | None:
-        """Coordinates at every tick."""
+        """Return the coordinates at every tick, shape ``(n_ticks, nv)``."""
         return self._trace
 
 
 class SimulateSession:
-    """The whole call ``simulate(experiment)``: URDF, problem, loop, table of the log."""
+    """Complete call of ``simulate(experiment)``: URDF, problem, loop, table of the log."""
 
     def __init__(self, case: Case, ticks: int) -> None:
-        """Keep the experiment."""
+        """Store the experiment."""
         self._experiment = case.lasting(ticks)
 
     def reset(self) -> None:
-        """Nothing is kept between runs."""
+        """Do nothing, because no state is kept between runs."""
 
     def run(self) -> None:
-        """Simulate."""
+        """Simulate the experiment."""
         simulate(self._experiment)
 
     def angles(self) -> np.ndarray | None:
-        """Left to the session that times the loop alone."""
+        """Return None; the session that times the loop alone returns the angles."""
         return None
 
 
 class BatchSession:
-    """Blocks of episodes that differ, in lockstep; the loop lets go of the interpreter's lock.
+    """Blocks of different episodes in lockstep; the loop releases the lock of the interpreter.
 
     Attributes:
-        engines: Of the episodes.
+        engines: Engines of the episodes.
     """
 
     def __init__(self, case: Case, ticks: int, *, threads: int = 1, episodes: int = 0, **log: Any) -> None:
-        """Lay out so many episodes, or a block for each thread; ``log`` says which columns are kept."""
+        """Prepare a number of episodes, or a block for each thread; ``log``: columns of the log."""
         problems = unlike(build_setup(case.lasting(ticks)), episodes or WIDTH * threads)
         self._pool, self._log = ThreadPoolExecutor(threads) if threads > 1 else None, log
         self.engines = [CompiledEngine(problem) for problem in problems]
@@ -118,7 +118,7 @@ class BatchSession:
         self._starts = [engine.store.copy() for engine in self.engines]
 
     def reset(self) -> None:
-        """Put every episode back to its start; a thousand new engines would take longer than they run."""
+        """Restore the start of every episode; a thousand new engines would take longer than their run."""
         for engine, start in zip(self.engines, self._starts, strict=True):
             engine.store[:] = start
             engine.point_at_rows()
@@ -133,12 +133,12 @@ class BatchSession:
             assert walked, "an episode fell or tripped, after which its ticks are others"
 
     def angles(self) -> np.ndarray | None:
-        """Of many episodes none are told."""
+        """Return None, because no angles of a batch are compared."""
         return None
 
 
 def unlike(problem: SimulationSetup, episodes: int) -> list[SimulationSetup]:
-    """A problem many times over, with phase parameters up to 5 % off: they switch in different ticks."""
+    """Return copies of a problem with phase parameters up to 5 % apart, which switch in different ticks."""
     rows = problem.phase_rows
     scales = np.random.default_rng(1).uniform(1.0 - SPREAD, 1.0 + SPREAD, (episodes, *rows.shape))
     return [replace(problem, phase_rows=rows * scale) for scale in scales]

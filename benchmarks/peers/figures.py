@@ -1,4 +1,4 @@
-"""Figure of the benchmark: time per tick, and accuracy beside speed."""
+"""Figure of the benchmark: time per tick, and accuracy over speed."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def _colour(implementation: str) -> str:
 
 
 def draw_speed(measured: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Draw a panel of times per case, and accuracy beside speed below them.
+    """Draw a panel of times for each case, and a panel of accuracy over speed below them.
 
     Args:
         measured: Cases of ``speed.py``.
-        path: The picture.
+        path: Path of the picture.
     """
     rows = (len(measured) + 1) // 2
     figure = Figure(figsize=(10.0, 2.4 * rows + 3.2), layout="constrained")
@@ -46,7 +46,7 @@ def draw_speed(measured: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 
 def _draw_case(axes: Axes, case: Mapping[str, Any]) -> None:
-    """A point per implementation at its least time, fastest on top, and a bar to its median."""
+    """Draw a point per implementation at its least time, the fastest at the top, and a bar to its median."""
     rows = sorted(case["rows"], key=lambda row: float(row[TIME]), reverse=True)
     for place, row in enumerate(rows):
         colour = _colour(row["implementation"])
@@ -59,7 +59,7 @@ def _draw_case(axes: Axes, case: Mapping[str, Any]) -> None:
 
 
 def _draw_accuracy(axes: Axes, measured: Sequence[Mapping[str, Any]]) -> None:
-    """Error over time: down and left is better."""
+    """Draw error over time; lower left is better."""
     labelled: set[str] = set()
     for case in measured:
         for row in case["rows"]:

@@ -1,4 +1,4 @@
-"""Measure a case: time and accuracy of every implementation, and the ratios that are asked for."""
+"""Measurement of a case: time and accuracy of every implementation, and the goals of their ratios."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from peers.timing import Implementation, Session, Timing, significant, speed_rat
 
 from twin_gait.gait.table import TICK
 
-REFINEMENT = 10  # of the finest step, for the reference of the angles
-BATCH_SHARE = 4  # an episode of a batch is as many times shorter, for there are many of them
+REFINEMENT = 10  # refinement of the finest step for the reference angles
+BATCH_SHARE = 4  # factor by which an episode of a batch is shorter
 ROLLOUT = ("MuJoCo rollout", "batch")
-# How many times as long a peer is to take at least as ours: for the cases in their order.
+# Smallest ratio of the time of a peer to the time of an engine of this package, for the cases in their order.
 GOALS = {
     ("MuJoCo, bare", "compiled"): (9.0, 13.0, 8.0, 12.0, 15.0, 24.0),
     ROLLOUT: (25.0, 45.0, 18.0, 35.0, 55.0, 80.0),
@@ -24,7 +24,7 @@ GOALS = {
 }
 # With AVX2 a tick of the batch took 1.65 times as long as with AVX-512 (bench leg, Euler, 2026-11-23).
 GOALS_AVX2 = {**GOALS, ROLLOUT: tuple(round(0.6 * goal) for goal in GOALS[ROLLOUT])}
-SCALED_TICKS = 1000  # of an episode where their number grows
+SCALED_TICKS = 1000  # ticks of an episode in the scaling of the batch size
 FURTHER_GOALS = (60.0, 60.0, 40.0, 60.0, 100.0, 120.0)  # for the batch
 TIME, MEDIAN = "least time per tick [ns]", "median"
 RATIO, ERROR = "times as long", "largest error [rad]"
@@ -33,12 +33,12 @@ GAIN = "compiled / batch"
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
-    """How much is measured.
+    """Extent of the measurement.
 
     Attributes:
-        rounds: Rounds that count.
-        evaluations: Of the dynamics in one run of native code.
-        python_evaluations: Likewise of what steps through Python.
+        rounds: Number of counted rounds.
+        evaluations: Evaluations of the dynamics in one run of native code.
+        python_evaluations: Evaluations of the dynamics in one run of a loop in Python.
     """
 
     rounds: int = 15
@@ -47,11 +47,11 @@ class Extent:
 
     @classmethod
     def quick(cls) -> Extent:
-        """As little as shows that it works."""
+        """Return the smallest extent that shows that the benchmark works."""
         return cls(rounds=2, evaluations=2_000, python_evaluations=100)
 
     def ticks(self, case: Case, item: Implementation) -> int:
-        """Length of a run; of a native episode alone at least what its angles are compared over."""
+        """Return the ticks of a run; for a single native episode at least those of the compared angles."""
         if not item.compiled:
             return max(1, self.python_evaluations // case.evaluations)
         if item.episodes > 1:
@@ -64,11 +64,11 @@ def measure(case: Case, implementations: Sequence[Implementation], extent: Exten
 
     Args:
         case: The case.
-        implementations: With the compiled engine and its batch.
-        extent: How much is measured.
+        implementations: Implementations, including the compiled engine and its batch.
+        extent: Extent of the measurement.
 
     Returns:
-        Scenario, step, rows of the table, and the ratios without rounding.
+        Scenario, step, rows of the table, and unrounded ratios.
     """
     lengths = {item.name: extent.ticks(case, item) for item in implementations}
     sessions = {item.name: item.open(case, lengths[item.name]) for item in implementations}
@@ -100,19 +100,19 @@ def _row(name: str, timing: Timing, ratio: float, error: float | None) -> dict[s
 
 
 def reference_angles(case: Case) -> np.ndarray:
-    """Coordinates by Runge-Kutta at a tenth of the finest step of the scenario: ``(compared_ticks, nv)``."""
+    """Return coordinates by RK4 at a tenth of the finest step, shape ``(compared_ticks, nv)``."""
     same = [item.integration for item in cases() if item.scenario == case.scenario]
     finest = min((item for item in same if item.method is RK4), key=lambda item: item.step)
     fine = replace(case.experiment, integration=replace(finest, step=finest.step / REFINEMENT))
     session = EngineSession(replace(case, experiment=fine), case.compared_ticks, compiled=True)
     session.run()
     angles = session.angles()
-    assert angles is not None  # it records
+    assert angles is not None  # the session has a log
     return angles
 
 
 def _error(angles: np.ndarray | None, reference: np.ndarray) -> float | None:
-    """Largest difference of an angle in [rad] (the height of a pelvis in [m])."""
+    """Return the largest difference of an angle in [rad] (of the height of a pelvis in [m])."""
     if angles is None:
         return None
     largest = float(np.abs(angles[: len(reference)] - reference).max())
@@ -120,11 +120,11 @@ def _error(angles: np.ndarray | None, reference: np.ndarray) -> float | None:
 
 
 def goal_rows(measured: Sequence[Mapping[str, Any]], vectors: str) -> list[dict[str, Any]]:
-    """Hold a benchmark to the ratios of its cases; one whose peer was not timed is missed.
+    """Compare the ratios of a benchmark with the goals; a goal is missed if its peer was not timed.
 
     Args:
-        measured: Cases as :func:`measure` returns them.
-        vectors: Instruction set that they were compiled for.
+        measured: Cases from :func:`measure`.
+        vectors: Instruction set of the compiled code.
     """
     order = [(case.scenario, case.step) for case in cases()]
     rows = []
@@ -146,7 +146,7 @@ def goal_rows(measured: Sequence[Mapping[str, Any]], vectors: str) -> list[dict[
 
 
 def batch_rows(measured: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """What a batch brings per core and per machine; cases as :func:`measure` returns them."""
+    """Return the gain of a batch per core and per machine; ``measured``: cases from :func:`measure`."""
     rows = []
     for case, further in zip(measured, FURTHER_GOALS, strict=False):
         found = {name: f"{ratio:.3g}" for name, ratio in case["ratios"].items()}
@@ -169,13 +169,13 @@ def batch_rows(measured: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def scaling_rows(
     case: Case, sessions: Mapping[str, Callable[..., Session]], sizes: Sequence[int], rounds: int
 ) -> list[dict[str, Any]]:
-    """Least time per tick of an episode over their number, per core and per machine, in [ns].
+    """Measure the least time per tick and episode over the batch size, per core and per machine, in [ns].
 
     Args:
-        case: What is stepped through for a second.
-        sessions: By name, what opens a session of so many episodes on so many threads.
+        case: Case that is simulated for one second.
+        sessions: Constructors of a session for numbers of episodes and threads, by name.
         sizes: Numbers of episodes.
-        rounds: Rounds that count.
+        rounds: Number of counted rounds.
     """
     rows = []
     for episodes in sizes:

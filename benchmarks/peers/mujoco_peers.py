@@ -1,4 +1,4 @@
-"""MuJoCo as a peer: the same bodies, integrator and step, and everything off that is not used."""
+"""MuJoCo as a peer: the same bodies, integrator and step, with all unused features disabled."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from twin_gait.leg_model.bodies import contact_points
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.simulation_setup import SimulationSetup, build_setup
 
-# Springs that hold the legs up while nothing controls them, as stiff as a phase of stance.
-HOLDING_STIFFNESS, HOLDING_DAMPING = 300.0, 30.0  # [N m] / [rad], [N m s] / [rad]
-SOLE_RADIUS = 0.005  # [m] of the spheres at heel and toe
+# Springs that hold the uncontrolled legs, with the stiffness of a phase of stance.
+HOLDING_STIFFNESS, HOLDING_DAMPING = 300.0, 30.0  # [N·m/rad], [N·m·s/rad]
+SOLE_RADIUS = 0.005  # [m] radius of the spheres at heel and toe
 UNUSED = "ACTUATION CLAMPCTRL EQUALITY EULERDAMP FRICTIONLOSS ISLAND LIMIT MIDPHASE SENSOR".split()
 UNUSED_IN_THE_AIR = "CONTACT CONSTRAINT SPRING DAMPER".split()
 
 
 def disabling(names: Iterable[str]) -> int:
-    """Bits of MuJoCo that disable what is named."""
+    """Return the bits of MuJoCo that disable the named features."""
     return sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in names)
 
 
 def peer_model(case: Case, problem: SimulationSetup) -> mujoco.MjModel:
-    """MuJoCo's model of a case at its best; on a treadmill springs hold the posture on a belt at rest."""
+    """Return the fastest MuJoCo model of a case; springs hold the posture on a treadmill at rest."""
     grounded = problem.world.contact is not None
     model = _on_ground(problem) if grounded else legs_of(case.experiment, problem.world.model)
     model.opt.disableflags = disabling(UNUSED if grounded else UNUSED + UNUSED_IN_THE_AIR)
@@ -44,13 +44,13 @@ def peer_model(case: Case, problem: SimulationSetup) -> mujoco.MjModel:
 
 
 def _on_ground(problem: SimulationSetup) -> mujoco.MjModel:
-    """Legs with a sphere at every heel and toe over a plane."""
+    """Return the legs with a sphere at every heel and toe above a plane."""
     experiment, world = problem.experiment, problem.world
     assert world.contact is not None
     spec = legs_spec(world.model, experiment.patient, fit_device=experiment.leg.fit_device)
     for leg in world.model.legs.values():
         for point in contact_points(world.model.model, leg.contact_frames):
-            # Its lowest point, with the foot level, is the heel or the toe.
+            # The lowest point of the sphere of a level foot is the heel or the toe.
             place = np.add(point.position, [0.0, 0.0, SOLE_RADIUS])
             spec.joint(leg.ankle).parent.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -60,7 +60,7 @@ def _on_ground(problem: SimulationSetup) -> mujoco.MjModel:
                 contype=1,
                 conaffinity=0,
             )
-    # Only soles touch the ground, and with the friction of the experiment.
+    # Only the soles touch the ground, with the friction of the experiment.
     friction = [world.contact.friction_coefficient, 0.005, 0.0001]
     ground: dict[str, Any] = {"contype": 0, "conaffinity": 1, "friction": friction}
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], **ground)
@@ -70,7 +70,7 @@ def _on_ground(problem: SimulationSetup) -> mujoco.MjModel:
 
 
 def _hold(model: mujoco.MjModel, problem: SimulationSetup) -> None:
-    """Springs on every joint but the pelvis, which is a slide."""
+    """Add springs to every joint except the pelvis, which is a slide."""
     order = coordinate_order(model, problem.world.model)
     for place, angle in zip(order, problem.world.start_q.tolist(), strict=True):
         if model.jnt_type[place] == mujoco.mjtJoint.mjJNT_SLIDE:
@@ -81,7 +81,7 @@ def _hold(model: mujoco.MjModel, problem: SimulationSetup) -> None:
 
 
 class BareSession:
-    """``mj_step`` alone, all steps in one call of C."""
+    """Session of ``mj_step`` alone, with all steps in one call of C."""
 
     def __init__(self, case: Case, ticks: int) -> None:
         """Build the model; see :func:`peer_model`."""
@@ -93,7 +93,7 @@ class BareSession:
         self.reset()
 
     def reset(self) -> None:
-        """Put the state back to the start."""
+        """Reset the state to the start."""
         mujoco.mj_resetData(self.model, self.data)
         world = self.problem.world
         self.data.qpos[self.order], self.data.qvel[self.order] = world.start_q, world.start_v
@@ -102,27 +102,27 @@ class BareSession:
             self.data.qfrc_applied[self.order[pelvis]] = world.support_force
 
     def run(self) -> None:
-        """All steps in one call of C."""
+        """Run all steps in one call of C."""
         mujoco.mj_step(self.model, self.data, nstep=self.steps)
 
     def angles(self) -> np.ndarray | None:
-        """A bare step is no closed loop."""
+        """Return None, because bare steps are no closed loop."""
         return None
 
     def last_position(self) -> np.ndarray:
-        """Positions of MuJoCo at the end of a run, of one episode."""
+        """Return the positions of MuJoCo at the end of a run of one episode."""
         return self.data.qpos
 
 
 class RolloutSession(BareSession):
-    """``mujoco.rollout``: many open-loop episodes on threads, every state of which is written.
+    """Session of ``mujoco.rollout``: many open-loop episodes on threads, with all states written.
 
     Attributes:
         states: Time, positions and velocities after every step, ``(episodes, n_steps, ...)``.
     """
 
     def __init__(self, case: Case, ticks: int, *, threads: int = 1, episodes: int = 0, **call: Any) -> None:
-        """Make the pool and room for the states; ``call`` are further arguments of the rollout."""
+        """Create the pool and the buffer of states; ``call``: further arguments of the rollout."""
         super().__init__(case, ticks)
         episodes = episodes or WIDTH * threads
         self._pool = Rollout(nthread=threads)
@@ -131,45 +131,45 @@ class RolloutSession(BareSession):
         self._starts = np.tile(start, (episodes, 1))
         self.states = np.ones((episodes, self.steps, len(start)))
         self._call = {"nstep": self.steps, "state": self.states, **call}
-        if self.problem.world.model.pelvis_index is not None:  # a rollout forgets forces that are not told
+        if self.problem.world.model.pelvis_index is not None:  # a rollout resets forces that are no input
             self._call["control"] = np.tile(self.data.qfrc_applied, (episodes, self.steps, 1))
             self._call["control_spec"] = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
     def run(self) -> None:
-        """Roll all episodes out."""
+        """Run all episodes."""
         self._pool.rollout(self.model, self._workers, self._starts, **self._call)
 
     def last_position(self) -> np.ndarray:
-        """See :class:`BareSession`."""
+        """Return the positions of the last episode at the end of a run."""
         return self.states[-1, -1, 1 : 1 + self.model.nq]
 
 
 class StateBatchSession(BareSession):
-    """``mujoco.batch``: as the rollout, but that only the last states are kept.
+    """Session of ``mujoco.batch``: like the rollout, but only with the last states.
 
     Attributes:
-        batch: With its states.
+        batch: Batch with its states.
     """
 
     def __init__(self, case: Case, ticks: int) -> None:
-        """Make the batch."""
+        """Create the batch."""
         self.batch: Batch | None = None
         super().__init__(case, ticks)
         self.batch = Batch(self.model, WIDTH, nthread=1)
 
     def reset(self) -> None:
-        """Put all states back to the start."""
+        """Reset all states to the start."""
         super().reset()
         if self.batch is not None:
             self.batch.state[:] = _state_of(self.model, self.data, mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def run(self) -> None:
-        """All steps of all episodes."""
+        """Run all steps of all episodes."""
         assert self.batch is not None
         self.batch.step(nstep=self.steps)
 
     def last_position(self) -> np.ndarray:
-        """See :class:`BareSession`."""
+        """Return the positions of the last episode at the end of a run."""
         assert self.batch is not None
         return self.batch.qpos[-1]
 

@@ -1,4 +1,4 @@
-"""Options of MuJoCo that might make it faster, each tried in turn with MuJoCo as it is timed."""
+"""Options of MuJoCo that might make it faster, each timed in turn with the model of the benchmark."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ def option_rows(cases: Sequence[Case], evaluations: int, rounds: int) -> list[di
 
     Args:
         cases: The cases.
-        evaluations: Of the dynamics in one run.
-        rounds: Rounds that count.
+        evaluations: Evaluations of the dynamics in one run.
+        rounds: Number of counted rounds.
 
     Returns:
-        A row for every option: how many times as fast as without it, and by how many radians the motion ends
-        elsewhere, where it does.
+        A row for every option: speed over the speed without the option, and the difference of the final
+        angles in [rad] if there is one.
     """
     rows: dict[str, dict[str, str]] = {}
     for case in cases:

@@ -1,4 +1,4 @@
-"""What is stepped through: three scenarios, each with two integrators and steps."""
+"""Cases of the benchmark: three scenarios, each with two integrators and steps."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ EULER, RK4 = IntegrationMethod.SEMI_IMPLICIT_EULER, IntegrationMethod.RK4
 
 @dataclass(frozen=True, kw_only=True)
 class HangingScenario(Treadmill):
-    """Both legs stepping in the air: the wearer hangs in the support and nothing is below."""
+    """Both legs stepping in the air: the wearer hangs in the support without ground."""
 
     support: SupportParameters = field(default_factory=lambda: SupportParameters(share=1.0))
 
     def build(self, model: LegModel, **parameters: Any) -> World:
-        """A treadmill without its ground, and without a height that counts as a fall."""
+        """Return the treadmill without ground and without a height that counts as a fall."""
         world = super().build(model, **parameters)
         return replace(world, contact=None, contact_frames={}, fall_height=-math.inf, belt=Belt())
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A scenario with an integrator and a step.
+    """Scenario with an integrator and a step.
 
     Attributes:
-        scenario: Its name.
-        experiment: The closed loop; sensors are ideal, so that all implementations step the same motion.
+        scenario: Name of the scenario.
+        experiment: Closed loop with ideal sensors, so that all implementations simulate the same motion.
         compared_ticks: Ticks over which angles are compared with the reference.
     """
 
@@ -50,22 +50,22 @@ class Case:
 
     @property
     def evaluations(self) -> int:
-        """Of the forward dynamics in a tick."""
+        """Number of evaluations of the forward dynamics in a tick."""
         return self.integration.substeps * (4 if self.integration.method is RK4 else 1)
 
     @property
     def step(self) -> str:
-        """Integrator and step in a few letters."""
+        """Short name of integrator and step."""
         method = "RK4" if self.integration.method is RK4 else "Euler"
         return f"{method} {self.integration.step * 1e3:g} ms"
 
     def lasting(self, ticks: int) -> Experiment:
-        """The experiment over a number of ticks."""
+        """Return the experiment with a duration of a number of ticks."""
         return replace(self.experiment, duration=ticks * TICK)
 
 
 def cases() -> list[Case]:
-    """All scenarios, each with its two integrators."""
+    """Return all scenarios, each with its two integrators."""
     bench, treadmill = (load_experiment(name).experiment for name in ("bench_leg", "treadmill"))
     hanging = replace(treadmill, name="contact_free_biped", scenario=HangingScenario(), table=bench.table)
     scenarios = (

@@ -1,4 +1,4 @@
-"""Time sessions in turn, round after round, and say on what machine."""
+"""Timing of sessions in turn, round after round, and description of the machine."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ import numpy as np
 from llvmlite import binding
 from peers.scenarios import Case
 
-VECTORS = {"AVX-512": "+avx512f", "AVX2": "+avx2"}  # by LLVM's names, best first
+VECTORS = {"AVX-512": "+avx512f", "AVX2": "+avx2"}  # feature of LLVM by name, best first
 
 
 class Session(Protocol):
-    """Something that does the same work again and again; all that may be done beforehand is done."""
+    """Session that repeats the same work, with all preparation done in advance."""
 
     def reset(self) -> None:
-        """Go back to the start; not timed."""
+        """Return to the start; this is not timed."""
 
     def run(self) -> None:
         """Do the work; this is timed."""
 
     def angles(self) -> np.ndarray | None:
-        """Coordinates at every tick of the last run, shape ``(n_ticks, nv)`` in the order of the leg model.
+        """Return the coordinates at every tick of the last run, in the order of the leg model.
 
-        None if the session steps another motion than the closed loop or keeps no record.
+        The shape is ``(n_ticks, nv)``; None if the motion is not that of the closed loop or is not recorded.
         """
 
 
 @dataclass(frozen=True)
 class Implementation:
-    """One way to step through a case.
+    """Implementation that can simulate a case.
 
     Attributes:
-        name: In tables.
-        open: Sets it up for a case and a number of ticks.
-        episodes: Episodes that one run steps at once.
-        beside: Name of the implementation that its time is set in relation to.
-        compiled: Whether the loop is native code; others get fewer ticks.
+        name: Name in tables.
+        open: Constructor of a session for a case and a number of ticks.
+        episodes: Number of episodes that one run simulates at once.
+        beside: Name of the implementation to which its time is related.
+        compiled: Whether the loop is native code; a loop in Python has fewer ticks.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Timing:
     """Times of one session for one unit of work in [ns], round by round.
 
     Attributes:
-        clock: By the clock.
+        clock: Wall-clock times.
         processor: Processor time of all threads together.
     """
 
@@ -68,23 +68,23 @@ class Timing:
 
     @property
     def least(self) -> float:
-        """Least time by the clock in [ns]: what the machine can do where nothing disturbs it."""
+        """Least wall-clock time in [ns]: the time on an undisturbed machine."""
         return min(self.clock)
 
     @property
     def median(self) -> float:
-        """Median by the clock in [ns]; the further above the least, the busier the machine."""
+        """Median of the wall-clock times in [ns]; the further above the least, the busier the machine."""
         return float(np.median(self.clock))
 
 
 def time_in_turn(entries: Mapping[str, tuple[Session, int]], rounds: int) -> dict[str, Timing]:
-    """Time all sessions once a round, so that a disturbance of the machine meets all of them alike.
+    """Time all sessions once per round, so that a disturbance of the machine affects all of them alike.
 
-    A first round warms caches up and counts for nothing. The collector of garbage is held during a run.
+    A first round warms up the caches and is not counted. The garbage collector is off during a run.
 
     Args:
-        entries: By name, a session and the units of work of one run: ticks times episodes, or calls.
-        rounds: How many count.
+        entries: Session and units of work of one run (ticks times episodes, or calls), by name.
+        rounds: Number of counted rounds.
 
     Returns:
         Times by name.
@@ -99,7 +99,7 @@ def time_in_turn(entries: Mapping[str, tuple[Session, int]], rounds: int) -> dic
 
 
 def _seconds(session: Session) -> tuple[float, float]:
-    """Time by the clock and processor time of a run in [s]."""
+    """Return wall-clock time and processor time of a run in [s]."""
     gc.collect()
     gc.disable()
     try:
@@ -111,40 +111,40 @@ def _seconds(session: Session) -> tuple[float, float]:
 
 
 def speed_ratio(slower: Timing, faster: Timing) -> float:
-    """How many times as long the first takes: its least time over the least of the other.
+    """Return the least time of the slower session over the least time of the faster one.
 
-    The smaller one of two ratios, by the clock and by processor time. On a quiet machine they are equal.
-    On a busy one a short run slips through undisturbed while a long one waits, which flatters whatever is
-    fast; processor time alone would not see threads that wait for each other.
+    The result is the smaller one of two ratios, of wall-clock times and of processor times. On a quiet
+    machine they are equal. On a busy machine a short run may be undisturbed while a long run has to wait,
+    which favours the faster session; processor time alone would not include threads that wait for each other.
     """
     return min(slower.least / faster.least, min(slower.processor) / min(faster.processor))
 
 
 def significant(value: float, digits: int = 3) -> float:
-    """A number without digits that say nothing, for tables; a whole one from as many digits on."""
+    """Round a number to significant digits for tables; numbers with at least as many digits are integers."""
     rounded = float(f"{value:.{digits}g}")
     return round(value) if abs(value) >= 10 ** (digits - 1) else rounded
 
 
 def abilities() -> str:
-    """Abilities of the processor that numba compiles for: this one's, if it is not told others."""
+    """Return the features of the processor for which numba compiles: by default those of this one."""
     return os.environ.get("NUMBA_CPU_FEATURES", binding.get_host_cpu_features().flatten())
 
 
 def instruction_set() -> str:
-    """Vectors that the loops are compiled for."""
+    """Return the name of the vector instructions of the compiled loops."""
     features = abilities().split(",")
     return next((name for name, feature in VECTORS.items() if feature in features), "no AVX2")
 
 
 def without_avx512() -> dict[str, str]:
-    """Environment in which numba compiles for this processor as if it had no AVX-512."""
+    """Return an environment in which numba compiles for this processor without AVX-512."""
     features = abilities().replace("+avx512", "-avx512")
     return {**os.environ, "NUMBA_CPU_FEATURES": features}
 
 
 def machine() -> dict[str, Any]:
-    """Processor, instruction set, cores, load and versions, as plain values."""
+    """Return processor, instruction set, cores, load and versions as plain values."""
     path = Path("/proc/cpuinfo")
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
