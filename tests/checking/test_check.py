@@ -337,7 +337,7 @@ def test_waived_warnings_are_counted_apart() -> None:
 # ---------------------------------------------------------------------------------- other machines
 
 KNEE_AND_ANKLE = """\
-schema_version: 1
+schema_version: 2
 joints: [knee, ankle]
 phases:
   early_stance: {knee: &j {stiffness_Nm_per_deg: 3, damping_ratio: 0.7, equilibrium_deg: 5, friction_compensation_gain: 0}, ankle: *j}
@@ -368,7 +368,7 @@ def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path
 
 def test_joints_in_another_order_are_refused_as_a_run_refuses_them(tmp_path: Path) -> None:
     path = tmp_path / "turned.yaml"
-    path.write_text("schema_version: 1\nextends: treadmill\njoints: [knee, hip]\n", encoding="utf-8")
+    path.write_text("schema_version: 2\nextends: treadmill\njoints: [knee, hip]\n", encoding="utf-8")
     with raises(ParameterError, "joints", "hip, knee, ankle", "knee, hip"):
         load_case(path)
 
@@ -376,7 +376,7 @@ def test_joints_in_another_order_are_refused_as_a_run_refuses_them(tmp_path: Pat
 def test_words_of_a_pair_of_equal_phases_and_of_a_threshold_out_of_reach(tmp_path: Path) -> None:
     path = tmp_path / "stuck.yaml"
     text = """
-    schema_version: 1
+    schema_version: 2
     extends: treadmill
     transitions:
       - {from: late_stance, to: swing_flexion, cause: trailing_limb,

@@ -172,7 +172,7 @@ def test_waived_findings_are_a_count_unless_they_are_asked_for(capsys: pytest.Ca
 
 
 OWN_PHASES = """\
-schema_version: 1
+schema_version: 2
 joints: [hip, knee]
 phases:
   stance:
@@ -213,7 +213,7 @@ def no_way_out(tmp_path: Path) -> str:
     """The table of the bench leg with an exit that never opens."""
     path = tmp_path / "no_way_out.yaml"
     path.write_text(
-        "schema_version: 1\nextends: bench_leg\ntransitions:\n"
+        "schema_version: 2\nextends: bench_leg\ntransitions:\n"
         "  - {from: swing_flexion, to: swing_extension, cause: clearance, all: ['knee.angle_deg > 200']}\n",
         encoding="utf-8",
     )

@@ -89,7 +89,7 @@ def no_way_out(tmp_path):
     def write(base: str) -> str:
         path = tmp_path / f"no_way_out_{base}.yaml"
         guard = "{from: swing_flexion, to: swing_extension, cause: clearance, all: ['knee.angle_deg > 200']}"
-        path.write_text(f"schema_version: 1\nextends: {base}\ntransitions:\n  - {guard}\n", encoding="utf-8")
+        path.write_text(f"schema_version: 2\nextends: {base}\ntransitions:\n  - {guard}\n", encoding="utf-8")
         return str(path)
 
     return write

@@ -105,7 +105,7 @@ def test_the_trunk_was_upright_in_a_run_and_is_not_known_of_a_file(walk, tmp_pat
     """A guard on it beside those of the run's own table changes nothing; a file has to have the column."""
     table = tmp_path / "upright.yaml"
     tilted = "{from: early_stance, to: late_stance, cause: fallen, all: ['trunk.pitch_deg > 20']}"
-    table.write_text(f"schema_version: 1\nextends: treadmill\ntransitions:\n  - {tilted}\n")
+    table.write_text(f"schema_version: 2\nextends: treadmill\ntransitions:\n  - {tilted}\n")
     assert run("replay", walk, "--table", table) == 0
     assert capsys.readouterr().out.count("recorded phases: 100.0 % of the ticks equal") == 2
     assert run("replay", walk / "log.parquet", "--table", table, "--total-mass", 90) == 2
@@ -133,7 +133,7 @@ def test_a_table_of_ones_own_is_read_from_its_file(tmp_path, capsys):
             ("before", "behind", "back", "hip.angle_deg < 5"),
         )
     )
-    path.write_text(f"schema_version: 1\njoints: [hip]\nphases:\n{phases}\ntransitions:\n{transitions}\n")
+    path.write_text(f"schema_version: 2\njoints: [hip]\nphases:\n{phases}\ntransitions:\n{transitions}\n")
     assert run("replay", "koopman@4", "--table", path) == 0
     assert "× behind → before (forward)" in capsys.readouterr().out
 

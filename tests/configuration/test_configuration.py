@@ -95,7 +95,7 @@ def test_running_the_written_experiment_again_gives_the_same_log_bit_for_bit(tmp
 
 def test_a_file_over_a_preset_changes_what_it_names_and_nothing_else(tmp_path):
     path = tmp_path / "heavy.yaml"
-    path.write_text("schema_version: 1\npreset: treadmill\npatient: {mass_kg: 85}\n")
+    path.write_text("schema_version: 2\npreset: treadmill\npatient: {mass_kg: 85}\n")
     experiment = load_experiment(path).experiment
     base = load_experiment("treadmill").experiment
     assert experiment.name == "heavy"

@@ -29,7 +29,7 @@ from twin_gait.gait.table import BlendingLaw, GaitTable, Waiver
 from twin_gait.vocabulary import GaitPhase, Side
 
 TABLE = """\
-schema_version: 1
+schema_version: 2
 name: example
 description: A table of this test.
 joints: [hip, knee]
@@ -168,7 +168,7 @@ def test_own_phases_replace_the_five(tmp_path: Path) -> None:
     """A table may declare its own phases and joints."""
     joint = "{stiffness_Nm_per_deg: 2, damping_ratio: 1, equilibrium_deg: 0, friction_compensation_gain: 0}"
     text = f"""
-schema_version: 1
+schema_version: 2
 joints: [ankle]
 phases: {{stance: {{ankle: {joint}}}, swing: {{ankle: {joint}}}}}
 transitions:
@@ -286,8 +286,8 @@ MISTAKES = {
         "line 9", "given twice",
     ),
     "phase missing": ("  late_stance:\n", "  late_stance2:\n", "transitions[1]", "late_stance"),
-    "version": ("schema_version: 1", "schema_version: 2", "schema_version", "2"),
-    "no version": ("schema_version: 1", "", "schema_version", "missing"),
+    "version": ("schema_version: 2", "schema_version: 1", "schema_version", "1"),
+    "no version": ("schema_version: 2", "", "schema_version", "missing"),
     "top-level spelling": ("transitions:", "transition:", "transition", "did you mean 'transitions'"),
     "blending law": ("law: linear", "law: cubic", "blending.law", "cubic"),
     "blending duration": ("duration_ms: 80", "duration_ms: -80", "blending.duration_ms", "-80"),
@@ -404,12 +404,12 @@ def test_text_that_is_no_table_is_refused(text: str, explained: str, tmp_path: P
 
 
 def test_misspelt_phase_over_another_table_is_told(tmp_path: Path) -> None:
-    text = "schema_version: 1\nextends: treadmill\nphases: {late_stanc: {hip: {stiffness_Nm_per_deg: 2}}}\n"
+    text = "schema_version: 2\nextends: treadmill\nphases: {late_stanc: {hip: {stiffness_Nm_per_deg: 2}}}\n"
     refuse(text, tmp_path, "phases.late_stanc.hip", "is missing")
 
 
 def test_phase_that_is_set_to_nothing_is_refused(tmp_path: Path) -> None:
-    text = "schema_version: 1\nextends: treadmill\nphases: {late_stance: null}\n"
+    text = "schema_version: 2\nextends: treadmill\nphases: {late_stance: null}\n"
     refuse(text, tmp_path, "phases.late_stance: expected keys and values, got None")
 
 
@@ -477,7 +477,7 @@ BOMB = bomb(5)
     "text",
     [
         f"schema_version: {BOMB}",
-        f"schema_version: 1\njoints: {BOMB}",
+        f"schema_version: 2\njoints: {BOMB}",
         f"? {BOMB}\n: 1",
         f"b: {BOMB}",
         TABLE.replace("equilibrium_deg: 12", f"equilibrium_deg: {BOMB}"),
@@ -601,7 +601,7 @@ def test_any_text_ends_in_a_table_or_in_one_line(text: str) -> None:
 # ---------------------------------------------------------------------- tables that extend others
 
 STANDING = """\
-schema_version: 1
+schema_version: 2
 extends: {base}
 phases:
   middle_stance:
@@ -659,13 +659,13 @@ def test_a_table_that_extends_nothing_or_itself_is_refused(
 
 def test_transitions_that_are_no_list_are_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text("schema_version: 1\nextends: treadmill\ntransitions: 7\n", encoding="utf-8")
+    path.write_text("schema_version: 2\nextends: treadmill\ntransitions: 7\n", encoding="utf-8")
     with raises(ParameterFileError, "transitions", "list", "7"):
         load_gait_table(path)
 
 
 CHANGED = """\
-schema_version: 1
+schema_version: 2
 extends: treadmill
 transitions:
   - {from: late_stance, to: early_stance, cause: stumble, all: ["hip.angle_deg > 40"]}
@@ -759,7 +759,7 @@ def test_a_mistake_in_the_table_below_names_that_file(tmp_path: Path) -> None:
     below = tmp_path / "below.yaml"
     below.write_text(TABLE.replace("knee.angle_deg > 40", "knee.angle > 40"), encoding="utf-8")
     with pytest.raises(ParameterFileError) as caught:
-        changed(tmp_path, "schema_version: 1\nextends: below.yaml\ntransitions:\n"
+        changed(tmp_path, "schema_version: 2\nextends: below.yaml\ntransitions:\n"
                 "  - {from: early_stance, to: middle_stance, cause: loaded, remove: true}\n"
                 "  - {from: early_stance, to: middle_stance, cause: late, after_s: 2}\n")  # fmt: skip
     check_message(caught.value, f"{below}: transitions[3]", "knee.angle")

@@ -27,7 +27,7 @@ from twin_gait.gait.modes import ModeTable, TimedRequest
 TABLE = Path(__file__).parents[1] / "tables" / "treadmill_modes.yaml"
 WITH_POSTURES = f"table={TABLE}", "initial_mode=standing"
 SMALL: dict[str, Any] = {
-    "schema_version": 1,
+    "schema_version": 2,
     "requests": ["walk", "stop"],
     "hold": "held",
     "modes": {"rest": {}, "walk": {"walk": True, "step": True, "minimum_duration_ms": 20}, "held": {}},
@@ -110,7 +110,7 @@ def test_either_kind_of_table_is_found_by_its_name():
         (("transitions", 0, "to"), "flying", ("transitions[0]", "flying")),
         (("transitions", 0, "debounce_ms"), 5, ("transitions[0]", "request", "5 ms", "debounce_ms")),
         (("phases",), {}, ("phases", "modes")),
-        (("schema_version",), 2, ("schema_version",)),
+        (("schema_version",), 1, ("schema_version",)),
     ],
 )
 def test_mistakes_are_named_with_file_and_key(place, value, message):

@@ -206,7 +206,7 @@ def test_settings_change_a_named_person_whatever_their_order():
 
 def test_file_names_a_person_changes_him_or_points_to_a_file(file):
     mine = file("mine.yaml", "description: mine\nmass_kg: 61\nboth: {knee: {passive: 0.5}}\n")
-    by_name = file("a.yaml", "schema_version: 1\npreset: treadmill\npatient: stroke_left\n")
+    by_name = file("a.yaml", "schema_version: 2\npreset: treadmill\npatient: stroke_left\n")
     changed = file("b.yaml", "preset: treadmill\npatient: {preset: stroke_left, height_m: 1.6}\n")
     beside = file("c.yaml", "preset: treadmill\npatient: mine.yaml\n")
     stroke = patient("patient=stroke_left")

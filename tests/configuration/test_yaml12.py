@@ -51,7 +51,7 @@ def test_zero_padded_angles_of_a_gait_table_are_decimal(tmp_path: Path) -> None:
 
     path = tmp_path / "padded.yaml"
     path.write_text(
-        "schema_version: 1\njoints: [hip, knee]\n"
+        "schema_version: 2\njoints: [hip, knee]\n"
         f"phases: {{stance: {phase('-010', '005')}, swing: {phase('025', '060')}}}\n",
         encoding="utf-8",
     )

@@ -161,7 +161,7 @@ def test_yaml_loads(block, tmp_path, monkeypatch):
     data = yaml.safe_load(block)
     path = Path("mine.yaml")
     if isinstance(data, list):
-        data = {"schema_version": 1, "extends": "treadmill", "name": "mine", "transitions": data}
+        data = {"schema_version": 2, "extends": "treadmill", "name": "mine", "transitions": data}
     elif "schema_version" not in data and not isinstance(data.get("modes"), dict):
         name = "overground.yaml" if "modes" in data else "treadmill.yaml"
         preset = CONFIGURATION / "presets" / name

@@ -272,7 +272,7 @@ def test_number_of_phases_is_bounded_by_what_the_evaluator_holds(count: int, fit
     phase = shipped("osl_walking")["phases"]["early_stance"]
     names = [f"p{index}" for index in range(count)]
     data = {
-        "schema_version": 1,
+        "schema_version": 2,
         "joints": ["knee", "ankle"],
         "phases": dict.fromkeys(names, phase),
         "transitions": [

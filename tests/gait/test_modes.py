@@ -211,7 +211,7 @@ def test_the_supervisor_goes_as_the_machine_does_and_refuses_what_has_no_effect(
         assert name_of(supervisor) == machine.phase and supervisor.entered == (switch is not None)
         assert supervisor.entry_tick == machine.entry_tick
         if request is not None:
-            answered = switch is not None and switch.cause == "asked"
+            answered = switch is not None and switch.cause == "requested"
             assert supervisor.rejected == (NO_REQUEST if answered else code(request))
             why = rejection_reason(TWIN, before, request, signals, ticks)
             assert (why is None) == answered or (switch is not None and why is None)
@@ -291,7 +291,7 @@ def test_the_kit_shows_every_transition_of_what_ships(name):
     [
         ("lean", {"debounce_ticks": 199}),
         ("closed", {"debounce_ticks": 501}),
-        ("asked", {"timeout_ticks": 2999}),
+        ("requested", {"timeout_ticks": 2999}),
     ],
 )
 def test_the_kit_finds_a_machine_that_is_a_tick_early_or_late(cause, change):

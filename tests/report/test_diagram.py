@@ -591,7 +591,7 @@ def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> No
     with raises(TwinGaitError, "moonwalk", "treadmill"):
         twin_gait_diagram("moonwalk")
     broken = tmp_path / "broken.yaml"
-    broken.write_text("schema_version: 1\njoints: [hip]\nphases: {}\ntransitions: []\n")
+    broken.write_text("schema_version: 2\njoints: [hip]\nphases: {}\ntransitions: []\n")
     with raises(TwinGaitError, "broken.yaml", "phases") as caught:
         twin_gait_diagram(str(broken))
     assert len(str(caught.value).splitlines()) == 1

@@ -47,7 +47,7 @@ def own(tmp_path: Path) -> Path:
     (folder / "robot" / "urdf" / "leg.urdf").write_text(text, encoding="utf-8")
     dbc = original("twin.dbc").read_text(encoding="utf-8") + '\nCM_ "of this laboratory";\n'
     (folder / "bus.dbc").write_text(dbc, encoding="utf-8")
-    (folder / "person.yaml").write_text("schema_version: 1\nname: p\nmass_kg: 71\nheight_m: 1.7\n")
+    (folder / "person.yaml").write_text("schema_version: 2\nname: p\nmass_kg: 71\nheight_m: 1.7\n")
     (folder / "table.yaml").write_text("extends: treadmill\nblending: {duration_ms: 35}\n", encoding="utf-8")
     document = {
         "preset": "treadmill", "duration_s": 0.4, "leg": {"urdf": "robot/urdf/leg.urdf"},

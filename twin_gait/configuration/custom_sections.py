@@ -110,7 +110,7 @@ def user_controller_document(record: UserController) -> dict[str, Any]:
 class ExperimentSection(Section):
     """Section of an experiment file after its presets have been merged."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     description: str = ""
     scenario: Section
     table: dict[str, Any]

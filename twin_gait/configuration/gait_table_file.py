@@ -38,7 +38,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.parameters.quantities import from_attributes
 from twin_gait.vocabulary import GaitPhase, Side
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 # Lists of a table that another one extends, with the keys that identify an entry of each.
 _LISTS = {"transitions": ("from", "to", "cause"), "waive": ("rule", "phase", "transition")}
 
@@ -63,7 +63,7 @@ _PhaseEntry: Any = Annotated[dict[str, Any], WrapValidator(_as_converted)]
 class _TableFile(Strict):
     """Common keys of both kinds of table files."""
 
-    schema_version: Literal[1]
+    schema_version: Literal[2]
     name: str | None = None
     description: str = ""
     transitions: tuple[_TransitionEntry, ...] = ()

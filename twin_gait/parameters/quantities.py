@@ -149,6 +149,7 @@ Ratio = Annotated[float, QuantityUnits("", symmetric_range(1e3, "three orders of
 Resistance = Annotated[
     float, QuantityUnits("Ohm", symmetric_range(100.0, "0.3 A at the voltage of the battery"))
 ]
+# Damping coefficient of a rotation.
 RotaryDamping = Annotated[
     float,
     QuantityUnits(

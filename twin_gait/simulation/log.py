@@ -16,7 +16,7 @@ from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.vocabulary import JointName
 
-LOG_SCHEMA_VERSION = 3
+LOG_SCHEMA_VERSION = 4
 UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
 # Suffix of a column name by the unit of the column.
 SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
