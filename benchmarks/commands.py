@@ -19,11 +19,11 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parents[1] / "examples"))
 
-from gallery import form_of
+from gallery import read_options
 from peers.timing import machine, significant
 
 BEFORE = {"type": Path, "metavar": "TREE", "help": "folder with the package to compare with"}
-form = form_of("commands", Path(__file__).parent, before=BEFORE)
+form = read_options("commands", Path(__file__).parent, before=BEFORE)
 before = form.more["before"]
 TREES = {**({"before": before.resolve()} if before else {}), "after": Path(__file__).resolve().parents[1]}
 rounds, n_rows = (1, 1_000) if form.quick else (7, 100_000)
@@ -108,4 +108,6 @@ ratios = {
     for found in [least["simulate", tree] / least["bare imports", tree]]
 }
 print("simulate over its bare imports:", ratios)
-form.keep({"machine": machine(), "rounds": rounds, "rows": rows, "simulate over bare imports": ratios})
+form.write_results(
+    {"machine": machine(), "rounds": rounds, "rows": rows, "simulate over bare imports": ratios}
+)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parents[1] / "examples"))
 
-from gallery import form_of
+from gallery import read_options
 
 from twin_gait import Experiment, load_experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -44,7 +44,7 @@ def time_of(problem: SimulationSetup, *, record: bool) -> float:
 
 # %%
 if __name__ == "__main__":
-    form = form_of("network", Path(__file__).parent)
+    form = read_options("network", Path(__file__).parent)
     problems = {name: build_setup(walk(bus)) for name, bus in BUSES.items()}
     rounds = 5 if form.quick else 200
     rows = []
@@ -66,6 +66,6 @@ if __name__ == "__main__":
             )
             print(" | ".join(f"{key}: {value}" for key, value in rows[-1].items()))
     highest = max(row["ratio of least times"] for row in rows)
-    form.keep({"rounds": rounds, "rows": rows, "highest": highest, "most": MAX_TIME_RATIO})
+    form.write_results({"rounds": rounds, "rows": rows, "highest": highest, "most": MAX_TIME_RATIO})
     print(f"the bus makes the loop {highest:.2f} times as long at most; {MAX_TIME_RATIO:g} is allowed")
     sys.exit(int(not form.quick and highest > MAX_TIME_RATIO))

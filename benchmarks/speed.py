@@ -14,7 +14,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parents[1] / "examples"))
 
-from gallery import form_of
+from gallery import read_options
 from peers.engines import ENGINES, BatchSession
 from peers.figures import draw_speed
 from peers.measuring import GOALS, Extent, batch_rows, goal_rows, measure, scaling_rows
@@ -29,7 +29,7 @@ except ImportError:
 
 CHECK = "time only the peers of the goals, write the goals to FILE if given, exit 1 if one is missed"
 CHECK_OPTION = {"nargs": "?", "const": os.devnull, "metavar": "FILE", "help": CHECK}
-form = form_of("speed", Path(__file__).parent, check=CHECK_OPTION)
+form = read_options("speed", Path(__file__).parent, check=CHECK_OPTION)
 extent = Extent.quick() if form.quick else Extent()
 before, vectors, checks = machine(), instruction_set(), form.more["check"]
 
@@ -75,7 +75,7 @@ if vectors == "AVX-512" and not form.quick:  # everything is compiled again
 sizes = (1, 33) if form.quick else (1, 7, 33, 100, 1000)
 batches = {"batch": BatchSession, "mujoco.rollout": RolloutSession}
 chosen = cases()[:1] if form.quick else [case for case in cases() if case.scenario != "contact_free_biped"]
-form.keep(
+form.write_results(
     {
         "machine": {**before, "load average after": machine()["load average"]},
         "rounds": extent.rounds,

@@ -28,7 +28,7 @@ class ScriptOptions:
         out: Existing folder of the results.
         quick: Whether to run only the smallest work that shows that the script works.
         workers: Number of processes for long work.
-        more: Values of further options, by the names in :func:`form_of`.
+        more: Values of further options, by the names in :func:`read_options`.
     """
 
     out: Path

@@ -131,7 +131,7 @@ def test_a_broken_bound_trips_at_once(cause):
 
 LASTING = {
     TripCause.ENCODER_FROZEN: (10, {"last": 0.5, "motor_speed": 0.4}),
-    TripCause.TORQUE: (500, {"commanded": -61.0, "motor_speed": 1.0}),
+    TripCause.TORQUE: (500, {"last_command": -61.0, "motor_speed": 1.0}),
     TripCause.DRIVE: (20, {"current_deviation": 1.2, "motor_speed": 1.0}),
 }
 

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
-from gallery import Form
+from gallery import ScriptOptions
 from thesis import claims
 from thesis.claims import (
     AGREES,
@@ -111,7 +111,7 @@ def test_the_kept_results_answer_every_claim_with_the_verdicts_of_today(script: 
 
 
 def test_a_number_out_of_its_band_is_kept_printed_and_ends_in_status_1(tmp_path, capsys) -> None:
-    answers = Answers("thesis_falls", Form(tmp_path, quick=True, workers=1))
+    answers = Answers("thesis_falls", ScriptOptions(tmp_path, quick=True, workers=1))
     answers.add("fig_A_1", {"counts": 70.0})
     with pytest.raises(SystemExit) as ended:
         answers.conclude()

@@ -162,7 +162,7 @@ def test_intervals_of_one_file_bear_draws_that_miss_the_slow_samples(tmp_path):
 
 
 def test_more_samples_than_are_used_are_taken_evenly(tmp_path, monkeypatch):
-    monkeypatch.setattr(identify, "MOST_SAMPLES", 300)
+    monkeypatch.setattr(identify, "MAX_SAMPLES", 300)
     found = identified(tmp_path / "a.csv", text_of())
     assert_allclose(found.samples.velocity, VELOCITY[::4], atol=1e-8)
     assert_allclose(list(found.models[0].fit.x), [3.0, 2.0], atol=1e-6)

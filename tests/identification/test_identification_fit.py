@@ -416,7 +416,7 @@ def test_thinning_keeps_the_fit_of_many_samples(monkeypatch):
     for name in ("rotational", "dahl"):
         errors = []
         for most in (8_000, 200_000):
-            monkeypatch.setattr(fitting, "MOST_SAMPLES", most)
+            monkeypatch.setattr(fitting, "MAX_FIT_SAMPLES", most)
             fit = fit_model(MODELS[name], samples, FitOptions())
             errors.append(np.sqrt(np.mean(fit.residuals(samples) ** 2)))
         assert errors[0] < 1.05 * errors[1]  # the path of a state is thinned too, by two here

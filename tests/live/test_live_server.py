@@ -328,7 +328,7 @@ def hung_up(caller: socket.socket, within: float) -> bool:
 
 
 def test_who_says_nothing_or_says_it_slowly_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scene_server, "PATIENCE", 0.3)
+    monkeypatch.setattr(scene_server, "REQUEST_TIMEOUT", 0.3)
 
     async def scene(listener: Listener) -> None:
         head = f"Host: 127.0.0.1:{listener.server.port}\r\nOrigin: {listener.origin}\r\n"

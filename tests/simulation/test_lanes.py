@@ -132,7 +132,7 @@ def test_these_episodes_are_unlike(alone):
 
 @pytest.mark.parametrize("fewest", [1, MIN_BLOCK_SIZE + 1, WIDTH, WIDTH + 1])
 def test_when_the_rest_of_a_block_goes_on_alone_changes_nothing(alone, fewest, monkeypatch):
-    monkeypatch.setattr(lane_engine, "FEWEST", fewest)
+    monkeypatch.setattr(lane_engine, "MIN_BLOCK_SIZE", fewest)
     results = LaneEngine([unlike(number, *BENCH) for number in range(WIDTH)]).run()
     for number, result in enumerate(results):
         assert_same(result, alone[number])
@@ -208,7 +208,7 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
 @pytest.mark.compile
 @pytest.mark.parametrize("name", STRUCTURES)
 def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
-    monkeypatch.setattr(lane_engine, "FEWEST", 2)
+    monkeypatch.setattr(lane_engine, "MIN_BLOCK_SIZE", 2)
     ours, theirs = ([unlike(number, *STRUCTURES[name]) for number in range(18)] for _ in range(2))
     for result, engine in zip(LaneEngine(ours).run(), theirs, strict=True):
         assert_same(result, engine.run())
@@ -220,7 +220,7 @@ def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
 @pytest.fixture
 def uncompiled(monkeypatch):
     """Engines without a loop."""
-    monkeypatch.setattr(compiled_engine, "loop_of", lambda *arguments: None)
+    monkeypatch.setattr(compiled_engine, "load_or_compile_loop", lambda *arguments: None)
     return lambda *arguments: CompiledEngine(build_setup(load_experiment(*arguments).experiment))
 
 

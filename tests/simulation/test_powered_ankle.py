@@ -156,7 +156,7 @@ def test_the_second_loop_moves_three_joints_alike():
 @pytest.mark.slow
 @pytest.mark.compile
 def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
-    monkeypatch.setattr(lane_engine, "FEWEST", 2)
+    monkeypatch.setattr(lane_engine, "MIN_BLOCK_SIZE", 2)
     settings = [f"patient.mass_kg={mass}" for mass in range(60, 78)]
     ours, theirs = ([CompiledEngine(problem("duration_s=5", item)) for item in settings] for _ in range(2))
     for together, engine in zip(LaneEngine(ours).run(), theirs, strict=True):

@@ -424,7 +424,7 @@ class Bowl:
 def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     walks = Bowl()
     monkeypatch.setattr(stages.walks, "walk_all", walks)
-    monkeypatch.setattr(stages, "compile_ahead", lambda walked, total, on_compile: None)
+    monkeypatch.setattr(stages, "precompile", lambda walked, total, on_compile: None)
     monkeypatch.setattr(stages.walks, "quick_errors", lambda walked: ())
     return walks
 

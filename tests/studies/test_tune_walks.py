@@ -199,7 +199,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(simulator, "FEWEST_IN_ALL", math.inf)
         cases = build_cases(replace(experiment, seed=SETTINGS.seed), "robust")
         two = {name: cases[name] for name in ("nominal", "bus 23 V")}
-        patch.setattr(stages, "cases_of", lambda item, kind: two)
+        patch.setattr(stages, "build_cases", lambda item, kind: two)
         result = tune(experiment, SETTINGS)
         assert result is not None
         result.ranked = [item for item in result.ranked if item.points is not None] or result.ranked

@@ -274,7 +274,7 @@ def test_approved_text_is_the_same_for_the_same_table() -> None:
 
 
 def test_guard_that_leaves_too_many_choices_is_reported_and_not_an_error(monkeypatch) -> None:
-    monkeypatch.setattr("twin_gait.gait.feasibility.MOST_BRANCHES", 3)
+    monkeypatch.setattr("twin_gait.gait.feasibility.MAX_BRANCHES", 3)
     tests = transition_tests(rich_table())
     undecided = [test.undecided for test in tests if test.undecided is not None]
     assert undecided and all("too many choices" in text for text in undecided)

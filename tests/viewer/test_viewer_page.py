@@ -514,7 +514,7 @@ def test_a_browser_that_draws_nothing_leaves_the_old_picture(
     monkeypatch.setenv(BROWSER_VARIABLE, stand_in(tmp_path, script))
     old = tmp_path / "old.png"
     old.write_bytes(b"old")
-    monkeypatch.setattr("twin_gait.viewer.picture.PATIENCE", 0.5 if "sleep" in script else 20.0)
+    monkeypatch.setattr("twin_gait.viewer.picture.BROWSER_TIMEOUT", 0.5 if "sleep" in script else 20.0)
     with raises(ViewerError, *words) as caught:
         take_picture("<html></html>", old)
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Keys of schema version 1 that have another name now, so that an old file gets one line with the new name."""
+"""Keys of schema version 1 that have another name now: an old file gets one line with the new name."""
 
 from collections.abc import Container
 
@@ -27,7 +27,7 @@ RENAMED = {
 
 
 def present_name(key: str, allowed: Container[str]) -> str:
-    """Return the present name of a former key among the allowed ones, with its unit; empty if there is none."""
+    """Return the present name of a former key, with its unit, if it is allowed; otherwise an empty text."""
     for former in sorted(RENAMED, key=len, reverse=True):
         if key == former or key.startswith(f"{former}_"):
             present = RENAMED[former] + key.removeprefix(former)
