@@ -142,7 +142,7 @@ def test_simulate_answers_with_its_summary(tmp_path, capsys):
 
 def test_presets_answer_with_names_or_with_a_document(capsys):
     told = answered(capsys, "presets")
-    assert "treadmill" in told["experiments"] and "stroke_left" in told["people"]
+    assert "treadmill" in told["experiments"] and "stroke_left" in told["patients"]
     assert "sup_2009" in told["gait_tables"]
     assert answered(capsys, "presets", "treadmill")["patient"]["mass_kg"] == 70
     assert answered(capsys, "presets", "treadmill", "--as-table")["phases"]["late_stance"]

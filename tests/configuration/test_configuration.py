@@ -34,7 +34,7 @@ def reread(document: dict, folder: Path = Path()):
 
 def with_stepping(experiment):
     """The experiment with the integrator and step that it left to its engine written out."""
-    return dataclasses.replace(experiment, integration=experiment.stepping)
+    return dataclasses.replace(experiment, integration=experiment.resolved_integration)
 
 
 @pytest.mark.parametrize("name", sorted(presets()))

@@ -28,7 +28,7 @@ from twin_gait.studies.batch import override_experiment
 from twin_gait.vocabulary import JointName, SegmentModel, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
-FOLDER = Path(str(files("twin_gait.configuration"))) / "people"
+FOLDER = Path(str(files("twin_gait.configuration"))) / "patients"
 NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
 
 

@@ -145,8 +145,8 @@ def test_the_ends_are_where_the_powers_are_0_and_infinite_and_the_tangent_1():
     def power(name: str) -> int:
         return round(single(SINGLE[name]) * SINGLE["_PER_LN2"])
 
-    assert (power("_LEAST"), power("_MOST")) == (LEAST_POWER - 1, MOST_POWER + 1)
-    assert power("_FINITE") == power("_MOST") - 1
+    assert (power("_MIN_ARGUMENT"), power("_MAX_ARGUMENT")) == (LEAST_POWER - 1, MOST_POWER + 1)
+    assert power("_FINITE") == power("_MAX_ARGUMENT") - 1
     assert 1 - mpmath.tanh(SINGLE["_SATURATED"]) < 2.0 ** -(PRECISION + 1)
 
 

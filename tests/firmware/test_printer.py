@@ -171,7 +171,7 @@ def test_the_monitor_of_a_joint_finds_every_cause(library):
         encoder.velocity_fast = draw.uniform(-5.0, 5.0)
         theirs = copy.deepcopy(ours)
         cause = monitor_joint(BOUNDS, theirs, encoder, 1e-3)
-        assert library.call("watch_joint", BOUNDS, ours, encoder, 1e-3) == cause
+        assert library.call("monitor_joint", BOUNDS, ours, encoder, 1e-3) == cause
         assert bits(ours) == bits(theirs)
         causes.add(cause)
     assert len(causes) == 12  # eleven, and none

@@ -462,7 +462,7 @@ class Rig:
 
     def keep(self, piece):
         self.pieces[-1].append(piece)
-        if piece.over:
+        if piece.is_last:
             self.pieces.append([])
 
     @property
@@ -662,7 +662,7 @@ def say(session, **message):
     say.count += 1
     session.submit(read_message(json.dumps({"id": f"m{say.count}", "user": "Ann", **message})))
     return wait_for(
-        lambda: next((item for item in session.book.after(0) if item.id == f"m{say.count}"), None)
+        lambda: next((item for item in session.event_log.after(0) if item.id == f"m{say.count}"), None)
     )
 
 

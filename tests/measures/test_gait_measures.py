@@ -193,7 +193,7 @@ def test_measures_survive_a_motion_file(walk, tmp_path, unit, rounding, conventi
     strides = leg_record(walk, Side.LEFT, list(walk["left_phase"].cat.categories), TICK).strides()
     for joint, name in ((JointName.HIP, "hip_flexion_l"), (JointName.KNEE, "knee_angle_l")):
         angle = motion.numbers(name)
-        back = convention.turned(joint, np.radians(angle) if unit == "deg" else angle)
+        back = convention.convert_angle(joint, np.radians(angle) if unit == "deg" else angle)
         before = walk[f"left_{joint}_angle_rad"].to_numpy()
         assert_allclose(measures(back, strides), measures(before, strides), rtol=0.0, atol=rounding)
 

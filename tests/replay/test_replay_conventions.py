@@ -31,7 +31,7 @@ def house_degrees(convention: Convention, joint: JointName, degrees: float) -> f
 @given(angle=st.floats(-3.0, 3.0))
 def test_there_and_back_is_the_same_angle(convention, angle):
     for joint in JointName:
-        assert convention.turned(joint, convention.turned(joint, np.array(angle))) == angle
+        assert convention.convert_angle(joint, convention.convert_angle(joint, np.array(angle))) == angle
 
 
 def test_gait2392_counts_knee_flexion_negative():

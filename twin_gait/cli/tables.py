@@ -59,9 +59,9 @@ def add_parser(commands: Any) -> None:
 
 
 def show_presets(arguments: argparse.Namespace) -> int:
-    """List experiments, people and gait tables, or print one.
+    """List experiments, patients and gait tables, or print one.
 
-    List the packaged experiments, people and tables, or print one as a file that can be edited: a preset with
+    List the packaged experiments, patients and tables, or print one as a file that can be edited: a preset with
     every value, a person or a table.
     """
     from twin_gait.configuration.experiments import list_patients, presets
@@ -75,7 +75,7 @@ def show_presets(arguments: argparse.Namespace) -> int:
     elif arguments.name is None:
         experiments, persons = presets(), list_patients()
         tables, modes = packaged_gait_tables(), packaged_mode_tables()
-        known = {"experiments": experiments, "people": persons, "gait_tables": tables, "modes": modes}
+        known = {"experiments": experiments, "patients": persons, "gait_tables": tables, "modes": modes}
         answer(arguments, lines("presets.txt", known), known)
     else:
         text = _text_of(arguments.name, as_table=arguments.as_table)
@@ -95,7 +95,7 @@ def _text_of(name: str, *, as_table: bool) -> str:
     if name in packaged_mode_tables():
         return named_file(name, "modes").read_text(encoding="utf-8")
     if name in list_patients():
-        return named_file(name, "people").read_text(encoding="utf-8")
+        return named_file(name, "patients").read_text(encoding="utf-8")
     document = load_experiment(name).document
     return f"{comment_for('experiment')}\n{dump_yaml(document)}"
 

@@ -1,1 +1,1 @@
-"""Reading and writing of gait tables, experiments and people as YAML, with validation on reading."""
+"""Reading and writing of gait tables, experiments and patients as YAML, with validation on reading."""

@@ -35,7 +35,7 @@ from twin_gait.worlds.registry import describe_entry_point, find_world, load_plu
 _HEADER = ("schema_version", "description")  # keys in the file of a person that are not parameters
 # Keys whose value may be the name of a file that replaces the whole section, with the folder of shipped
 # files.
-_NAMED = {"patient": "people", "table": "tables", "modes": "modes"}
+_NAMED = {"patient": "patients", "table": "tables", "modes": "modes"}
 DEFAULT_PRESET = "treadmill"  # preset of commands without one
 GROUP = "twin_gait.presets"  # group of entry points, each of a package that contains YAML files
 
@@ -128,8 +128,8 @@ def resolve_path(folder: Path, name: str) -> str:
 
 
 def list_patients() -> dict[str, str]:
-    """Return the names of the people that ship with the package, with their one-line descriptions."""
-    return descriptions(packaged("people"))
+    """Return the names of the patients that ship with the package, with their one-line descriptions."""
+    return descriptions(packaged("patients"))
 
 
 def load_named_document(key: str, value: Any, path: Path, source: str = "") -> dict[str, Any] | None:

@@ -104,7 +104,7 @@ def _shared(entry: Any, name: str, words: GuardVocabulary, source: str) -> dict[
 
 
 # Names of the contents of a file in each folder of this package.
-_KINDS = {"tables": "gait table", "modes": "table of modes", "people": "person"}
+_KINDS = {"tables": "gait table", "modes": "table of modes", "patients": "person"}
 
 
 def named_file(name: Any, kind: str = "tables", folder: Path | None = None) -> Path:

@@ -59,7 +59,7 @@ def identify_wearer(patient: Patient) -> ExperimentPart:
         return (
             ExperimentPart("", False, digest) if is_mass_alone else ExperimentPart("own wearer", None, digest)
         )
-    ships = patient.name in packaged("people")
+    ships = patient.name in packaged("patients")
     return ExperimentPart(patient.name, _shipped_person(patient.name) != patient if ships else None, digest)
 
 
@@ -129,7 +129,7 @@ def _preset(name: str) -> Experiment:
 
 @cache
 def _shipped_person(name: str) -> Patient:
-    return read_patient(packaged("people")[name])
+    return read_patient(packaged("patients")[name])
 
 
 @cache
