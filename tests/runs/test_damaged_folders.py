@@ -76,7 +76,7 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     ),
     "a list": (summary(lambda given: [given]), ("walk",)),
     "no number": (summary(lambda given: {**given, "wall_s": "x"}), ("walk", "x")),
-    "trip": (summary(lambda given: {**given, "safety": {"tripped": True, "place": 3}}), ("walk",)),
+    "trip": (summary(lambda given: {**given, "safety": {"tripped": True, "location": 3}}), ("walk",)),
 }
 
 

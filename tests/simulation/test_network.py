@@ -153,7 +153,7 @@ def test_the_gait_controller_goes_by_measurements_as_old_as_is_said(delay):
     assert checked > 4000
     for frame in frames_of(run):
         assert frame["mean_age_s"] == pytest.approx(1e-3 * (1.5 + delay), abs=1e-5)
-        assert frame["oldest_s"] == pytest.approx(1e-3 * (2 + delay))
+        assert frame["max_age_s"] == pytest.approx(1e-3 * (2 + delay))
 
 
 def test_lost_frames_make_what_is_heard_older_as_a_geometric_series_says():
@@ -307,7 +307,7 @@ def test_bus_off_is_survived_with_recovery_and_held_without(node):
     well, ill = (walk(f"{{bus_off_recovery: {on}, {outages}}}", "duration_s=2") for on in ("true", "false"))
     assert well.trip is None and well.traffic is not None
     assert well.traffic["bus_offs"][node] == 1 and sum(well.traffic["bus_offs"].values()) == 1
-    oldest = max(frame["oldest_s"] for frame in frames_of(well))
+    oldest = max(frame["max_age_s"] for frame in frames_of(well))
     assert 0.003 <= oldest <= 0.02
     assert ill.trip is not None and ill.trip.cause is TripCause.BUS and 1_000 < ill.trip.tick <= 1_022
 

@@ -138,7 +138,7 @@ class PanelSocket(GuardedSocket):
         """Send the initial messages of the panel."""
         super().open()
         self.limit = RateLimiter(MOST_MESSAGES, BURST)
-        for message in self.server.greeting():
+        for message in self.server.initial_messages():
             self.send(message)
 
     def send(self, message: Message, *, key: Hashable | None = None) -> None:
@@ -148,7 +148,7 @@ class PanelSocket(GuardedSocket):
 
     def on_message(self, message: str | bytes) -> None:
         """Pass a message of the page to the server."""
-        self.server.hear(self, message)
+        self.server.receive(self, message)
 
     async def write_batch(self, batch: list[str]) -> None:
         """Write a batch as one message: a list of its messages."""

@@ -217,7 +217,7 @@ def _parse_trip(safety: Mapping[str, Any]) -> Trip | None:
     """Return the trip of the safety monitor from that part of a summary; None without a trip."""
     if not safety["tripped"]:
         return None
-    side, _, joint = safety["place"].partition(" ")
+    side, _, joint = safety["location"].partition(" ")
     known = JointName(joint) if joint in list(JointName) else None
     at = Side(side) if joint else None
     return Trip(round(safety["time_s"] / TICK), TripCause(safety["cause"]), at, known)

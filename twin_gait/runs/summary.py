@@ -143,7 +143,7 @@ def _safety_summary(run: Run) -> dict[str, Any]:
         "watched": run.experiment.control.safety.enabled,
         "tripped": trip is not None,
         "cause": None if trip is None else str(trip.cause),
-        "place": None if trip is None else trip.location,
+        "location": None if trip is None else trip.location,
         "time_s": None if trip is None else trip.time,
         "faults": " ".join(str(item) for item in run.experiment.faults),
     }

@@ -173,13 +173,13 @@ class EpisodeEngine(ABC):
         # Frames that the sender counts as sent, sent frames that did not arrive, payloads that a newer one
         # replaced before they were sent, and transmissions that ended in error frames.
         counts = "sent", "lost", "replaced", "destroyed"
-        for kind, wires in ((SETPOINT_SUFFIX, network.setpoints), (MEASUREMENT_SUFFIX, network.measurements)):
-            for joint, wire in zip(self.setup.joints, wires, strict=True):
-                frame = bus.frames[int(wire.frame)]
+        for kind, channels in ((SETPOINT_SUFFIX, network.setpoints), (MEASUREMENT_SUFFIX, network.measurements)):
+            for joint, channel in zip(self.setup.joints, channels, strict=True):
+                frame = bus.frames[int(channel.frame)]
                 frames[f"{joint.side}_{joint.joint}_{kind}"] = {
                     # Age of the values that the receiver uses, since the sender wrote them, over all ticks.
-                    "mean_age_s": TICK * int(wire.ages) / ticks,
-                    "oldest_s": TICK * int(wire.oldest),
+                    "mean_age_s": TICK * int(channel.age_sum) / ticks,
+                    "max_age_s": TICK * int(channel.max_age),
                     **{name: int(getattr(frame, name)) for name in counts},
                     # Time from the instant at which a frame was due to its arrival.
                     "max_response_s": _BUS_UNIT * int(frame.worst_response),

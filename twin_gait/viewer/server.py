@@ -80,7 +80,7 @@ class GuardedHandler(RequestHandler):  # type: ignore[misc]  # no type informati
             raise HTTPError(403, reason="this server answers under the names of this machine only")
         if (origin or self.needs_origin) and not is_own_page(origin, host):
             raise HTTPError(403, reason="this server answers its own pages only")
-        if not self.server.knows(self.request.query_arguments.get("token", [b""])[-1]):
+        if not self.server.is_valid_token(self.request.query_arguments.get("token", [b""])[-1]):
             raise HTTPError(403, reason="open the address that was printed: it holds the token of this start")
         self.server.admit(self.request.connection)
 
