@@ -17,7 +17,7 @@ from twin_gait.checking.check import check_before_run, rules
 from twin_gait.checking.finding import Finding, Severity
 from twin_gait.cli import main
 from twin_gait.cli import tables as command
-from twin_gait.cli.tables import heading
+from twin_gait.cli.findings import heading
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.configuration.gait_table_file import named_file
 from twin_gait.exceptions import TwinGaitError

@@ -151,10 +151,10 @@ class Rig:
     """A link on a virtual bus with a session that answers when it is told to."""
 
     def __init__(self, name, panel):
-        self.panel, self.book, self.asked = panel, EventLog(), []
+        self.panel, self.event_log, self.asked = panel, EventLog(), []
         self.coming = []
         self.bus = can.Bus(name, "virtual")
-        self.link = CanLink(f"virtual:{name}", self)
+        self.link = CanLink(f"virtual:{name}", panel.problem, self.event_log, self.submit)
 
     def submit(self, message):
         self.asked.append(message)
@@ -224,7 +224,7 @@ def test_a_bus_that_gives_own_frames_back_still_hears_commands(panel, request, m
             rig.link.add_block(rows_of(panel, first, first + 10))
         rig.bus.send(frame_of())
         rig.wait_for(lambda: rig.asked)
-        assert rig.book.serial == 0
+        assert rig.event_log.serial == 0
 
 
 def test_bad_frames_are_told_once_and_do_nothing(rig):
@@ -237,8 +237,8 @@ def test_bad_frames_are_told_once_and_do_nothing(rig):
         rig.bus.send(can.Message(arbitration_id=0x123, data=bytes(8), is_extended_id=False))
         rig.bus.send(can.Message(is_error_frame=True))
     rig.settle()
-    told = [event.text for event in rig.book.after(0)]
-    assert {event.response for event in rig.book.after(0)} == {"note"}
+    told = [event.text for event in rig.event_log.after(0)]
+    assert {event.response for event in rig.event_log.after(0)} == {"note"}
     assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 4") == 1
     assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 0") == 1
     assert len(told) == 2 and rig.asked == []
@@ -252,9 +252,11 @@ def test_a_bus_that_fails_is_told_once_and_the_link_goes_on(rig, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(rig.link._bus, "send", fail)
         rig.link.add_block(rows)
-        rig.wait_for(lambda: rig.book.serial)
+        rig.wait_for(lambda: rig.event_log.serial)
         time.sleep(0.1)
-    assert [event.text for event in rig.book.after(0)] == ["the CAN bus fails, frames are lost: cable cut"]
+    assert [event.text for event in rig.event_log.after(0)] == [
+        "the CAN bus fails, frames are lost: cable cut"
+    ]
     heard = []
     for first in (10, 20):
         rig.link.add_block(rows_of(rig.panel, first, first + 10))
@@ -273,7 +275,7 @@ def test_an_error_that_no_driver_should_raise_ends_the_link_with_a_word(rig, mon
 
     monkeypatch.setattr(rig.link._bus, "recv", fail)
     rig.wait_for(lambda: not rig.link._thread.is_alive())
-    assert ["link to the CAN bus has ended" in event.text for event in rig.book.after(0)] == [True]
+    assert ["link to the CAN bus has ended" in event.text for event in rig.event_log.after(0)] == [True]
 
 
 WALKED = {}

@@ -38,13 +38,14 @@ def test_a_run_is_simulated_checked_and_summed_up_without_scipy() -> None:
     code = (
         "import sys\n"
         "from twin_gait.cli import options, simulate\n"
-        "from twin_gait.configuration import load_experiment\n"
-        "from twin_gait.runs.record import StoredRun, summarise\n"
-        "from twin_gait.runs.run_page import page_of\n"
-        "from twin_gait.simulation import simulate\n"
+        "from twin_gait.configuration.experiments import load_experiment\n"
+        "from twin_gait.runs.stored_run import StoredRun\n"
+        "from twin_gait.runs.summary import summarise_run\n"
+        "from twin_gait.runs.run_page import render_run_page\n"
+        "from twin_gait.simulation.simulator import simulate\n"
         "run = simulate(load_experiment('treadmill', ['duration_s=0.1']).experiment)\n"
         "options.check_table(run.experiment)\n"
-        "page_of([StoredRun(run, summarise(run))])\n"
+        "render_run_page([StoredRun(run, summarise_run(run))])\n"
         "print([name for name in ('scipy', 'matplotlib', 'distributed') if name in sys.modules])"
     )
     answer = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

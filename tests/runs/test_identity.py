@@ -21,8 +21,9 @@ from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.live.page import LiveScene
 from twin_gait.parameters.wearer import Patient
 from twin_gait.report.formatting import describe
-from twin_gait.runs.record import StoredRun, load_run, save_run
+from twin_gait.runs.record import load_run, save_run
 from twin_gait.runs.run_page import page_texts
+from twin_gait.runs.stored_run import StoredRun
 from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation.simulation_setup import build_setup
 from twin_gait.studies.batch import override_experiment, simulate_batch

@@ -21,8 +21,9 @@ from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.leg_model.urdf_document import mimic_joints
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.runs.record import StoredRun, read_stored_run, write_run
+from twin_gait.runs.record import read_stored_run, write_run
 from twin_gait.runs.run_page import render_run_page
+from twin_gait.runs.stored_run import StoredRun
 from twin_gait.runs.summary import summarise_run
 from twin_gait.viewer.animation import joint_entries, recorded_run, urdf_page
 from twin_gait.viewer.commands import CommandBuffer

@@ -42,8 +42,9 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.runs.record import StoredRun, read_stored_run, write_run
+from twin_gait.runs.record import read_stored_run, write_run
 from twin_gait.runs.run_page import page_texts, render_run_page
+from twin_gait.runs.stored_run import StoredRun
 from twin_gait.viewer.animation import urdf_page
 from twin_gait.viewer.commands import CommandBuffer
 from twin_gait.viewer.environment import MATERIALS

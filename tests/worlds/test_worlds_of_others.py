@@ -127,7 +127,7 @@ def test_it_steps_with_both_legs_in_turn_and_slower_against_resistance(frame_wal
         ("1 / 0", "cannot be loaded (ZeroDivisionError: division by zero); repair or uninstall it"),
         ("Earth = 1", "cannot be loaded (AttributeError: module 'moon_world' has no attribute 'Moon')"),
         ("Moon = int", "expected a Scenario with the kind moon"),
-        ("from twin_gait.worlds import BenchLeg as Moon", "expected a Scenario with the kind moon"),
+        ("from twin_gait.worlds.bench_leg import BenchLeg as Moon", "expected a Scenario with the kind moon"),
     ],
 )
 def test_a_broken_world_is_named_in_one_line(source, message, tmp_path, monkeypatch):

@@ -130,7 +130,7 @@ def load_experiment(arguments: argparse.Namespace, *defaults: str) -> LoadedExpe
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
     """Raise :class:`GaitTableError` if the gait table has errors; print the number of warnings in a line."""
     from twin_gait.checking.check import check_before_run, counts
-    from twin_gait.cli.tables import counted, heading
+    from twin_gait.cli.findings import counted, heading
 
     findings = check_before_run(experiment)
     if not findings:

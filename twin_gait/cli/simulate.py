@@ -60,7 +60,8 @@ def simulate(arguments: argparse.Namespace) -> int:
 
     Simulate a preset or an experiment file and write a run directory.
     """
-    from twin_gait.runs.record import RUN_DIRECTORY, StoredRun, write_run
+    from twin_gait.runs.record import RUN_DIRECTORY, write_run
+    from twin_gait.runs.stored_run import StoredRun
     from twin_gait.simulation.run import RunStatus
     from twin_gait.simulation.simulator import simulate
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli import options
+from twin_gait.cli.findings import counted, heading
 from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
-    from twin_gait.checking.finding import Finding
+    pass
 
 
 DIAGRAMS = ("transitions", "truth", "svg", "mermaid")
@@ -61,8 +61,8 @@ def add_parser(commands: Any) -> None:
 def show_presets(arguments: argparse.Namespace) -> int:
     """List experiments, patients and gait tables, or print one.
 
-    List the packaged experiments, patients and tables, or print one as a file that can be edited: a preset with
-    every value, a person or a table.
+    List the packaged experiments, patients and tables, or print one as a file that can be edited: a preset
+    with every value, a person or a table.
     """
     from twin_gait.configuration.experiments import list_patients, presets
     from twin_gait.configuration.gait_table_file import packaged_gait_tables, packaged_mode_tables
@@ -137,18 +137,6 @@ def check_table(arguments: argparse.Namespace) -> int:
     content |= {"counted": counted(counts(findings)) + hint}
     answer(arguments, lines("check.txt", content), report(case, findings))
     return FAILED if counts(findings)["errors"] else DONE
-
-
-def heading(finding: Finding) -> str:
-    """Return the severity and rule of a finding, and the transition or phase and the leg that it concerns."""
-    parts = [str(part) for part in (finding.transition or finding.phase, finding.side) if part is not None]
-    return f"{finding.severity} {finding.rule}" + (f": {' · '.join(parts)}" if parts else "")
-
-
-def counted(numbers: Mapping[str, int]) -> str:
-    """Return numbers of findings as text, such as "1 error, 2 warnings"; their keys are plural nouns."""
-    words = (plural.removesuffix("s") if number == 1 else plural for plural, number in numbers.items())
-    return ", ".join(f"{number} {word}" for number, word in zip(numbers.values(), words, strict=True))
 
 
 def replay_walk(arguments: argparse.Namespace) -> int:

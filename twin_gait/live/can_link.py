@@ -11,7 +11,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
@@ -20,16 +20,15 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.export.can import bus_frames, network_messages
 from twin_gait.live.controls import QUANTITIES
 from twin_gait.live.loop import PERIOD
-from twin_gait.live.protocol import MessageRejected, SetControl, Value, one_line
-from twin_gait.live.telemetry import Block
+from twin_gait.live.protocol import Message, MessageRejected, SetControl, Value, one_line
+from twin_gait.live.telemetry import Block, EventLog
 from twin_gait.network.dbc import Message as BusMessage
 from twin_gait.network.messages import ON_DEMAND
 from twin_gait.parameters.network import NetworkParameters
+from twin_gait.simulation.simulation_setup import SimulationSetup
 
 if TYPE_CHECKING:
     import can
-
-    from twin_gait.live.session import LiveSession
 
 
 MODE = "mode"
@@ -93,17 +92,19 @@ def leaves_machine(name: str) -> bool:
 class CanLink:
     """Link of a live walk to a bus: it sends frames of the walk and receives commands."""
 
-    def __init__(self, name: str, session: LiveSession) -> None:
+    def __init__(
+        self, name: str, setup: SimulationSetup, event_log: EventLog, submit: Callable[[Message], Any]
+    ) -> None:
         """Open the bus, and begin to send and to receive.
 
-        ``name``: as in :func:`open_bus`; ``session`` receives messages as from a page, and notes on errors.
+        ``name``: as in :func:`open_bus`; ``setup``: of the walk; ``event_log``: for notes on errors;
+        ``submit``: function that accepts a message like those of a page.
         """
-        problem = session.panel.problem
-        self._messages = network_messages(problem.experiment)
+        self._messages = network_messages(setup.experiment)
         asked = (item for item in self._messages.values() if item.name.endswith(ON_DEMAND))
         self._commands = {item.identifier: item for item in asked}  # commands of a monitor by identifier
-        self._body_weight = problem.world.body_weight
-        self._event_log, self._submit = session.event_log, session.submit
+        self._body_weight = setup.world.body_weight
+        self._event_log, self._submit = event_log, submit
         self._blocks: deque[Block] = deque()
         self.add_block = self._blocks.append  # accepts a block of the walk; returns immediately
         self._due: deque[tuple[float, can.Message]] = deque()

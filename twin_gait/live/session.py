@@ -115,7 +115,7 @@ class LiveSession:
             has = "events, which only simulate executes"
             raise ParameterError(f"{name}: has {has}; leave them out with --set events=[]")
         if self.can is not None:
-            self._link = CanLink(self.can, self)
+            self._link = CanLink(self.can, self.panel.problem, self.event_log, self.submit)
             self.walk.on_block = self._link.add_block
         records = None if self.records is None else str(self.records.expanduser().absolute())
         setup = {"document": document, "folder": str(self.folder), "force": self.force, "records": records}

@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,6 +29,7 @@ from twin_gait.report.failures import failed_pictures, format_error
 from twin_gait.report.pages import FIGURES_FOLDER
 from twin_gait.runs.folders import FolderKind, journal_path, staged_directory
 from twin_gait.runs.stored_log import check_log
+from twin_gait.runs.stored_run import StoredRun
 from twin_gait.runs.summary import software_versions, summarise_run
 from twin_gait.runs.user_files import referenced_files, store_files
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -42,14 +43,6 @@ SWITCHES_FILE = "transitions.csv"
 SUMMARY_FILE = "summary.json"
 ANIMATION_FILE = "animation.html"
 RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
-
-
-class StoredRun(NamedTuple):
-    """Run that was read from its directory."""
-
-    run: Run  # run as :func:`twin_gait.simulate` returned it
-    summary: Mapping[str, Any]  # content of ``summary.json``
-    name: str = ""  # name of its directory
 
 
 def write_run(

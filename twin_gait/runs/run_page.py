@@ -7,7 +7,7 @@ import numpy as np
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.report.formatting import belt_carries_note, describe, missing_peaks, walk_table
-from twin_gait.runs.record import StoredRun
+from twin_gait.runs.stored_run import StoredRun
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
 from twin_gait.viewer.page import PageTexts, recorded_page

@@ -173,7 +173,10 @@ class EpisodeEngine(ABC):
         # Frames that the sender counts as sent, sent frames that did not arrive, payloads that a newer one
         # replaced before they were sent, and transmissions that ended in error frames.
         counts = "sent", "lost", "replaced", "destroyed"
-        for kind, channels in ((SETPOINT_SUFFIX, network.setpoints), (MEASUREMENT_SUFFIX, network.measurements)):
+        for kind, channels in (
+            (SETPOINT_SUFFIX, network.setpoints),
+            (MEASUREMENT_SUFFIX, network.measurements),
+        ):
             for joint, channel in zip(self.setup.joints, channels, strict=True):
                 frame = bus.frames[int(channel.frame)]
                 frames[f"{joint.side}_{joint.joint}_{kind}"] = {
