@@ -209,7 +209,7 @@ def test_nothing_is_left_when_the_block_is_left(image, error):
 @pytest.mark.slow
 def test_the_emulator_ends_when_its_owner_is_killed(image):
     code = (
-        "import sys, time; from pathlib import Path; from twin_gait.firmware import Emulator\n"
+        "import sys, time; from pathlib import Path; from twin_gait.firmware.emulator import Emulator\n"
         "with Emulator(Path(sys.argv[1])) as target: print(target.process.pid, flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", code, image], stdout=subprocess.PIPE, text=True) as owner:
