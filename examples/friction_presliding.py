@@ -205,7 +205,7 @@ def draw_steady(axes: Axes, law: FrictionLaw, look: Mapping[str, Any]) -> None:
     """Draw friction over a steady velocity."""
     friction = law.to_plant_friction()
     speeds = np.geomspace(1e-4, 0.6, 600).tolist()
-    torques = [friction_torque(friction, w, steady_deflection(friction, w), 0.0) for w in speeds]
+    torques = [friction_torque(friction, w, steady_deflection(friction, w)) for w in speeds]
     axes.plot(speeds, torques, **look)
 
 

@@ -44,11 +44,19 @@ class MujocoLegs:
         mujoco.mj_fwdPosition(self.model, self.data)
         mujoco.mj_fwdVelocity(self.model, self.data)
 
-    def accelerate(self, torque: list[float]) -> np.ndarray:
-        """Return the accelerations of the present state under torques and applied forces, shape ``(nv,)``."""
-        self.data.qfrc_applied[self.order] = torque[: len(self.order)]
+    def accelerate(self, torque: list[float], rotors: list[float]) -> np.ndarray:
+        """Return the accelerations of the present state under torques and forces on the bodies.
+
+        The inertias of the rotors at the joints are those that are given.
+        """
+        own = len(self.order)
+        self.data.qfrc_applied[self.order] = torque[:own]
         mujoco.mj_fwdAcceleration(self.model, self.data)
-        return np.array(self.data.qacc_smooth[self.order])
+        mass, unit = np.zeros((self.model.nv, self.model.nv)), np.eye(self.model.nv)
+        for row, direction in zip(mass, unit, strict=True):
+            mujoco.mj_mulM(self.model, self.data, row, direction)
+        mass[self.order, self.order] += rotors[:own] - self.model.dof_armature[self.order]
+        return np.array(np.linalg.solve(mass, self.data.qfrc_smooth)[self.order])
 
 
 class MujocoKernel:
@@ -79,6 +87,7 @@ class MujocoKernel:
         q: list[float],
         v: list[float],
         torque: list[float],
+        rotors: list[float],
         bodies: list[float],
         gravity: float,
         ground: Ground,
@@ -87,7 +96,7 @@ class MujocoKernel:
     ) -> float:
         """Write the accelerations with ground forces to ``a``; return the power of the ground [W]."""
         power = self.contact_forces(q, v, bodies, ground, points)
-        found = self._legs.accelerate(torque).tolist()
+        found = self._legs.accelerate(torque, rotors).tolist()
         a[: len(found)] = found
         return power
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -255,7 +256,7 @@ class LegPlant:
         n = world.model.nv
         self._law, self._efficiency = np.zeros((4, n)), np.ones(n)
         self._law[2] = 1.0  # for coordinates without friction and motor
-        self._armature, self._last = self.model.armature, np.zeros(n)
+        self._armature = self.model.armature
         given = problem.experiment.plant
         for item in problem.joints:
             self._law[:, item.coordinate] = _columns([given.true_friction()[item.joint]], LAW)[:, 0]
@@ -272,31 +273,49 @@ class LegPlant:
         if world.arms:
             self._crutch = problem.experiment.scenario.crutches.mass  # type: ignore[attr-defined]
 
-    def passive_torque(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
-        """Compute the torques of friction, stops, springs and support on the coordinates, shape ``(nv,)``."""
+    def passive_torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Compute friction without load, stops, springs and support on the coordinates, shape ``(nv,)``."""
         lower, upper, hardness, dissipation = self._stops
         below = hardness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
         above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
         stiffness, damping, force = self._springs
-        lost = friction_torque(v, self._law) + self._gear_loss(v, motor - self._armature * self._last)
+        lost = friction_torque(v, self._law)
         return np.asarray(force - stiffness * q - damping * v + below - above - lost)
 
-    def _gear_loss(self, v: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Compute the loss of a gear: output over load is η driving, 1 at rest, 1/η driven, a parabola."""
-        drives, eta = np.sign(load) * np.tanh(v / np.abs(self._law[2] / 10.0)), self._efficiency
+    def _lost_share(self, v: np.ndarray, signs: np.ndarray) -> np.ndarray:
+        """Compute the lost share of a gear's load: output over load is η driving, 1 at rest, 1/η driven."""
+        drives, eta = signs * np.tanh(v / np.abs(self._law[2] / 10.0)), self._efficiency
         ends = 0.5 * drives * ((drives - 1.0) / eta + (drives + 1.0) * eta)
-        return np.asarray(load * (drives**2 - ends))
+        return np.asarray(drives**2 - ends)
+
+    def _geared_acceleration(
+        self, q: np.ndarray, v: np.ndarray, motor: np.ndarray, passive: np.ndarray, forces: Any
+    ) -> np.ndarray:
+        """Solve for every combination of signs of the loads, and return the consistent accelerations."""
+        upper = np.triu(pin.crba(self.model, self.data, q))
+        mass = upper + np.triu(upper, 1).T
+        right = motor + passive - pin.rnea(self.model, self.data, q, v, np.zeros(len(q)), *forces)
+        lossy, found, best = np.flatnonzero(self._efficiency < 1.0), np.zeros(len(q)), -np.inf
+        for signs in product((-1.0, 1.0), repeat=len(lossy)):
+            of_all = np.ones(len(q))
+            of_all[lossy] = signs
+            share = self._lost_share(v, of_all)
+            a = np.linalg.solve(mass - np.diag(share * self._armature), right - share * motor)
+            agreement = np.min((of_all * (motor - self._armature * a))[lossy], initial=0.0)
+            if agreement > best:
+                found, best = a, agreement
+        return found
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
         """Compute the accelerations under motors, passive torques and contact, shape ``(nv,)``."""
         n = self.model.nv
         torque = np.zeros(len(q)) if self.upper_body is None else self.upper_body.torque(q, v)
-        torque[:n] += motor[:n] + self.passive_torque(q[:n], v[:n], motor[:n])
+        torque[:n] += self.passive_torque(q[:n], v[:n])
         forces = (self._contact_forces(q[:n], v[:n]),) if self._frames else ()
-        self._last = np.array(pin.aba(self.model, self.data, q[:n], v[:n], torque[:n], *forces))
+        legs = self._geared_acceleration(q[:n], v[:n], motor[:n], torque[:n], forces)
         tips = torque[n:] / (self._crutch or 1.0)
         tips[1::2] -= self._gravity
-        return np.array([*self._last, *tips])
+        return np.array([*legs, *tips])
 
     def loads(self, q: np.ndarray, v: np.ndarray) -> list[float]:
         """Return the normal force of the ground on each foot over body weight."""

@@ -59,7 +59,7 @@ class SeatedMujocoKernel(MujocoKernel):
         shank = self._legs.body(next(iter(legs)).knee)
         self._femur = float(np.linalg.norm(self._legs.model.body_pos[shank]))
 
-    def dynamics(self, q, v, torque, bodies, gravity, ground, a, points) -> float:
+    def dynamics(self, q, v, torque, rotors, bodies, gravity, ground, a, points) -> float:
         """Write the accelerations under ground and seat to ``a``; return the power of both [W]."""
         power = self.contact_forces(q, v, bodies, ground, points)
         chair, data = self._chair, self._legs.data
@@ -70,7 +70,7 @@ class SeatedMujocoKernel(MujocoKernel):
             local = [-chair.thigh_thickness, 0.0, -chair.thigh_position * self._femur]
             place = data.xpos[thigh] + data.xmat[thigh].reshape(3, 3) @ local
             power += self._press(thigh, place, 0.5 * share * chair.stiffness)
-        a[:] = self._legs.accelerate(torque).tolist()
+        a[:] = self._legs.accelerate(torque, rotors).tolist()
         return power
 
     def _press(self, body: int, place: np.ndarray, stiffness: float) -> float:

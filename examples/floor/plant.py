@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from twin_gait.core import passed_torque, sign_of
 from twin_gait.core.contact import ContactState
 from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiled_engine import assemble, kernel_names
@@ -35,14 +36,21 @@ def equations_of_motion(
 
     The function takes coordinates, velocities, motor torques and accelerations (n each), and returns the
     motion under friction, stops, springs, support, belt and gravity, at the belt's cruising speed and with
-    the harness unlocked. The losses of the gears read from the accelerations the torque that turns the rotors
-    (``twin_gait.core.gear_load``): the motion is the plant's if it has the same accelerations.
+    the harness unlocked. Each gear loses with the sign of its load under the given accelerations, and
+    ``sign_of`` among the laws may smooth it: the motion is that of the plant if the returned accelerations
+    are the given ones.
     """
     bodies, episode, structure = assemble(problem)
-    evaluate = specialize(compute_accelerations, {**structure, **laws, **kernel_names(bodies, laws)})
+    accepted = {"is_sign_wrong": lambda *load: False}
+    evaluate = specialize(
+        compute_accelerations, {**structure, **accepted, **laws, **kernel_names(bodies, laws)}
+    )
+    sign = laws.get("sign_of", sign_of)
 
     def motion(q: Sequence[Any], v: Sequence[Any], motor: Sequence[Any], a: Sequence[Any]) -> Motion:
         episode.q, episode.v, episode.motor, episode.a = list(q), list(v), list(motor), list(a)
+        for plant, torque, rate in zip(episode.plant, motor, a, strict=True):
+            plant.load_sign = sign(passed_torque(plant, torque, rate))
         evaluate(episode, 0.0, False)
         points = [ContactState(item.forward, item.upward, item.height) for item in episode.points]
         return Motion(list(episode.a), points)

@@ -422,7 +422,7 @@ def plant_of(problem: SimulationSetup) -> Any:
     laws = {
         "sine_cosine": lambda angle: (ca.sin(angle), ca.cos(angle)),
         "exponential": ca.exp,
-        "abs": lambda torque: ca.sqrt(torque * torque + LOAD * LOAD),
+        "sign_of": lambda torque: torque / ca.sqrt(torque * torque + LOAD * LOAD),
         "hyperbolic_tangent": ca.tanh,
         "ground_contact_force": smooth_ground,
         "mechanical_stop_torque": smooth_stop,

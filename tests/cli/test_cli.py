@@ -364,8 +364,13 @@ def test_accuracy_reports_the_step_error(tmp_path, capsys):
     accuracy = json.loads((out / "summary.json").read_text())["accuracy"]
     assert accuracy["reference_step_s"] == pytest.approx(accuracy["step_s"] / 10)
     assert 0.0 < accuracy["largest_angle_error_rad"] < 1e-2
+    errors = {round(1e3 * row["step_s"], 3): row["largest_angle_error_rad"] for row in accuracy["steps"]}
+    assert sorted(errors) == [0.25, 0.5, 1.0]  # coarser than the reference at 0.1 ms
+    assert errors[1e3 * accuracy["step_s"]] == accuracy["largest_angle_error_rad"]
     largest = f"{math.degrees(accuracy['largest_angle_error_rad']):.2g}°"
-    assert f"moves the joints by up to {largest}" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert f"moves the joints by up to {largest}" in told
+    assert told.count("computed in") == len(errors)
 
 
 def test_accuracy_of_a_run_that_did_not_complete_is_said_to_be_missing(tmp_path, capsys):

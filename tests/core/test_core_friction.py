@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
-from twin_gait.core.friction import gear_loss_torque, geared_friction_torque, rotational_friction_torque
+from twin_gait.core.friction import gear_loss_torque, loss_share, rotational_friction_torque
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.laws import array_laws
@@ -239,15 +239,13 @@ def test_gear_loss_turns_over_smoothly_and_only_grows_with_the_speed(load: float
     assert (np.diff(losses) >= -1e-12).all()
 
 
-@given(velocities, st.floats(-60.0, 60.0), efficiencies)
-def test_friction_and_gear_loss_of_the_rotational_law_turn_over_together(
-    velocity: float, load: float, eta: float
-) -> None:
-    table = (1.664, 4.2, 0.2252, 2.26)
-    expected = rotational_friction_torque(velocity, *table) + gear_loss_torque(velocity, load, eta, 0.02252)
-    assert geared_friction_torque(velocity, *table, load, eta) == pytest.approx(
-        expected, rel=1e-12, abs=1e-14
-    )
+@given(st.floats(-1.0, 1.0), efficiencies)
+def test_share_of_the_load_leaves_the_rotor_a_positive_inertia(direction: float, eta: float) -> None:
+    """From 1 - 1/η to 1 - η, and zero at rest: the inertia (1 - c) J stays above 0."""
+    for sign in (-1.0, 1.0):
+        assert 1.0 - 1.0 / eta - 1e-15 <= loss_share(direction, sign, eta) <= 1.0 - eta + 1e-15
+        assert loss_share(sign, 1.0, eta) == pytest.approx(1.0 - eta**sign, abs=1e-15)
+        assert loss_share(0.0, sign, eta) == 0.0
 
 
 def test_gear_that_loses_alike_both_ways_is_what_an_identification_of_loaded_joints_fits() -> None:

@@ -38,13 +38,14 @@ class Kernel(NamedTuple):
 
     functions: dict[str, Callable[..., float]]
     bodies: np.ndarray
+    rotors: np.ndarray
     n: int
     n_points: int
 
     def accelerations(self, q, v, torque):
         a = np.full(self.n, np.nan)
         points = [ContactState() for _ in range(self.n_points)]
-        self.functions["dynamics"](q, v, torque, self.bodies, GRAVITY, NO_GROUND, a, points)
+        self.functions["dynamics"](q, v, torque, self.rotors, self.bodies, GRAVITY, NO_GROUND, a, points)
         return a
 
     def gravity(self, q):
@@ -87,7 +88,8 @@ def kernel_of(model: pin.Model, points: tuple[ContactPoint, ...] = (), law=groun
     bodies = export_bodies(model)
     functions = {"sine_cosine": sine_cosine, "ground_contact_force": law}
     exec(compile(source_of(bodies, points), "kernel", "exec"), functions)
-    return Kernel(functions, np.array(kernel.body_values(bodies, points)), len(bodies), len(points))
+    values, rotors = np.array(kernel.body_values(bodies, points)), np.array(model.armature)
+    return Kernel(functions, values, rotors, len(bodies), len(points))
 
 
 def assert_equal(found: np.ndarray, expected: np.ndarray) -> None:

@@ -16,7 +16,9 @@ from scipy.integrate import solve_ivp
 from twin_gait.core.friction import (
     advance_deflection,
     friction_torque,
-    geared_friction_torque,
+    gear_direction,
+    loss_share,
+    rotational_friction_and_share,
     rotational_friction_torque,
     steady_deflection,
 )
@@ -73,7 +75,7 @@ def dragged(law: LuGreFriction, path: np.ndarray, time: np.ndarray, start: float
     for angle, speed in zip(path.tolist(), velocity.tolist(), strict=True):
         z = advance_deflection(friction, angle - before, speed, z)
         before = angle
-        torques.append(friction_torque(friction, speed, z, 0.0))
+        torques.append(friction_torque(friction, speed, z))
     return np.array(torques)
 
 
@@ -85,7 +87,7 @@ def test_a_joint_that_sticks_is_a_spring(law: LuGreFriction) -> None:
     """σ0 about rest: over a thousandth of the way until it slides, to a thousandth."""
     way = 1e-3 * law.coulomb_friction / law.bristle_stiffness
     z = advance_deflection(law.to_plant_friction(), way, 1e-9, 0.0)
-    torque = friction_torque(law.to_plant_friction(), 0.0, z, 0.0)
+    torque = friction_torque(law.to_plant_friction(), 0.0, z)
     assert torque / way == pytest.approx(law.bristle_stiffness, rel=1e-3)
 
 
@@ -93,7 +95,7 @@ def test_a_joint_that_sticks_is_a_spring(law: LuGreFriction) -> None:
 def test_steady_sliding_is_the_stribeck_curve(speed: float, forward: bool) -> None:
     velocity = speed if forward else -speed
     torque = friction_torque(
-        SKEWED.to_plant_friction(), velocity, steady_deflection(SKEWED.to_plant_friction(), velocity), 0.0
+        SKEWED.to_plant_friction(), velocity, steady_deflection(SKEWED.to_plant_friction(), velocity)
     )
     viscous = 2.0 * speed**0.7 if forward else -1.2 * speed**0.7
     assert torque == pytest.approx(0.5 + math.copysign(level(SKEWED, speed), velocity) + viscous, rel=1e-12)
@@ -120,9 +122,7 @@ def test_a_slow_pull_breaks_away_at_the_breakaway_torque() -> None:
 def test_the_torque_of_a_harder_pull_is_less_until_it_is_viscous() -> None:
     """The Stribeck effect, which lets a joint stick and slip: less friction at 0.1 than at 0.001 rad/s."""
     slow, medium, fast = (
-        friction_torque(
-            LUGRE.to_plant_friction(), speed, steady_deflection(LUGRE.to_plant_friction(), speed), 0.0
-        )
+        friction_torque(LUGRE.to_plant_friction(), speed, steady_deflection(LUGRE.to_plant_friction(), speed))
         for speed in (0.001, 0.15, 2.0)
     )
     assert medium < slow < fast
@@ -135,7 +135,7 @@ def test_dahls_torque_is_exponential_in_the_way_however_it_is_gone(ways: list[fl
     for way in ways:
         z = advance_deflection(friction, way, speed, z)
     expected = 3.0 * -math.expm1(-600.0 * math.fsum(ways) / 3.0)
-    assert friction_torque(friction, speed, z, 0.0) == pytest.approx(expected, rel=1e-12)
+    assert friction_torque(friction, speed, z) == pytest.approx(expected, rel=1e-12)
 
 
 def test_lugre_without_damping_and_stribeck_effect_is_dahls_model() -> None:
@@ -238,37 +238,32 @@ def test_the_static_law_with_directions_is_its_formula(velocity: float) -> None:
     stribeck = 3.0 + 1.5 * math.exp(-((speed / 0.1) ** 1.5))
     viscous = 2.0 * speed**0.7 if velocity > 0.0 else -1.2 * speed**0.7
     expected = 0.5 + stribeck * math.tanh(velocity / 0.01) + viscous
-    assert friction_torque(STATIC.to_plant_friction(), velocity, 0.0, 0.0) == pytest.approx(
-        expected, rel=1e-12
-    )
+    assert friction_torque(STATIC.to_plant_friction(), velocity, 0.0) == pytest.approx(expected, rel=1e-12)
 
 
-@given(st.floats(-5.0, 5.0), st.floats(-60.0, 60.0))
-def test_the_rotational_law_in_the_plant_is_bit_for_bit_equation_3_1(velocity: float, load: float) -> None:
-    table = (1.664, 4.2, 0.2252, 2.26)
-    geared = friction_torque(HIP_FRICTION.to_plant_friction(0.85), velocity, 0.0, load)
-    assert geared == geared_friction_torque(velocity, *table, load, 0.85)
-    bare = friction_torque(HIP_FRICTION.to_plant_friction(), velocity, 0.0, load)
-    assert bare == rotational_friction_torque(velocity, *table)
+@given(st.floats(-5.0, 5.0))
+def test_the_rotational_law_in_the_plant_is_bit_for_bit_equation_3_1(velocity: float) -> None:
+    table, friction = (1.664, 4.2, 0.2252, 2.26), HIP_FRICTION.to_plant_friction(0.85)
+    expected = rotational_friction_torque(velocity, *table)
+    assert friction_torque(friction, velocity, 0.0) == expected
+    share = loss_share(gear_direction(friction, velocity), -1.0, 0.85)
+    assert rotational_friction_and_share(velocity, *table, -1.0, 0.85) == (expected, share)
 
 
 @pytest.mark.parametrize("law", [HIP_FRICTION, STATIC], ids=["rotational", "asymmetric"])
 def test_laws_without_bristles_have_no_state(law: FrictionLaw) -> None:
     friction = law.to_plant_friction()
     assert advance_deflection(friction, 0.3, 1.0, 0.0) == 0.0 == steady_deflection(friction, 1.0)
-    assert friction_torque(friction, 1.0, 7.0, 0.0) == friction_torque(friction, 1.0, 0.0, 0.0)
+    assert friction_torque(friction, 1.0, 7.0) == friction_torque(friction, 1.0, 0.0)
 
 
 @pytest.mark.parametrize("law", [STATIC, SKEWED], ids=["asymmetric", "lugre"])
 def test_gear_takes_its_loss_from_a_joint_that_slides(law: FrictionLaw) -> None:
-    """η 0.8 of -40 N m is 8 N m more where the motor drives, 10 where it brakes, once the joint slides."""
-    light, loaded = law.to_plant_friction(), law.to_plant_friction(0.8)
+    """η 0.8 of -40 N m is 8 N m where the motor drives and 10 N m where it brakes, once the joint slides."""
+    friction = law.to_plant_friction(0.8)
     for velocity, lost in ((0.8, 10.0), (-0.8, -8.0)):
-        more = [
-            friction_torque(item, velocity, steady_deflection(item, velocity), -40.0)
-            for item in (light, loaded)
-        ]
-        assert more[1] - more[0] == pytest.approx(lost, rel=1e-12)
+        share = loss_share(gear_direction(friction, velocity), -1.0, friction.gear_efficiency)
+        assert -40.0 * share == pytest.approx(lost, rel=1e-12)
 
 
 @pytest.mark.parametrize("law", [HIP_FRICTION, STATIC, SKEWED], ids=["rotational", "asymmetric", "lugre"])
@@ -276,10 +271,10 @@ def test_a_ratio_scales_every_law_and_none_is_left_of_nought(law: FrictionLaw) -
     whole, half = law.to_plant_friction(), law.scaled(0.5).to_plant_friction()
     for velocity in (-1.0, -0.02, 0.05, 2.0):
         torques = [
-            friction_torque(item, velocity, steady_deflection(item, velocity), 0.0) for item in (whole, half)
+            friction_torque(item, velocity, steady_deflection(item, velocity)) for item in (whole, half)
         ]
         assert torques[1] == pytest.approx(0.5 * torques[0], rel=1e-12)
-        assert friction_torque(law.scaled(0.0).to_plant_friction(), velocity, 0.0, 5.0) == 0.0
+        assert friction_torque(law.scaled(0.0).to_plant_friction(), velocity, 0.0) == 0.0
     with raises(ParameterError, "friction ratio", "0", "-0.1"):
         law.scaled(-0.1)
 
@@ -288,9 +283,14 @@ def test_a_joint_without_friction_needs_no_law() -> None:
     free = FrictionParameters(
         breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=0.0
     )
-    assert friction_torque(free.to_plant_friction(), 1.0, 0.0, 10.0) == 0.0
-    loaded = friction_torque(free.to_plant_friction(0.9), 1.0, 0.0, 10.0)
-    assert loaded == pytest.approx(1.0, rel=1e-7)  # tanh 10
+    assert (
+        friction_torque(free.to_plant_friction(), 1.0, 0.0)
+        == gear_direction(free.to_plant_friction(), 1.0)
+        == 0.0
+    )
+    loaded = free.to_plant_friction(0.9)
+    assert friction_torque(loaded, 1.0, 0.0) == 0.0
+    assert 10.0 * loss_share(gear_direction(loaded, 1.0), 1.0, 0.9) == pytest.approx(1.0, rel=1e-7)  # tanh 10
 
 
 # ---------------------------------------------------------------------- what is refused

@@ -25,13 +25,13 @@ def test_acceleration_in_the_air_is_pinocchios(guide):
     settings = [f"scenario.support.guide={guide}", *lossless]
     problem = build_setup(load_experiment("treadmill", settings).experiment)
     world, generator = problem.world, np.random.default_rng(1)
-    model, data = world.model.model, world.model.model.createData()
+    model, data = world.model.model.copy(), world.model.model.createData()
     motion = equations_of_motion(problem, {})
     for _ in range(5):
         q = world.start_q + 0.3 * generator.standard_normal(len(world.start_q))
         q[world.model.pelvis_index] = 3.0
         v, motor, before = generator.standard_normal((3, len(q)))
-        torque = 20.0 * motor
+        torque, rotors = 20.0 * motor, world.model.model.armature.copy()
         for place, plant in enumerate(world.plant):
             law, stop, spring = plant.friction, plant.stop, plant.spring
             torque[place] += spring.force - spring.stiffness * q[place] - spring.damping * v[place]
@@ -44,13 +44,15 @@ def test_acceleration_in_the_air_is_pinocchios(guide):
                     law.viscous_friction_forward,
                 )
                 load = 20.0 * motor[place] - plant.armature * 9.0 * before[place]
-                torque[place] -= gear_loss_torque(
-                    v[place], load, law.gear_efficiency, 0.1 * law.stribeck_velocity
-                )
+                slow = 0.1 * law.stribeck_velocity
+                share = gear_loss_torque(v[place], load, law.gear_efficiency, slow) / load
+                torque[place] -= share * 20.0 * motor[place]
+                rotors[place] = (1.0 - share) * plant.armature
             if stop.stiffness:
                 torque[place] += mechanical_stop_torque(
                     q[place], v[place], stop.lower, stop.upper, stop.stiffness, stop.dissipation
                 )
+        model.armature = rotors
         found = motion(q.tolist(), v.tolist(), (20.0 * motor).tolist(), (9.0 * before).tolist())
         assert_allclose(found.acceleration, pin.aba(model, data, q, v, torque), rtol=1e-9, atol=1e-8)
         assert all(point.upward == 0.0 and point.height > 1.0 for point in found.points)

@@ -246,5 +246,5 @@ def test_a_plant_with_an_identified_law_has_the_torque_that_was_identified(name)
     z, torques = 0.0, []
     for velocity, period, fresh in zip(rows.velocity, rows.period, rows.fresh, strict=True):
         z = 0.0 if fresh else advance_deflection(friction, velocity * period, velocity, z)
-        torques.append(friction_torque(friction, velocity, z, 0.0))
+        torques.append(friction_torque(friction, velocity, z))
     assert_allclose(torques, model.predict(x, clean), rtol=1e-9, atol=1e-12)

@@ -55,6 +55,7 @@ class Recorded(NamedTuple):
     q: list[float]
     v: list[float]
     torque: list[float]
+    rotors: list[float]
     ground: Ground
     a: list[float]
 
@@ -72,9 +73,9 @@ def recorded(guide: str, ticks: int) -> tuple[list[Recorded], np.ndarray, list[i
     last: list[Recorded] = []
     seen: list[Recorded] = []
 
-    def dynamics(q, v, torque, bodies, gravity, ground, a, points):  # type: ignore[no-untyped-def]
-        power = functions["dynamics"](q, v, torque, bodies, gravity, ground, a, points)
-        last[:] = [Recorded(list(q), list(v), list(torque), deep_copy(ground), list(a))]
+    def dynamics(q, v, torque, rotors, bodies, gravity, ground, a, points):  # type: ignore[no-untyped-def]
+        power = functions["dynamics"](q, v, torque, rotors, bodies, gravity, ground, a, points)
+        last[:] = [Recorded(list(q), list(v), list(torque), list(rotors), deep_copy(ground), list(a))]
         return power
 
     def observe(*state: Any) -> Any:
@@ -106,7 +107,7 @@ def test_under_the_recorded_force_of_the_guide_a_free_trunk_is_the_guided_one(gu
         torque[model.pitch_index] += moment
         torque[model.forward_index] += force if guide == "vertical" else 0.0  # else a spring has it already
         a = np.zeros(model.nv)
-        dynamics(q, v, torque, episode.bodies, GRAVITY, state.ground, a, points)
+        dynamics(q, v, torque, spread(state.rotors), episode.bodies, GRAVITY, state.ground, a, points)
         assert_allclose(a, expected, rtol=1e-9, atol=1e-9)
     assert np.abs(taken).max(axis=0).min() > 20.0
     assert len(seen) == 400
@@ -217,7 +218,9 @@ def stiff_body(lean: float) -> tuple[SimulationSetup, Episode, Callable[[Episode
     e.q[model.pelvis_index] = -min(float(model.frame_position(np.array(e.q), name)[2]) for name in soles)
     free = {model.forward_index, model.pelvis_index, model.pitch_index}
     free |= {model.index(side, JointName.ANKLE) for side in model.sides}
-    e.plant = [Plant() if place in free else locked_at(e.q[place]) for place in range(model.nv)]
+    for place, inertia in enumerate(e.rotors):
+        e.plant[place] = Plant() if place in free else locked_at(e.q[place])
+        e.plant[place].armature = inertia
     e.a = [0.0] * model.nv
     return problem, e, specialize(integrate, {**structure, **kernel_names(kernel), "FRICTION_INDICES": ()})
 

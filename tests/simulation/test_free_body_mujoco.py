@@ -39,9 +39,9 @@ def started(high: float, *changes: str) -> tuple[SimulationSetup, Episode, Calla
     e.recording.on = False
     model = problem.world.model
     guides = {model.forward_index, model.pelvis_index, model.pitch_index}
-    spring = Plant(spring=Spring(STIFFNESS, DAMPING))
     for place in range(model.nv):
-        e.plant[place] = Plant() if place in guides else spring
+        spring = Spring() if place in guides else Spring(STIFFNESS, DAMPING)
+        e.plant[place] = Plant(spring=spring, armature=e.plant[place].armature)
     e.q[model.pelvis_index] += high
     e.v[model.forward_index], e.v[model.pitch_index] = 0.3, 0.5
     kernel = PinocchioKernel(problem.world, problem.control_model).functions

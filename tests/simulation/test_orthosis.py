@@ -86,7 +86,7 @@ def test_orthosis_accelerates_the_legs_as_a_spring_of_mujoco(rest: float, rng: n
         q, v = rng.uniform(-0.4, 0.4, model.nv), rng.uniform(-3.0, 3.0, model.nv)
         torque = np.zeros(model.nv)
         for place in ankles:
-            torque[place] = plant_torque(world.plant[place], 0.0, q[place], v[place], 0.0, 0.0)
+            torque[place] = plant_torque(world.plant[place], 0.0, q[place], v[place], 0.0)
         accelerations = legs_dynamics(legs, coordinate_order(legs, model), q, v, np.zeros(model.nv))[2]
         assert_allclose(model.forward_dynamics(q, v, torque), accelerations, rtol=1e-9, atol=1e-9)
 

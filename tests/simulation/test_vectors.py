@@ -11,7 +11,7 @@ import pytest
 from numba.core import types
 
 from twin_gait.core.contact import Ground
-from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.friction import rotational_friction_and_share, rotational_friction_torque
 from twin_gait.kernels.generated import MERGED_FUNCTIONS, write_merged_functions
 from twin_gait.kernels.tracing import merge_calls
 from twin_gait.simulation.backend import vector_map
@@ -101,19 +101,30 @@ def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> N
 
 
 PLACES = (0, 2, 5)
-STATE = np.dtype([("velocity", "f8", (6,)), ("friction", "f8", (6,))], align=True)
+STATE = np.dtype([("velocity", "f8", (6,)), ("friction", "f8", (6,)), ("share", "f8", (6,))], align=True)
 
 
 def sliding(state: Any, place: int, staged: bool) -> tuple[float, float, float, float, float]:
     return state.velocity[place], 8.0, 10.0, 0.1, 2.0
 
 
+def sliding_under_load(state: Any, place: int, staged: bool) -> tuple[float, ...]:
+    return state.velocity[place], 8.0, 10.0, 0.1, 2.0, -1.0, 0.85
+
+
 def keep(state: Any, place: int, torque: float) -> None:
     state.friction[place] = torque
 
 
+def keep_both(state: Any, place: int, found: tuple[float, float]) -> None:
+    state.friction[place] += found[0]
+    state.share[place] = found[1]
+
+
 def rub(address: int, first: int, end: int) -> int:
     vector_map(state_at(address), PLACES, False, sliding, rotational_friction_torque, keep)
+    law = rotational_friction_and_share
+    vector_map(state_at(address), PLACES, False, sliding_under_load, law, keep_both)
     return 0
 
 
@@ -123,14 +134,21 @@ def state_at(address: int) -> Any:
 
 @pytest.mark.compile
 def test_a_law_in_several_places_gives_the_bits_of_one_by_one(rng: np.random.Generator) -> None:
-    own = {"sliding": jit(sliding), "keep": jit(keep), "state_at": record_accessor(STATE)}
+    own = {
+        "sliding": jit(sliding),
+        "keep": jit(keep),
+        "keep_both": jit(keep_both),
+        "sliding_under_load": jit(sliding_under_load),
+        "state_at": record_accessor(STATE),
+    }
     compiled = compile_loop(rub, {**vector_functions({}), **own})
     states = np.zeros(2, STATE).view(np.recarray)
     plain = specialize(rub, {"state_at": lambda address: states[1]})
     for _ in range(20):
         states.velocity[:] = rng.normal(size=6)
-        states.friction[:] = 0.0
+        states.friction[:] = states.share[:] = 0.0
         plain(0, 0, 0)
         compiled.function(states.ctypes.data, 0, 0)
         assert states[0].tobytes() == states[1].tobytes()
-        assert np.flatnonzero(states.friction[0]).tolist() == list(PLACES)
+        for found in (states.friction[0], states.share[0]):
+            assert np.flatnonzero(found).tolist() == list(PLACES)

@@ -35,7 +35,7 @@ def plant_friction(law: FrictionLaw) -> core.PlantFriction:
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
     """Compute the friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
     friction = plant_friction(law)
-    return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity), 0.0)
+    return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity))
 
 
 def friction_slope(law: FrictionLaw, velocity: float) -> float:
@@ -48,7 +48,7 @@ def friction_slope(law: FrictionLaw, velocity: float) -> float:
 
     def torque(speed: float) -> float:
         deflection = core.steady_deflection(friction, speed if velocity else 0.0)
-        return core.friction_torque(friction, speed, deflection, 0.0)
+        return core.friction_torque(friction, speed, deflection)
 
     return min(
         (torque(speed + _VELOCITY_STEP) - torque(speed - _VELOCITY_STEP)) / (2.0 * _VELOCITY_STEP)

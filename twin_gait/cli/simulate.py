@@ -39,7 +39,7 @@ def add_parser(commands: Any) -> None:
     add("--view", action="store_true", help="show the run in the browser afterwards")
     options.add(parser, "--no-pictures")
     add("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
-    add("--accuracy", action="store_true", help="repeat the run at a tenth of the step, print the difference")
+    add("--accuracy", action="store_true", help="repeat the run at other steps, print the error of each")
     options.add(parser, "--json")
 
     parser = options.add_command(commands, "live", walk_live)

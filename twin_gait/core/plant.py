@@ -1,8 +1,8 @@
-"""What acts on a coordinate of the plant by itself, what binds or leads it, and what holds a wearer.
+"""Forces and torques on a coordinate of the plant: passive torques, braces, imposed motion, harness and seat.
 
-A coordinate without friction has no law of it; one without stops has a stop stiffness of 0. The same record
-serves joints with a drive (friction, stops), the ankle (that of its orthosis is a spring) and the vertical
-pelvis guide (support force, damping).
+A coordinate without friction has the law ``FRICTIONLESS``; a coordinate without stops has a stop stiffness of
+0. One class describes joints with a drive (friction, stops), ankles (the orthosis is a spring) and the
+vertical guide of the pelvis (support force, damping).
 """
 
 import math
@@ -11,12 +11,17 @@ from dataclasses import dataclass, field
 from twin_gait.core.contact import contact_friction_force, mechanical_stop_torque
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.friction import (
-    FRICTIONLESS,
+    ROTATIONAL,
     WITH_OTHER_FRICTION_LAWS,
     PlantFriction,
     advance_deflection,
-    total_friction_torque,
+    directional_torque,
+    gear_direction,
+    loss_share,
 )
+
+# Load of a gear in [N m] below which either sign of the load is accepted.
+LEAST_LOAD = 1e-9
 
 
 @dataclass(slots=True)
@@ -31,7 +36,7 @@ class MechanicalStop:
 
 @dataclass(slots=True)
 class Spring:
-    """A spring about zero with a damper and a constant force; K r as the force makes it one about r."""
+    """Spring about zero with a damper and a constant force; with the force K r it is a spring about r."""
 
     stiffness: float = 0.0  # In [N m] / [rad] or [N] / [m].
     damping: float = 0.0  # In [N m s] / [rad] or [N s] / [m].
@@ -40,45 +45,58 @@ class Spring:
 
 @dataclass(slots=True)
 class Plant:
-    """Passive torques on a coordinate: their parameters, none by default, and what they came to last."""
+    """Passive torques on a coordinate: their parameters, none by default, and their last values."""
 
     friction: PlantFriction = field(default_factory=PlantFriction)  # Of motor and gear.
     stop: MechanicalStop = field(default_factory=MechanicalStop)  # Mechanical stops.
     spring: Spring = field(default_factory=Spring)  # Orthosis, or support of the pelvis.
     armature: float = 0.0  # Inertia of rotor and wave generator seen at the joint in [kg m²].
-    # Of the bristles that some laws of friction have, at the start of the step, in [rad].
+    # Deflection in [rad] at the start of the step of the bristles that some laws of friction have.
     deflection: float = 0.0
-    friction_torque: float = 0.0  # On the coordinate in [N m] or [N].
-    stop_torque: float = 0.0  # Likewise.
-    spring_torque: float = 0.0  # Likewise, with the constant force.
+    load_sign: float = 1.0  # Sign of the load of the gear, 1 or -1.
+    loss_share: float = 0.0  # Share of its load that the gear loses.
+    friction_torque: float = 0.0  # On the coordinate, with the loss of the gear, in [N m] or [N].
+    stop_torque: float = 0.0  # On the coordinate in [N m] or [N].
+    spring_torque: float = 0.0  # On the coordinate with the constant force, in [N m] or [N].
 
 
-def gear_load(plant: Plant, motor: float, acceleration: float) -> float:
-    r"""Torque in [N m] that the gear of a joint passes on, :math:`\tau - J\,\ddot q`.
+def share_loss(plant: Plant, velocity: float) -> None:
+    r"""Compute the share c of its load that the gear of a joint loses.
 
-    What turns the rotor never reaches the teeth; in a walk that is half of the knee's torque. The
-    acceleration is as it was found last: one evaluation late, since the losses of the gear move the joint
-    themselves. With an efficiency above 0.5 that settles, by a factor of :math:`1/\eta - 1` at least in each
-    evaluation, for no joint has less inertia than J.
+    The load is the motor torque minus the torque that turns the rotor, :math:`\tau = \tau_m - J \ddot q`. The
+    loss :math:`c\,\tau` depends on the acceleration of the same instant, and linearly if the sign of the load
+    is given. The equation :math:`M \ddot q = \dots + \tau_m - c\,\tau` is therefore solved with a motor
+    torque of :math:`(1 - c)\,\tau_m`, and with a rotor inertia of :math:`(1 - c)\,J` instead of J.
     """
+    law = plant.friction
+    plant.loss_share = loss_share(gear_direction(law, velocity), plant.load_sign, law.gear_efficiency)
+
+
+def passed_torque(plant: Plant, motor: float, acceleration: float) -> float:
+    r"""Compute the load of a gear in [N m], :math:`\tau = \tau_m - J\,\ddot q`, see :func:`share_loss`."""
     return motor - plant.armature * acceleration
 
 
-def plant_torque(
-    plant: Plant, rotational: float, q: float, v: float, load: float, displacement: float
-) -> float:
-    """Friction, stop and spring torque on one coordinate, in [N m] or [N]; the plant keeps each of them.
+def is_sign_wrong(plant: Plant, motor: float, acceleration: float) -> bool:
+    """Return whether the load of a gear has the other sign than its loss was computed for."""
+    load = plant.load_sign * passed_torque(plant, motor, acceleration)
+    return load < -LEAST_LOAD and plant.loss_share != 0.0
 
-    ``rotational``: from :func:`~twin_gait.core.friction.rotational_torque`. ``load``: from :func:`gear_load`.
-    ``displacement``: of the coordinate since the start of the step.
+
+def plant_torque(plant: Plant, rotational: float, q: float, v: float, displacement: float) -> float:
+    """Compute and store friction, stop and spring torque of a coordinate; return their sum in [N m] or [N].
+
+    The loss of the gear is not included. Its share is stored, except for equation (3.1), whose friction and
+    share are computed before. ``rotational``: friction by equation (3.1), not read with another law.
+    ``displacement``: displacement of the coordinate since the start of the step.
     """
     law, limits, spring = plant.friction, plant.stop, plant.spring
-    friction, stop = 0.0, 0.0
-    if law.law != FRICTIONLESS:
-        deflection = plant.deflection
-        if WITH_OTHER_FRICTION_LAWS:
-            deflection = advance_deflection(law, displacement, v, deflection)
-        friction = -total_friction_torque(law, rotational, v, deflection, load)
+    friction, stop = -rotational if law.law == ROTATIONAL else 0.0, 0.0
+    if WITH_OTHER_FRICTION_LAWS:
+        if law.law > ROTATIONAL:
+            deflection = advance_deflection(law, displacement, v, plant.deflection)
+            friction = -directional_torque(law, v, deflection)
+            share_loss(plant, v)
     if limits.stiffness != 0.0:
         stop = mechanical_stop_torque(q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation)
     plant.friction_torque = friction
@@ -89,40 +107,39 @@ def plant_torque(
 
 @dataclass(slots=True)
 class Brace:
-    """What binds a coordinate of the device to the same one of the wearer."""
+    """Spring and damper between a coordinate of the device and the same coordinate of the wearer."""
 
     stiffness: float  # K in [N m] / [rad] or [N] / [m].
     damping: float  # B in [N m s] / [rad] or [N s] / [m].
-    torque: float = 0.0  # Of the device on the wearer in [N m] or [N], as it was last.
+    torque: float = 0.0  # Last torque of the device on the wearer in [N m] or [N].
 
 
 def brace_torque(
     brace: Brace, device: float, device_velocity: float, wearer: float, wearer_velocity: float
 ) -> float:
-    r"""What a brace between a coordinate of the device and that of the wearer does on the wearer.
+    r"""Compute the torque or force of a brace on the wearer.
 
-    :math:`\tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)` in [N m] or [N]; the wearer does the opposite on
-    the device.
+    :math:`\tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)` in [N m] or [N]; the opposite acts on the device.
     """
     return brace.stiffness * (device - wearer) + brace.damping * (device_velocity - wearer_velocity)
 
 
 @dataclass(slots=True)
 class ImposedMotion:
-    """A spring and damper that lead a coordinate along a cosine path until they let go."""
+    """Spring and damper that move a coordinate along a cosine path until the release time."""
 
-    index: int = -1  # The coordinate; -1 for none.
-    start_angle: float = 0.0  # Where the path begins in [rad].
-    amplitude: float = 0.0  # From end to end of the path in [rad].
-    frequency: float = 0.0  # In [Hz].
-    stiffness: float = 0.0  # Of the grip in [N m] / [rad].
-    damping: float = 0.0  # Of the grip in [N m s] / [rad].
-    release_time: float = 0.0  # In [s].
-    torque: float = 0.0  # On the coordinate in [N m], as it was last.
+    index: int = -1  # Index of the coordinate; -1 for none.
+    start_angle: float = 0.0  # Start of the path in [rad].
+    amplitude: float = 0.0  # Difference between the ends of the path in [rad].
+    frequency: float = 0.0  # Frequency in [Hz].
+    stiffness: float = 0.0  # Stiffness of the grip in [N m] / [rad].
+    damping: float = 0.0  # Damping of the grip in [N m s] / [rad].
+    release_time: float = 0.0  # Time in [s].
+    torque: float = 0.0  # Last torque on the coordinate in [N m].
 
 
 def imposed_motion_torque(motion: ImposedMotion, time: float, angle: float, velocity: float) -> float:
-    r"""Torque in [N m] of an imposed motion on its joint, 0 after the release time.
+    r"""Compute the torque in [N m] of an imposed motion on its joint, 0 after the release time.
 
     .. math::
 
@@ -139,21 +156,22 @@ def imposed_motion_torque(motion: ImposedMotion, time: float, angle: float, velo
 
 @dataclass(slots=True)
 class Harness:
-    """A rope from a rail to the trunk; the trolley on the rail follows, so that the rope stays vertical."""
+    """Rope from a rail to the trunk; a trolley on the rail follows, so that the rope stays vertical."""
 
-    height: float  # Of the attachment above the hips, along the trunk, in [m].
-    force: float  # Of body-weight support in [N].
-    damping: float  # Of the rope's winch in [N s] / [m].
-    stop: MechanicalStop = field(default_factory=MechanicalStop)  # What locks at a trip, from below.
-    pull: float = 0.0  # On the trunk in [N], upwards, as it was last.
+    height: float  # Height of the attachment above the hips, along the trunk, in [m].
+    force: float  # Force of the body-weight support in [N].
+    damping: float  # Damping of the winch of the rope in [N s] / [m].
+    stop: MechanicalStop = field(default_factory=MechanicalStop)  # Lower stop that locks at a trip.
+    pull: float = 0.0  # Last upward force on the trunk in [N].
 
 
 @dataclass(slots=True)
 class Trunk:
-    r"""The trunk of a wearer whose pelvis is free, which turns with it about the axis of the hips.
+    r"""Trunk of a wearer with a free pelvis; both turn together about the axis of the hips.
 
-    A point of the trunk h above the hips stands at :math:`h (\sin\theta, \cos\theta)` from them, where θ is
-    the pitch, forwards positive. A force in a point (x, z) from the hips pitches the trunk with
+    A point of the trunk at the height h above the hips is at :math:`h (\sin\theta, \cos\theta)` relative to
+    them, where θ is the pitch, forwards positive. A force at the point (x, z) relative to the hips has the
+    pitching moment
 
     .. math::
 
@@ -161,18 +179,18 @@ class Trunk:
     """
 
     shoulder: float  # Height of the shoulders above the hips, along the trunk, in [m].
-    harness: Harness  # That holds it.
+    harness: Harness  # Harness that holds the trunk.
 
 
 def pitching_moment(ahead: float, up: float, forward: float, upward: float) -> float:
-    """Moment in [N m] about the hips, forwards positive, of a force in [N] in a point seen from them."""
+    """Compute the moment in [N m] about the hips, forwards positive, of a force in [N] at a point."""
     return up * forward - ahead * upward
 
 
 def harness_pull(harness: Harness, height: float, speed: float) -> float:
-    """Upward force in [N] of a rope on the trunk, which the harness keeps.
+    """Compute and store the upward force in [N] of a rope on the trunk.
 
-    ``height``: of the attachment in the world in [m]. ``speed``: of it, upwards.
+    ``height``: height of the attachment in the world in [m]. ``speed``: its upward velocity in [m] / [s].
     """
     stop = harness.stop
     locked = mechanical_stop_torque(height, speed, stop.lower, stop.upper, stop.stiffness, stop.dissipation)
@@ -182,47 +200,48 @@ def harness_pull(harness: Harness, height: float, speed: float) -> float:
 
 @dataclass(slots=True)
 class Pad:
-    """What of the body meets the seat."""
+    """Part of the body that touches the seat."""
 
-    stiffness: float  # In [N] / [m].
-    dissipation: float  # In [s] / [m].
-    thickness: float  # From the axis of hip or thigh to the skin, uncompressed, in [m].
-    along: float = 0.0  # Way of it down the thigh in [m]; 0 for the buttocks.
+    stiffness: float  # Stiffness in [N] / [m].
+    dissipation: float  # Dissipation in [s] / [m].
+    thickness: float  # Distance from the axis of hip or thigh to the uncompressed skin in [m].
+    along: float = 0.0  # Distance from the hip along the thigh in [m]; 0 for the buttocks.
 
 
 @dataclass(slots=True)
 class Seat:
-    r"""A level seat without a back, under the buttocks and the backs of the thighs.
+    r"""Level seat without a back, under the buttocks and the backs of the thighs.
 
-    The buttocks are a round pad about the axis of the hips, so that it meets the seat straight below them
-    whatever the pitch. Of each thigh one point of the back touches: ℓ from the hip along it and t behind its
-    axis. With the thigh's elevation α from the vertical (hip flexion less pitch), forwards positive, it is at
+    The buttocks are a round pad about the axis of the hips, which touches the seat vertically below the hips
+    at any pitch. The back of each thigh touches at one point, at the distance ℓ from the hip along the thigh
+    and t behind its axis. With the elevation α of the thigh from the vertical (hip flexion minus pitch),
+    forwards positive, this point is at
 
     .. math::
 
         x = \ell \sin\alpha - t \cos\alpha, \qquad z = -\ell \cos\alpha - t \sin\alpha
 
-    from the hips, and a force on it turns the thigh upwards with :math:`F_z x - F_x z`.
+    relative to the hips, and a force at it has the moment :math:`F_z x - F_x z` that lifts the thigh.
     """
 
-    height: float  # Over the ground in [m].
-    front_edge: float  # Place of its front edge in [m].
-    depth: float  # From there to its rear edge in [m].
-    rounding: float  # Way behind an edge over which the seat comes to bear, in [m].
+    height: float  # Height over the ground in [m].
+    front_edge: float  # Position of the front edge in [m].
+    depth: float  # Distance between front and rear edge in [m].
+    rounding: float  # Distance from an edge over which the stiffness rises in [m].
     friction_coefficient: float  # Coulomb coefficient.
-    transition_velocity: float  # Of the regularised friction in [m] / [s].
-    buttocks: Pad  # Both.
-    thigh: Pad  # One.
-    hips: list[int]  # Places of the two hips in the coordinates.
-    normal: float = 0.0  # Sum of the normal forces as it was last, in [N].
-    friction: float = 0.0  # Of the forces along the seat, forwards positive; likewise.
-    power: float = 0.0  # Of all of them in [W]; likewise.
-    # Way of its front edge behind the hips where it is put for a standing wearer, in [m].
+    transition_velocity: float  # Transition velocity of the regularised friction in [m] / [s].
+    buttocks: Pad  # Both buttocks.
+    thigh: Pad  # One thigh.
+    hips: list[int]  # Indices of the two hips in the coordinates.
+    normal: float = 0.0  # Last sum of the normal forces in [N].
+    friction: float = 0.0  # Last sum of the forces along the seat in [N], forwards positive.
+    power: float = 0.0  # Last sum of the powers of all forces in [W].
+    # Distance in [m] from the hips of a standing wearer back to the front edge, when the chair is placed.
     standing_distance: float = 0.0
 
 
 def edge_stiffness_share(seat: Seat, forward: float) -> float:
-    """Share of its stiffness that the seat has at a place in [m]: 0 beyond its edges, then a ramp to 1."""
+    """Compute the share of the stiffness of the seat at a position in [m], a ramp from 0 at the edges."""
     inside = min(seat.front_edge - forward, forward - (seat.front_edge - seat.depth))
     return min(max(inside / seat.rounding, 0.0), 1.0)
 
@@ -230,12 +249,12 @@ def edge_stiffness_share(seat: Seat, forward: float) -> float:
 def seat_force(
     seat: Seat, pad: Pad, forward: float, height: float, speed: float, rise: float
 ) -> tuple[float, float]:
-    r"""Forward and upward force in [N] of the seat on a pad, of which nothing jumps.
+    r"""Compute the forward and upward force in [N] of the seat on a pad; both are continuous.
 
     :math:`N = s(x)\,k\,\delta\,\max(0, 1 + c\,\dot\delta), \qquad F = -\mu N \tanh(v / v_t)`
 
-    Force and power are added to the sums of the seat. Place and height are those of the pad's skin,
-    uncompressed, in [m]; ``speed`` forwards and ``rise`` in [m] / [s].
+    Force and power are added to the sums of the seat. ``forward`` and ``height`` are the position of the
+    uncompressed skin of the pad in [m], ``speed`` and ``rise`` its velocity in [m] / [s].
     """
     share = edge_stiffness_share(seat, forward)
     normal = share * mechanical_stop_torque(height, rise, seat.height, height, pad.stiffness, pad.dissipation)
@@ -249,10 +268,10 @@ def seat_force(
 def seat_force_on_buttocks(
     seat: Seat, forward: float, height: float, speed: float, rise: float, pitching: float
 ) -> tuple[float, float, float]:
-    """Force of the seat on the buttocks; the sums of the seat begin with it.
+    """Compute the force of the seat on the buttocks, with which the sums of the seat start anew.
 
-    Place and velocity are those of the hips. Returns forward and upward force in [N], and the pitching moment
-    about the hips in [N m].
+    Position and velocity are those of the hips. Returns forward and upward force in [N], and the pitching
+    moment about the hips in [N m].
     """
     seat.normal = seat.friction = seat.power = 0.0
     below = seat.buttocks.thickness
@@ -270,9 +289,9 @@ def seat_force_on_thigh(
     rise: float,
     turning: float,
 ) -> tuple[float, float, float]:
-    """Force of the seat on the back of a thigh, by sine and cosine of its elevation and their rate.
+    """Compute the force of the seat on the back of a thigh from sine, cosine and rate of its elevation.
 
-    Place and velocity are those of the hips. Returns forward and upward force in [N], and the moment about
+    Position and velocity are those of the hips. Returns forward and upward force in [N], and the moment about
     the hip that lifts the thigh, in [N m].
     """
     along, behind = seat.thigh.along, seat.thigh.thickness

@@ -28,7 +28,6 @@ from scipy.spatial.transform import Rotation
 
 from twin_gait.conventions import DEGREES, Convention
 from twin_gait.core.contact import MIN_NORMAL_FORCE, ContactState
-from twin_gait.core.friction import rotational_torque
 from twin_gait.core.plant import plant_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
@@ -215,8 +214,7 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         # The log column of the orthosis excludes its stops.
         plant = world.plant[world.model.index(side, joint)]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
-        moved = ((rotational_torque(plant.friction, speed, 0.0), angle, speed) for angle, speed in states)
-        return np.array([plant_torque(plant, *state, 0.0, 0.0) for state in moved])
+        return np.array([plant_torque(plant, 0.0, *state, 0.0) for state in states])
     # The logged motor torque acts from its tick on; an acceleration at a tick is the mean over both sides.
     motor = log[f"{name}_motor_torque_Nm"]
     held = 0.5 * (motor + motor.shift().fillna(motor))

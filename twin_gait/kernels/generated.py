@@ -190,12 +190,16 @@ def _power(contacts: Sequence[Sequence[Scalar]]) -> Scalar:
 def write_dynamics(kernel: KernelBodies) -> str:
     """Return the source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
     made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
-    q, v, torque = (made.inputs(name) for name in ("q", "v", "torque"))
+    q, v, torque, rotors = (made.inputs(name) for name in ("q", "v", "torque", "rotors"))
+    bodies = [
+        body if body.armature == 0.0 else body._replace(armature=rotor)
+        for body, rotor in zip(made.bodies, rotors, strict=True)
+    ]
     acceleration, contacts = rigid_body.forward_dynamics(
-        made.bodies, q, v, torque, made.gravity, made.points, made.contact_law(kernel.sloped), made.note
+        bodies, q, v, torque, made.gravity, made.points, made.contact_law(kernel.sloped), made.note
     )
     stores = _stores("a", acceleration) + _point_stores(contacts)
-    signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
+    signature = "dynamics(q, v, torque, rotors, bodies, gravity, ground, a, points)"
     return made.source(signature, "Compute the accelerations of the model.", stores, [_power(contacts)])
 
 

@@ -96,6 +96,7 @@ class PinocchioKernel:
         airborne = [zero_forces(chain.model) for chain in world.chains[:-1]]
         parts = [slice(own * number, own * (number + 1)) for number in range(len(world.chains))]
         self._chains = list(zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True))
+        self._moved = [chain.model.copy() for chain in world.chains]  # The inertias of their rotors change.
         self._guided = world.model.pelvis_index is not None
 
     @property
@@ -105,15 +106,24 @@ class PinocchioKernel:
         return {function.__name__: function for function in found}
 
     def dynamics(
-        self, q: Row, v: Row, torque: Row, bodies: Row, gravity: float, ground: Ground, a: Row, points: Points
+        self,
+        q: Row,
+        v: Row,
+        torque: Row,
+        rotors: Row,
+        bodies: Row,
+        gravity: float,
+        ground: Ground,
+        a: Row,
+        points: Points,
     ) -> float:
         """Write accelerations (articulated-body algorithm) to ``a``; return the contact power in [W]."""
         power = self.contact_forces(q, v, bodies, ground, points)
-        whole_q, whole_v, whole_torque = np.array(q), np.array(v), np.array(torque)
-        for chain, part, forces in self._chains:
-            a[part] = pin.aba(
-                chain.model, chain.data, whole_q[part], whole_v[part], whole_torque[part], forces
-            ).tolist()
+        whole_q, whole_v, whole_torque, whole_rotors = map(np.array, (q, v, torque, rotors))
+        for model, (chain, part, forces) in zip(self._moved, self._chains, strict=True):
+            model.armature = whole_rotors[part]
+            found = pin.aba(model, chain.data, whole_q[part], whole_v[part], whole_torque[part], forces)
+            a[part] = found.tolist()
         return power
 
     def contact_forces(self, q: Row, v: Row, bodies: Row, ground: Ground, points: Points) -> float:

@@ -9,7 +9,7 @@ from twin_gait.parameters import quantities
 from twin_gait.parameters.quantities import require
 from twin_gait.vocabulary import JointName, Side
 
-# Efficiency below which a back-driven gear locks itself, and its load does not settle (core.plant.gear_load).
+# Efficiency below which a back-driven gear locks itself.
 MIN_GEAR_EFFICIENCY = 0.5
 EFFICIENCIES = quantities.Range(MIN_GEAR_EFFICIENCY, 1.0, words=f"{MIN_GEAR_EFFICIENCY:g} to 1")
 

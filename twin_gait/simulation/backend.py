@@ -4,6 +4,7 @@ The steps import these names; :mod:`twin_gait.simulation.binding` puts the real 
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from twin_gait.core.contact import ContactState, Ground
 from twin_gait.simulation.episode import Episode, Switch
@@ -13,16 +14,18 @@ def dynamics(
     q: list[float],
     v: list[float],
     torque: list[float],
+    rotors: list[float],
     bodies: list[float],
     gravity: float,
     ground: Ground,
     a: list[float],
     points: list[ContactState],
 ) -> float:
-    """Accelerations under joint torques and contact forces; ``a`` and ``points`` are changed in place.
+    """Compute accelerations under joint torques and contact forces, and change ``a`` and ``points`` in place.
 
-    ``bodies``: masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
-    Returns the power of the contact forces in [W].
+    ``rotors``: inertias of the rotors at the joints in [kg m²]; they replace those of the bodies, and are not
+    read where a body has none. ``bodies``: masses, inertias, lengths and armature, from
+    :func:`~twin_gait.kernels.generated.body_values`. Returns the power of the contact forces in [W].
     """
     raise NotImplementedError
 
@@ -30,7 +33,7 @@ def dynamics(
 def contact_forces(
     q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[ContactState]
 ) -> float:
-    """Contact forces of a state; as :func:`dynamics` without the accelerations."""
+    """Compute the contact forces of a state, as :func:`dynamics` without the accelerations."""
     raise NotImplementedError
 
 
@@ -51,13 +54,14 @@ def vector_map(
     indices: tuple[int, ...],
     staged: bool,
     read: Callable[[Episode, int, bool], tuple[float, ...]],
-    law: Callable[..., float],
-    write: Callable[[Episode, int, float], None],
+    law: Callable[..., Any],
+    write: Callable[[Episode, int, Any], None],
 ) -> None:
-    """Apply a law of numbers in places that do not touch each other, as vectors in the loop of one episode.
+    """Apply a law at several places, in vectors if the loop runs a single episode.
 
-    ``read``: from episode, place and ``staged``, whether the state is that of a stage of the integration, to
-    the arguments of the law. ``write``: takes episode, place and result.
+    ``read``: returns the arguments of the law from episode, index and ``staged``, which is whether the state
+    is that of a stage of the integration. ``law``: returns a number or a tuple of numbers. ``write``: stores
+    the result and takes episode, index and result.
     """
     for place in indices:
         for one in vector_lanes(e):

@@ -10,26 +10,25 @@ from twin_gait.experiment.experiment import IntegrationMethod
 from twin_gait.parameters.network import ImpedanceLocation
 from twin_gait.simulation.simulation_setup import SimulationSetup
 
-# Flags in addition to those of the gait controller (twin_gait.control.gait_controller): contact points of a
-# foot; index of the height, the fore-aft motion and the pitch of the pelvis, -1 if it is fixed; difference
-# between the index of a wearer's coordinate and the device's, 0 without braces; number of crutches; a seat.
-N_POINTS_PER_FOOT, PELVIS_INDEX, FORWARD_INDEX, PITCH_INDEX, WEARER_OFFSET, N_CRUTCHES, WITH_SEAT = (
-    0,
-    -1,
-    -1,
-    -1,
-    0,
-    0,
-    False,
-)
-# Coordinates with friction by equation (3.1).
-FRICTION_INDICES: tuple[int, ...] = ()
-# Whether legs have ankles, the integration is a Runge-Kutta method, the run has faults, the wearer has
-# moments, commands are delayed, the ground has a slope, boards and gait controller communicate over a bus,
-# the gait controller computes the springs, and an inertial unit estimates the pitch of the trunk.
-WITH_ANKLES = WITH_RK4 = WITH_FAULTS = WITH_WEARER = WITH_DELAY = WITH_SLOPE = WITH_NETWORK = (
-    WITH_CENTRAL_IMPEDANCE
-) = WITH_INERTIAL_UNIT = False
+# Flags in addition to those of the gait controller (twin_gait.control.gait_controller).
+N_POINTS_PER_FOOT = 0  # Contact points of a foot.
+N_CRUTCHES = 0  # Crutches.
+PELVIS_INDEX = -1  # Index of the height of the pelvis, -1 if it is fixed.
+FORWARD_INDEX = -1  # Index of the fore-aft motion of the pelvis, -1 if it is fixed.
+PITCH_INDEX = -1  # Index of the pitch of the trunk, -1 if it is fixed.
+WEARER_OFFSET = 0  # Index of a coordinate of the wearer less that of the device; 0 without braces.
+FRICTION_INDICES: tuple[int, ...] = ()  # Coordinates with friction by equation (3.1).
+GEAR_INDICES: tuple[int, ...] = ()  # Coordinates with friction by any law; their gears may lose torque.
+WITH_ANKLES = False  # Legs have ankles.
+WITH_RK4 = False  # The integration is a Runge-Kutta method.
+WITH_SEAT = False  # There is a seat.
+WITH_SLOPE = False  # The ground has a slope.
+WITH_WEARER = False  # The wearer has passive moments or muscles.
+WITH_FAULTS = False  # The run has faults.
+WITH_DELAY = False  # Commands are delayed.
+WITH_NETWORK = False  # Boards and gait controller communicate over a bus.
+WITH_CENTRAL_IMPEDANCE = False  # The gait controller computes the springs.
+WITH_INERTIAL_UNIT = False  # An inertial unit estimates the pitch of the trunk.
 
 # All build flags of this module, which conditions of a schedule may contain.
 FLAGS = {name: value for name, value in globals().items() if name.isupper()}
@@ -40,7 +39,7 @@ BuildFlags: TypeAlias = dict[str, int | tuple[int, ...]]
 def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
     """Return the build flags of a simulation setup; ``n_points``: number of contact points of all feet."""
     experiment, model, control = setup.experiment, setup.world.model, setup.experiment.control
-    legs = len(setup.sides)
+    legs, laws = len(setup.sides), [plant.friction.law for plant in setup.world.plant]
     return {
         "N_LEGS": legs,
         "N_JOINTS_PER_LEG": setup.joints_per_leg,
@@ -52,14 +51,9 @@ def compute_build_flags(setup: SimulationSetup, n_points: int) -> BuildFlags:
         "WITH_SEAT": setup.world.seat is not None,
         "WEARER_OFFSET": setup.world.wearer_offset,
         "WITH_ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "WITH_OTHER_FRICTION_LAWS": any(
-            plant.friction.law > friction.ROTATIONAL for plant in setup.world.plant
-        ),
-        "FRICTION_INDICES": tuple(
-            place
-            for place, plant in enumerate(setup.world.plant)
-            if plant.friction.law == friction.ROTATIONAL
-        ),
+        "WITH_OTHER_FRICTION_LAWS": any(law > friction.ROTATIONAL for law in laws),
+        "FRICTION_INDICES": tuple(i for i, law in enumerate(laws) if law == friction.ROTATIONAL),
+        "GEAR_INDICES": tuple(i for i, law in enumerate(laws) if law != friction.FRICTIONLESS),
         "WITH_RK4": experiment.resolved_integration.method is IntegrationMethod.RK4,
         "WITH_FAULTS": bool(experiment.faults),
         "WITH_SUPERVISOR": experiment.modes is not None,

@@ -196,6 +196,7 @@ class Episode:
     voluntary: list[float]  # Part of the external torques that is the wearer's voluntary effort.
     passive_moment: list[float]  # Part that is the wearer's passive moment with the stretch reflex.
     torque: list[float]  # Sum of all torques on the coordinates in [N·m], and of all forces in [N].
+    rotors: list[float]  # Inertias of the rotors that act at the joints, less the gear losses, in [kg m²].
     integrator: IntegratorBuffers
     bodies: list[float]  # Run-time values of the plant's kernel.
     rates: SamplingConfig
@@ -228,6 +229,7 @@ class Episode:
     chair_phases: list[float]
     seat: Seat  # Seat, if the wearer has a chair.
     work: WorkBySource = field(default_factory=WorkBySource)
+    wrong_sign: bool = False  # Whether the load of a gear has the other sign than assumed.
     # Kinetic energy of bodies and rotors, and potential energy of gravity, in [J], for the log.
     kinetic_energy: float = 0.0
     potential_energy: float = 0.0

@@ -81,6 +81,7 @@ def new_episode(setup: SimulationSetup, bodies: KernelBodies) -> episode.Episode
         voluntary=[0.0] * n,
         passive_moment=[0.0] * n,
         torque=[0.0] * n,
+        rotors=[plant.armature for plant in world.plant],
         integrator=episode.IntegratorBuffers(*([0.0] * n for _ in range(4))),
         bodies=body_values(bodies.bodies, bodies.points),
         rates=SamplingConfig(

@@ -137,10 +137,10 @@ def vector_map(
         read, put = (context.get_function(*item) for item in (taken, given))
         taking = (read(builder, (episode, number, arguments[2])) for number in numbers)
         rows = [cgutils.unpack_tuple(builder, item) for item in taking]
-        for number, (result,) in zip(
-            numbers, _call_vectorized(context, builder, ruled, (), rows), strict=True
-        ):
-            put(builder, (episode, number, result))
+        answer = ruled[1].return_type
+        for number, found in zip(numbers, _call_vectorized(context, builder, ruled, (), rows), strict=True):
+            one = context.make_tuple(builder, answer, found) if len(found) > 1 else found[0]
+            put(builder, (episode, number, one))
         return context.get_dummy_value()
 
     return types.none(e, indices, staged, read_arguments, law, write_result), generate

@@ -55,7 +55,8 @@ class Treadmill(SplitStance):
     """
 
     kind: ClassVar[str] = "treadmill"
-    step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
+    # Stiff contacts open and close; at 0.2 ms the friction of a heavily loaded foot is unstable.
+    step: ClassVar[float] = 0.1e-3
     surroundings: ClassVar[Environment] = Environment.TREADMILL
 
     belt_speed: Annotated[Speed, SPEEDS] = 1.5 / 3.6

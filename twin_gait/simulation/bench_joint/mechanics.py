@@ -96,7 +96,7 @@ def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> fl
     law, more, deflection = e.friction, e.test.friction, e.deflection
     if WITH_OTHER_FRICTION_LAWS:
         deflection = advance_deflection(law, angle - e.rotor.angle, velocity, deflection)
-    friction = -friction_torque(law, velocity, deflection, load)
+    friction = -friction_torque(law, velocity, deflection)
     per_load, coulomb, viscous = more.coulomb_per_load, more.coulomb_per_kelvin, more.viscous_per_kelvin
     if per_load != 0.0 or coulomb != 0.0 or viscous != 0.0:
         turnover = 0.1 * law.stribeck_velocity

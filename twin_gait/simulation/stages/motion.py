@@ -1,11 +1,31 @@
-"""The motion within a tick: what acts on the bodies, the row of the log, work, and the integration."""
+"""Motion within a tick: forces on the bodies, the row of the log, work, and the integration."""
 
 from twin_gait.core.contact import MIN_NORMAL_FORCE
-from twin_gait.core.friction import WITH_OTHER_FRICTION_LAWS, advance_deflection, geared_friction_torque
-from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, plant_torque
-from twin_gait.simulation.backend import dynamics, log_row, observe, vector_lanes, vector_map, write_row
+from twin_gait.core.friction import (
+    WITH_OTHER_FRICTION_LAWS,
+    advance_deflection,
+    rotational_friction_and_share,
+)
+from twin_gait.core.plant import (
+    brace_torque,
+    imposed_motion_torque,
+    is_sign_wrong,
+    passed_torque,
+    plant_torque,
+    share_loss,
+)
+from twin_gait.simulation.backend import (
+    dynamics,
+    log_row,
+    observe,
+    scalar_lanes,
+    vector_lanes,
+    vector_map,
+    write_row,
+)
 from twin_gait.simulation.build_flags import (
     FRICTION_INDICES,
+    GEAR_INDICES,
     N_CRUTCHES,
     N_POINTS_PER_FOOT,
     WEARER_OFFSET,
@@ -22,9 +42,12 @@ from twin_gait.simulation.stages.environment import (
 )
 from twin_gait.simulation.stages.sensors import normal_force, point_force
 
+# Largest number of times that the accelerations of a state are solved for until all signs of loads are right.
+MOST_SOLUTIONS = 8
+
 
 def integrate(e: Episode, tick: int) -> None:
-    """All substeps of one tick; what the log has evaluated is where the first one begins."""
+    """Integrate all substeps of a tick; the first one uses the evaluation for the log, if there is one."""
     for substep in range(e.substeps):
         time = tick * e.rates.period + substep * e.step
         known = e.recording.on and substep == 0
@@ -38,15 +61,16 @@ def integrate(e: Episode, tick: int) -> None:
 
 
 def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
-    """Acceleration of a state with everything that acts on it.
+    """Compute the accelerations of a state under all forces and torques.
 
     Args:
         e: Its accelerations are changed in place.
-        time: In [s].
-        staged: Whether the state is that of a stage of the integration, not the present one.
+        time: Time in [s].
+        staged: Whether the state is that of a stage of the integration instead of the present one.
     """
     if FRICTION_INDICES:
-        vector_map(e, FRICTION_INDICES, staged, _friction_arguments, geared_friction_torque, _store_friction)
+        law = rotational_friction_and_share
+        vector_map(e, FRICTION_INDICES, staged, _friction_arguments, law, _store_friction)
     if N_CRUTCHES > 0:
         for one in vector_lanes(e):
             q, v = _state(one, staged)
@@ -54,9 +78,11 @@ def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
     for i in range(len(e.q)):
         for one in vector_lanes(e):
             q, v = _state(one, staged)
-            plant, load = one.plant[i], gear_load(one.plant[i], one.motor[i], one.a[i])
-            passive = plant_torque(plant, one.torque[i], q[i], v[i], load, q[i] - one.q[i])
-            one.torque[i] = one.motor[i] + one.external[i] + passive
+            plant = one.plant[i]
+            passive = plant_torque(plant, one.torque[i], q[i], v[i], q[i] - one.q[i])
+            left = 1.0 - plant.loss_share
+            one.rotors[i] = left * plant.armature
+            one.torque[i] = left * one.motor[i] + one.external[i] + passive
     if e.imposed_motion.index >= 0:
         for one in vector_lanes(e):
             q, v = _state(one, staged)
@@ -74,20 +100,68 @@ def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
     for one in vector_lanes(e):
         q, v = _state(one, staged)
         add_trunk_forces(one, q, v)
-        one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
+    _solve(e, staged)
+    for one in vector_lanes(e):
+        q, v = _state(one, staged)
         if WITH_SEAT:
             one.contact_power += one.seat.power
         if N_CRUTCHES > 0:
             accelerate_tips(one, q, v)
+    if GEAR_INDICES and e.recording.on:
+        for i in GEAR_INDICES:
+            for one in vector_lanes(e):
+                plant = one.plant[i]
+                plant.friction_torque -= plant.loss_share * passed_torque(plant, one.motor[i], one.a[i])
+
+
+def _solve(e: Episode, staged: bool) -> None:
+    """Solve for the accelerations; repeat it until every gear loses with the right sign of its load.
+
+    The signs are those of the previous evaluation. As long as one is wrong, the first wrong one is changed
+    (least-index method of Murty 1974, which ends because the inertia matrix is positive definite).
+    """
+    for solution in range(MOST_SOLUTIONS):
+        for one in vector_lanes(e):
+            q, v = _state(one, staged)
+            one.contact_power = dynamics(
+                q, v, one.torque, one.rotors, one.bodies, one.gravity, one.ground, one.a, one.points
+            )
+            one.wrong_sign = False
+        wrong = False
+        if GEAR_INDICES:
+            for i in GEAR_INDICES:
+                for one in vector_lanes(e):
+                    one.wrong_sign |= is_sign_wrong(one.plant[i], one.motor[i], one.a[i])
+            for one in vector_lanes(e):
+                wrong |= one.wrong_sign
+        if not wrong or solution == MOST_SOLUTIONS - 1:
+            break
+        for one in scalar_lanes(e):
+            _change_sign(one, staged)
+
+
+def _change_sign(one: Episode, staged: bool) -> None:
+    """Change the sign of the load of the first gear with a wrong one, and the terms that depend on it."""
+    _, v = _state(one, staged)
+    if GEAR_INDICES:
+        for i in GEAR_INDICES:
+            plant = one.plant[i]
+            if is_sign_wrong(plant, one.motor[i], one.a[i]):
+                before = plant.loss_share
+                plant.load_sign = -plant.load_sign
+                share_loss(plant, v[i])
+                one.rotors[i] = (1.0 - plant.loss_share) * plant.armature
+                one.torque[i] += (before - plant.loss_share) * one.motor[i]
+                break
 
 
 def evaluate(e: Episode, tick: int) -> None:
-    """Evaluate the motion at the state before integration, which the log has."""
+    """Evaluate the motion at the state before the integration, which the log records."""
     compute_accelerations(e, tick * e.rates.period, False)
 
 
 def sum_external_torque(e: Episode, number: int) -> None:
-    """Sum the torques from outside on a joint up."""
+    """Sum up the external torques on a joint."""
     place = e.joints[number].index
     imposed = e.imposed_motion.torque if e.imposed_motion.index == place else 0.0
     e.joints[number].disturbance_torque = imposed + e.joints[number].push
@@ -97,7 +171,7 @@ def sum_external_torque(e: Episode, number: int) -> None:
 
 
 def sum_ground_forces(e: Episode, number: int) -> None:
-    """Sum the forces of the ground on a foot up, and note where they act."""
+    """Sum up the forces of the ground on a foot, and compute the centre of pressure."""
     foot, first = e.feet[number], number * N_POINTS_PER_FOOT
     friction, pressed, lowest = 0.0, 0.0, e.points[first].height
     for place in range(first, first + N_POINTS_PER_FOOT):
@@ -128,38 +202,38 @@ def write_log(e: Episode, tick: int) -> None:
 
 
 def _friction_arguments(one: Episode, index: int, staged: bool) -> tuple[float, ...]:
-    """What :func:`~twin_gait.core.friction.geared_friction_torque` is asked for."""
+    """Return the arguments of :func:`~twin_gait.core.friction.rotational_friction_and_share`."""
     _, v = _state(one, staged)
-    plant = one.plant[index]
-    law = plant.friction
+    law = one.plant[index].friction
     return (
         v[index],
         law.breakaway_torque,
         law.coulomb_friction,
         law.stribeck_velocity,
         law.viscous_friction_forward,
-        gear_load(plant, one.motor[index], one.a[index]),
+        one.plant[index].load_sign,
         law.gear_efficiency,
     )
 
 
-def _store_friction(one: Episode, index: int, torque: float) -> None:
-    """Keep it where the sum of all torques will be."""
-    one.torque[index] = torque
+def _store_friction(one: Episode, index: int, found: tuple[float, float]) -> None:
+    """Store the friction in the place of the sum of all torques, and the share that the gear loses."""
+    one.torque[index] = found[0]
+    one.plant[index].loss_share = found[1]
 
 
 def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
-    """Coordinates and velocities."""
+    """Return the coordinates and velocities of the present state or of a stage of the integration."""
     if staged:
         return one.integrator.q, one.integrator.v
     return one.q, one.v
 
 
 def _euler_step(e: Episode, time: float, known: bool) -> None:
-    """One step of the semi-implicit Euler method, of first order.
+    """Integrate one step by the semi-implicit Euler method, which is of first order.
 
-    ``v ← v + h a(q, v)``, then ``q ← q + h v`` with the new velocity. The torques work on the mean of old and
-    new velocity.
+    ``v ← v + h a(q, v)``, then ``q ← q + h v`` with the new velocity. Work is computed with the mean of the
+    old and the new velocity.
     """
     if not known:
         compute_accelerations(e, time, False)
@@ -178,7 +252,7 @@ def _euler_step(e: Episode, time: float, known: bool) -> None:
 
 
 def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
-    """One step of the classical Runge-Kutta method, of fourth order."""
+    """Integrate one step by the classical Runge-Kutta method, which is of fourth order."""
     step = e.step
     for i in range(len(e.q)):
         for one in vector_lanes(e):
@@ -213,7 +287,7 @@ def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
 
 
 def _move(e: Episode, index: int, displacement: float) -> None:
-    """End a step of a coordinate, its new velocity known; the bristles of its friction go along."""
+    """Move a coordinate and the bristles of its friction at the end of a step, with its new velocity."""
     e.q[index] += displacement
     if WITH_OTHER_FRICTION_LAWS:
         plant = e.plant[index]
@@ -221,7 +295,7 @@ def _move(e: Episode, index: int, displacement: float) -> None:
 
 
 def _add_work(e: Episode, duration: float) -> None:
-    """Add the work that every source does on the leg in a short time, at the velocities of the stage."""
+    """Add the work of every source on the leg in a short time, at the velocities of the stage."""
     for i in range(len(e.q)):
         for one in vector_lanes(e):
             works, plant, v = one.work, one.plant[i], one.integrator.v[i]
