@@ -60,7 +60,7 @@ class MujocoLegs:
 
 
 class MujocoKernel:
-    """Functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+    """Functions of a kernel; see :mod:`twin_gait.simulation.backend`."""
 
     def __init__(self, problem: SimulationSetup) -> None:
         """Build the model of the plant and the model of the controller."""

@@ -79,7 +79,7 @@ def test_a_slider_rebuilds_what_it_changes(
     session._prepare()
     walk, outcomes = SteppedRun(session.panel.problem), []
     walk.advance(3000)
-    answer = {"moment": walk.snapshot(), "tick": walk.tick}
+    answer = {"snapshot": walk.snapshot(), "tick": walk.tick}
     monkeypatch.setattr(session.walk, "send_command", lambda command: answer)
     monkeypatch.setattr(
         session.event_log, "answer", lambda message, outcome, *more, **about: outcomes.append(outcome)

@@ -94,7 +94,7 @@ def test_the_heartbeat_goes_on_in_a_pause_and_comes_from_the_loop(bench):
     rig.loop.walk()
     kinds = Counter(item["kind"] for item in rig.sent)
     assert kinds["heartbeat"] == pytest.approx(100, abs=2)  # one in every 10 ms of the pause
-    assert kinds["news"] < 20
+    assert kinds["telemetry"] < 20
 
 
 def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypatch):

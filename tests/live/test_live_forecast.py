@@ -96,12 +96,12 @@ def test_who_sits_and_is_not_asked_to_walk_does_not_fall():
 def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_for_bit(panel):
     plain = Rig(panel.problem, [], longest=4000)
     plain.loop.walk()
-    script = [(1.0 + 0.3 * n, {"serial": n, "command": "moment"}) for n in range(5)]
+    script = [(1.0 + 0.3 * n, {"serial": n, "command": "snapshot"}) for n in range(5)]
     asked = Rig(panel.problem, script, longest=4000)
     asked.loop.walk()
-    assert all("moment" in asked.answers()[n] for n in range(5))
+    assert all("snapshot" in asked.answers()[n] for n in range(5))
     ahead = SteppedRun(panel.problem)
-    predict(ahead, asked.answers()[3]["moment"], changed(panel, FALLS[0]))
+    predict(ahead, asked.answers()[3]["snapshot"], changed(panel, FALLS[0]))
     np.testing.assert_array_equal(asked.takes[0].rows, plain.takes[0].rows)
     assert asked.takes[0].events == ()
 

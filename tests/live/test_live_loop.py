@@ -482,7 +482,7 @@ class Rig:
         return None
 
     def news(self):
-        return [item for item in self.sent if item["kind"] == "news"]
+        return [item for item in self.sent if item["kind"] == "telemetry"]
 
     def rows(self, item):
         return np.frombuffer(base64.b64decode(item["rows"])).reshape(-1, len(self.run.layout.names))
@@ -840,7 +840,7 @@ def test_nobody_reading_does_not_slow_the_loop(tmp_path):
         process.stdin.write(json.dumps({"command": "end"}) + "\n")
         process.stdin.flush()
         messages = [json.loads(line) for line in process.stdout]
-    frames = [item for item in messages if item["kind"] == "news"]
+    frames = [item for item in messages if item["kind"] == "telemetry"]
     ticks = [item["tick"] for item in frames]
     assert np.diff(ticks).max() == BLOCK_TICKS and frames[-1]["status"] == "ended"
     lost = frames[-1]["deadlines"]["lost_s"]

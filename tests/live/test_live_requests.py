@@ -93,6 +93,6 @@ def test_the_loop_answers_a_page_at_once_and_the_block_is_the_rest_of_ten_ticks(
     loop.walk()
     answers = [item for item in sent if item["kind"] == "answer"]
     assert answers[0]["tick"] == 0
-    assert [item["tick"] for item in sent if item["kind"] == "news"][:2] == [10, 20]
+    assert [item["tick"] for item in sent if item["kind"] == "telemetry"][:2] == [10, 20]
     assert answers[0]["text"] == "walk: standing → walk_manual" and not answers[0]["refused"]
     assert answers[1]["refused"] == "walk_manual does not answer walk; it answers step, stop"

@@ -188,7 +188,7 @@ def _power(contacts: Sequence[Sequence[Scalar]]) -> Scalar:
 
 
 def write_dynamics(kernel: KernelBodies) -> str:
-    """Return the source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
+    """Return the source of ``dynamics``; see :mod:`twin_gait.simulation.backend`."""
     made = _Function(kernel.bodies, kernel.points, kernel.up_axis)
     q, v, torque, rotors = (made.inputs(name) for name in ("q", "v", "torque", "rotors"))
     bodies = [
@@ -256,7 +256,7 @@ def write_control_inertia(bodies: Bodies) -> str:
 
 
 def write_kernel(kernel: KernelBodies) -> str:
-    """Return the source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
+    """Return the source of all functions of :mod:`twin_gait.simulation.backend` for one structure.
 
     The module of the source must contain the functions of :data:`MERGED_FUNCTIONS`.
     """

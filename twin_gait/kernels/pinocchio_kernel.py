@@ -87,7 +87,7 @@ class GroundContacts:
 
 
 class PinocchioKernel:
-    """Functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+    """Functions of a kernel; see :mod:`twin_gait.simulation.backend`."""
 
     def __init__(self, world: World, control_model: LegModel) -> None:
         """Store the models of a world and of its controller."""

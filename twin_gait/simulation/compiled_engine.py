@@ -173,7 +173,7 @@ def kernel_names(bodies: KernelBodies, laws: Mapping[str, Callable[..., Any]] = 
 
 @lru_cache(maxsize=32)
 def compiled_rows(width: int, noises: int) -> dict[str, Any]:
-    """Return the functions of :mod:`twin_gait.simulation.interface` that read rows at addresses.
+    """Return the functions of :mod:`twin_gait.simulation.backend` that read rows at addresses.
 
     ``width`` and ``noises``: numbers in a row of the log and in a row of the noise.
     """

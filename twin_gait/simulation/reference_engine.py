@@ -38,7 +38,7 @@ class ReferenceEngine(EpisodeEngine):
     ) -> None:
         """Build the record and the state machines at tick 0.
 
-        ``kernel``: functions of the dynamics by the names of :mod:`twin_gait.simulation.interface`, by
+        ``kernel``: functions of the dynamics by the names of :mod:`twin_gait.simulation.backend`, by
         default those of Pinocchio.
         """
         super().__init__(setup)

@@ -277,7 +277,7 @@ class Run:
 
     @cached_property
     def request_results(self) -> tuple[RequestResult, ...]:
-        """Results of the requests; see :mod:`twin_gait.simulation.answers`. Empty without modes."""
+        """Results of the requests; see :mod:`twin_gait.simulation.request_results`. Empty without modes."""
         modes, initial, found = self.experiment.modes, self.experiment.initial_mode, list[RequestResult]()
         if modes is not None:
             first = 0 if initial is None else modes.phase_index(initial)

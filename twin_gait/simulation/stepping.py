@@ -58,9 +58,9 @@ class SteppedRun:
     ) -> None:
         """Build the record and the loop of the walk without running a tick.
 
-        ``setup``: from :func:`twin_gait.simulation.problem.build_setup`. ``on_compile``: called if the
-        loop has to be compiled first, which takes 10 to 20 s. ``spare_faults``: number of faults that can be
-        injected, ``MOST_FAULTS`` by default.
+        ``setup``: from :func:`twin_gait.simulation.simulation_setup.build_setup`. ``on_compile``: called if
+        the loop has to be compiled first, which takes 10 to 20 s. ``spare_faults``: number of faults that
+        can be injected, ``MOST_FAULTS`` by default.
         """
         self.setup = setup
         self.layout = log_layout(setup)
@@ -104,7 +104,7 @@ class SteppedRun:
 
     @property
     def status(self) -> RunStatus:
-        """Status of the walk; ``fill_limits`` as long as it has not ended early."""
+        """Status of the walk; ``completed`` as long as it has not ended early."""
         return self.engine.status_after(self.tick)[0]
 
     @property

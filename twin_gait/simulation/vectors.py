@@ -127,7 +127,7 @@ def _compile_vectorized(item: MergedFunction) -> Any:
 def vector_map(
     typing: Any, e: Any, indices: Any, staged: Any, read_arguments: Any, law: Any, write_result: Any
 ) -> Any:
-    """Generate the vectorized version of :func:`twin_gait.simulation.interface.side_by_side`."""
+    """Generate the vectorized version of :func:`twin_gait.simulation.backend.vector_map`."""
     taken = _law(typing, read_arguments.dispatcher, (e, types.int64, staged))
     ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
     given = _law(typing, write_result.dispatcher, (e, types.int64, ruled[1].return_type))

@@ -100,7 +100,7 @@ class Perception:
         lean_rate: Perceived rate of the lean in [rad] / [s].
         stepping: 1 while a leg swings.
         ticks_since_swing: Number of ticks since the last swing.
-        chair_state: ``SITS``, ``LEANS``, ``RISING``, ``REACHING_BACK``, ``SITTING_DOWN`` or 0.
+        chair_state: ``SITTING``, ``LEANING``, ``RISING``, ``REACHING_BACK``, ``SITTING_DOWN`` or 0.
         lean_delay: Delay line of the lean.
         lean_rate_delay: Delay line of its rate.
         stepping_delay: Delay line of the announced steps.

@@ -61,7 +61,7 @@ function tell(text) {
 }
 
 // Return the index of the last of sorted numbers that is not larger than a value, at least 0.
-function last_event_before(sorted, value) {
+function last_before(sorted, value) {
   let low = 0, high = sorted.length - 1;
   while (low < high) {
     const middle = (low + high + 1) >> 1;
@@ -72,14 +72,14 @@ function last_event_before(sorted, value) {
 
 // Interpolate a series {times, values} at a time.
 function value_at({ times, values }, time) {
-  const low = last_event_before(times, time), high = Math.min(low + 1, times.length - 1);
+  const low = last_before(times, time), high = Math.min(low + 1, times.length - 1);
   if (times[high] <= times[low] || time <= times[low] + 1e-9) return values[low];
   return values[low] + ((values[high] - values[low]) * (time - times[low])) / (times[high] - times[low]);
 }
 
 // Map a time from one list of times to another by linear interpolation and extrapolation.
 function warped(from, to, time) {
-  const last = Math.min(from.length, to.length) - 1, k = Math.min(last_event_before(from, time), last - 1);
+  const last = Math.min(from.length, to.length) - 1, k = Math.min(last_before(from, time), last - 1);
   return to[k] + ((to[k + 1] - to[k]) * (time - from[k])) / (from[k + 1] - from[k]);
 }
 

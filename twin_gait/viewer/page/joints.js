@@ -47,7 +47,7 @@ const joints = {
       told.textContent = number(factor * value, digits) + unit;
       slider.setAttribute("aria-valuetext", told.textContent);
       this.move(entry, value);
-      this.position_tick(entry.name, value);
+      this.follow(entry.name, value);
     };
     const row = { entry, show, slider, set: (value) => {
       slider.value = value;

@@ -72,7 +72,7 @@ const live = {
 
   forget(before) {
     for (const { times, values } of this.run.legs.flatMap((leg) => Object.values(leg.series))) {
-      const count = times.length && times.at(-1) < before ? times.length : last_event_before(times, before);
+      const count = times.length && times.at(-1) < before ? times.length : last_before(times, before);
       times.splice(0, count);
       values.splice(0, count);
     }

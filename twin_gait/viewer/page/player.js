@@ -165,7 +165,7 @@ const player = {
   // Go to the next or the previous frame.
   step(way) {
     this.pause();
-    const index = last_event_before(this.times, this.time) + way;
+    const index = last_before(this.times, this.time) + way;
     this.seek(this.times[Math.min(Math.max(index, 0), this.times.length - 1)]);
   },
 
@@ -205,7 +205,7 @@ const player = {
 
   // Show the nearest frame, so that picture and numbers of a paused page are those of one row of the log.
   seek(time, tell_address = true) {
-    const low = last_event_before(this.times, time), high = Math.min(low + 1, this.times.length - 1);
+    const low = last_before(this.times, time), high = Math.min(low + 1, this.times.length - 1);
     const nearer = Math.abs(this.times[high] - time) < Math.abs(time - this.times[low]) ? high : low;
     this.show(this.times[nearer]);
     if (tell_address) address.write(this.time);
@@ -230,7 +230,7 @@ const player = {
 
   // Return the values of the last frame and its time.
   sample(run, time) {
-    const at = run.times[last_event_before(run.times, time)];
+    const at = run.times[last_before(run.times, time)];
     const legs = run.legs.map((leg) => {
       const values = { phase: leg.phases ? spell(leg.phases, at) : -1 };
       for (const [key, series] of Object.entries(leg.series)) values[key] = value_at(series, at) ?? NaN;
@@ -243,7 +243,7 @@ const player = {
   // Return the stride and the position in it as text, if runs are compared by stride.
   stride(run, time) {
     if (!this.by_stride) return "";
-    const { side, starts } = run.page.strides, k = last_event_before(starts, time);
+    const { side, starts } = run.page.strides, k = last_before(starts, time);
     if (time < starts[0] || k + 1 >= starts.length) return "";
     return `${side} stride ${k + 1}, ${((100 * (time - starts[k])) / (starts[k + 1] - starts[k])).toFixed(0)} %`;
   },
@@ -294,7 +294,7 @@ function unfolded(series) {
   }));
 }
 
-function spell(phases, time) { return phases.codes[last_event_before(phases.starts, time)]; }
+function spell(phases, time) { return phases.codes[last_before(phases.starts, time)]; }
 
 async function inflate(text) {
   const packed = Uint8Array.from(atob(text.trim()), (letter) => letter.charCodeAt(0));

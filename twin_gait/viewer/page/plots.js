@@ -344,7 +344,7 @@ const plots = {
       drawing = true;
     };
     const flush = () => { for (const i of new Set([...place].sort((a, b) => a - b))) go(i); place = []; };
-    for (let i = Math.max(last_event_before(times, from) - 1, 0); i < times.length; i += 1) {
+    for (let i = Math.max(last_before(times, from) - 1, 0); i < times.length; i += 1) {
       const here = Math.floor(2 * x(times[i]));
       if (here !== column) flush();
       column = here;
