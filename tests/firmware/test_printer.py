@@ -235,7 +235,7 @@ class Device(NamedTuple):
 
 CALLED = {"sine_cosine": elementary.sine_cosine}
 # Without those of the kernel and of the supervisor.
-ELSEWHERE = "control_gravity", "control_inertia", "compute_gravity", "compute_inertia", "take_posture"
+ELSEWHERE = "control_gravity", "control_inertia", "compute_gravity", "compute_inertia", "apply_posture"
 DEVICE_STEPS = [item for item in functions_of(device_schedule) if item.__name__ not in ELSEWHERE]
 
 
@@ -386,9 +386,9 @@ def test_what_a_constant_rules_out_is_not_printed(device):
         "demand", [gait_controller.compute_setpoint], {"controller": device.episode.controller}
     )
     plain = print_units([unit], {**structure, "WITH_CONTROLLER": False}, shapes=[device.episode.limits])
-    assert "demand_setpoint" in plain.files["demand.c"]
+    assert "set_phase_setpoint" in plain.files["demand.c"]
     acted = print_units([unit], structure, shapes=[device.episode.limits])
-    assert "demand_setpoint" not in acted.files["demand.c"]
+    assert "set_phase_setpoint" not in acted.files["demand.c"]
 
 
 # ------------------------------------------------------------------------- the quality of the C

@@ -163,16 +163,16 @@ def test_a_flood_of_a_page_is_cut_off_with_one_line_and_stop_still_passes(listen
     page, submitted, book = listening
     panel, other = (SimpleNamespace(limit=RateLimiter(20, BURST)) for _ in range(2))
     for _ in range(BURST + 500):
-        page.hear(panel, '{"kind": "set", "' + "x" * 3000 + '": 1}')
+        page.receive(panel, '{"kind": "set", "' + "x" * 3000 + '": 1}')
     events = book.after(0)
     assert len(events) == BURST + 1 and max(len(item.text) for item in events) < 250
     assert events[-1].response == "refused" and "faster than 20 a second" in events[-1].text
-    page.hear(panel, json.dumps({"kind": "do", "id": "1", "action": "stop"}))
-    page.hear(panel, json.dumps({"kind": "do", "id": "2", "action": "walk"}))
+    page.receive(panel, json.dumps({"kind": "do", "id": "1", "action": "stop"}))
+    page.receive(panel, json.dumps({"kind": "do", "id": "2", "action": "walk"}))
     assert [item.action for item in submitted] == ["stop"]
-    page.hear(other, json.dumps({"kind": "do", "id": "3", "action": "walk"}))
+    page.receive(other, json.dumps({"kind": "do", "id": "3", "action": "walk"}))
     assert [item.action for item in submitted] == ["stop", "walk"]  # other pages are not affected
     panel.limit._left = 1.0
-    page.hear(panel, json.dumps({"kind": "do", "id": "4", "action": "pause"}))
+    page.receive(panel, json.dumps({"kind": "do", "id": "4", "action": "pause"}))
     assert submitted[-1].action == "pause"
     assert book.after(0)[-1].text == "501 messages of a page were dropped"

@@ -47,13 +47,13 @@ class Told(LivePageServer):
         self.stops, self.confirms, self.window = 0, True, window
         SceneServer.__init__(self, PAGE, first_port=port)
 
-    def greeting(self) -> list[dict[str, Any]]:
+    def initial_messages(self) -> list[dict[str, Any]]:
         return [{"kind": "state", "number": 1}]
 
     def scene(self) -> list[Any]:
         return [("scene", self.window.packed())] if self.window.commands() else []
 
-    def hear(self, panel: Any, text: str) -> None:
+    def receive(self, panel: Any, text: str) -> None:
         self.heard.append(text)
         panel.send({"kind": "heard", "text": text})
 

@@ -244,7 +244,7 @@ def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
 
 
 def test_a_leg_that_was_told_to_stand_does_not_timeout(e, look):
-    e.limits.phase_ticks, e.controller.last_rest = 50, 100
+    e.limits.phase_ticks, e.controller.last_stand_tick = 50, 100
     look(e, 150)
     assert e.controller.trip.tick < 0
     look(e, 151)
@@ -430,14 +430,14 @@ def test_in_the_tick_of_a_wrong_command_joints_before_it_walk_and_those_after_it
     slacken(e)
     for number, joint in enumerate(e.controller.joints):
         joint.target = 3.0 + number
-        e.joints[number].board.watched.motor_speed = 0.2
+        e.joints[number].board.monitor.motor_speed = 0.2
         e.controller.model.gravity_torque[joint.model_index] = 10.0 + number
     e.controller.joints[1].target = math.nan
     ask(e, 100)
     braked = -e.limits.hold_damping * 0.2
     # The weight of the joint itself is carried from the next tick on: this one began as one of a walk.
     assert [joint.board.command.torque for joint in e.joints] == [3.0, braked, braked + 12.0, braked + 13.0]
-    speeds = [joint.board.watched.motor_speed for joint in e.joints]
+    speeds = [joint.board.monitor.motor_speed for joint in e.joints]
     ask(e, 101)
     share = 1.0 - 1 / e.limits.lowering_ticks
     for number, (joint, found) in enumerate(zip(e.joints, speeds, strict=True)):

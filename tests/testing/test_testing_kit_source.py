@@ -37,7 +37,7 @@ EQUIVALENT = {
 
 
 def evaluator() -> Iterator[tuple[str, Callable[[str], Any]]]:
-    for text, names in source_mutants(guards, {"guard_holds", "next_transition"}):
+    for text, names in source_mutants(guards, {"evaluate_guard", "next_transition"}):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(machine, "next_transition", names["next_transition"])
             yield text, lambda phase: GaitStateMachine(rich_table(), Side.LEFT, initial_phase=phase)

@@ -200,7 +200,7 @@ def build_scene(window: CommandBuffer, model: LegModel, **setting: Unpack[SceneO
     scene = Scene(window, model.model, model.urdf_path, model.up_axis)
     for side, leg in model.legs.items():
         scene.draw_drives(side, leg, setting.get("drives", (JointName.HIP, JointName.KNEE)))
-    patient, around = setting.get("patient"), setting.get("around", Environment.TREADMILL)
+    patient, around = setting.get("patient"), setting.get("environment", Environment.TREADMILL)
     trunk, walks = model.trunk_joint or FIXED_JOINT, len(model.legs) > 1
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if walks else None)
@@ -257,7 +257,7 @@ def _equip_walker(
     scene.view = View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
     if setting.get("ropes", True):
         hooks = draw_harness(scene.figure, patient, trunk)
-        on_rail = setting.get("around") is Environment.WALKWAY
+        on_rail = setting.get("environment") is Environment.WALKWAY
         height = _BAR_ABOVE_HEAD + patient.height
         scene.elements.append(draw_ropes(window, scene.figure, trunk, hooks, height, on_rail=on_rail))
     if (crutches := setting.get("crutches")) is not None:
