@@ -380,7 +380,8 @@ def test_what_nobody_writes_to_is_a_table_in_flash(device):
 
 def test_what_a_constant_rules_out_is_not_printed(device):
     text = device.program.files["gait_controller.c"]
-    assert "assist(" in text and "assisted[number].share" in text and "adapted_assistance" not in text
+    assert "assistance_tick(" in text and "assisted[number].share" in text
+    assert "adapted_assistance" not in text
     structure = device.structure
     unit = TranslationUnit(
         "demand", [gait_controller.compute_setpoint], {"controller": device.episode.controller}

@@ -1,6 +1,7 @@
-"""What a loop is bound to beside the structure of an episode: a rigid-body kernel, and rows behind addresses.
+"""Backend of a loop: the functions of a rigid-body kernel, and access to the rows of log and noise.
 
-The steps import these names; :mod:`twin_gait.simulation.binding` puts the real ones in their place.
+The steps import these names; :mod:`twin_gait.simulation.binding` replaces them by those of a kernel and of the
+memory of a run.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,7 +46,7 @@ def observe(
     gravity: float,
     points: list[ContactState],
 ) -> tuple[float, float, float, float]:
-    """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guides."""
+    """Compute kinetic and potential energy in [J], force in [N] and moment in [N m] of the pelvis guides."""
     raise NotImplementedError
 
 
@@ -69,22 +70,22 @@ def vector_map(
 
 
 def episode_at(address: int) -> Episode:
-    """The episode at an address."""
+    """Return the record of the episode at an address."""
     raise NotImplementedError
 
 
 def vector_lanes(e: Episode) -> tuple[Episode]:
-    """The episodes that are run in lockstep, to be taken through a step together; a single one by itself."""
+    """Yield the episodes that run in lockstep, for a step of all at once; a single episode yields itself."""
     return (e,)
 
 
 def scalar_lanes(e: Episode) -> tuple[Episode]:
-    """As :func:`lanes`, but one after the other: for what is rare, or different in each."""
+    """Yield the episodes one after the other, for branches that are rare or differ between episodes."""
     return (e,)
 
 
 def log_row(e: object, tick: int) -> list[float]:
-    """Row of the log for a tick."""
+    """Return the row of the log for a tick, to be written."""
     raise NotImplementedError
 
 
@@ -94,14 +95,15 @@ def write_row(e: object, row: list[float]) -> None:
 
 
 def switch_row(e: Episode, number: int) -> Switch:
-    """Room for a switch."""
+    """Return the record of a switch of a leg, to be written."""
     raise NotImplementedError
 
 
 def noise_row(e: object, tick: int) -> Sequence[float]:
-    """What strays in a tick: what encoders read in excess in [rad], noise and offset, by joint.
+    """Return the random numbers of a tick.
 
-    Behind them shares of the wearer's efforts, by limb, and of an inertial unit noise of gyroscope in [rad] /
-    [s] and of accelerometer in [m] / [s²].
+    These are the errors of the encoders in [rad], noise and offset, by joint; the shares of the wearer's
+    efforts, by limb; and with an inertial unit the noise of its gyroscope in [rad] / [s] and of its
+    accelerometer in [m] / [s²].
     """
     raise NotImplementedError
