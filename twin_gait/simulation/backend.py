@@ -1,7 +1,7 @@
 """Backend of a loop: the functions of a rigid-body kernel, and access to the rows of log and noise.
 
-The steps import these names; :mod:`twin_gait.simulation.binding` replaces them by those of a kernel and of the
-memory of a run.
+The steps import these names; :mod:`twin_gait.simulation.binding` replaces them by those of a kernel and of
+the memory of a run.
 """
 
 from collections.abc import Callable, Sequence
