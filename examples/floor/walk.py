@@ -120,7 +120,7 @@ class Replay(Controller):
         """No springs, and nothing that is compensated."""
         return np.zeros_like(rows)
 
-    def memory(self, plan: Plan) -> Torques:
+    def initial_memory(self, plan: Plan) -> Torques:
         """Return the torques."""
         return Torques(self.torques.tolist())
 

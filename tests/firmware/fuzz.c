@@ -61,16 +61,16 @@ static void fill_wild(void *numbers, size_t bytes)
     }
 }
 
-static void fill_demand(Demand *demand)
+static void fill_setpoint(JointSetpoint *setpoint)
 {
-    demand->stiffness = wild();
-    demand->damping = wild();
-    demand->equilibrium = wild();
-    demand->gain = wild();
-    demand->gravity = wild();
-    demand->inertia = wild();
-    demand->target = wild();
-    demand->held = draw() % 4 == 0;
+    setpoint->stiffness = wild();
+    setpoint->damping = wild();
+    setpoint->equilibrium = wild();
+    setpoint->gain = wild();
+    setpoint->gravity = wild();
+    setpoint->inertia = wild();
+    setpoint->target = wild();
+    setpoint->held = draw() % 4 == 0;
 }
 
 static void fill_measurement(Measurement *measurement)
@@ -117,10 +117,10 @@ int main(int count, char **words)
             read->current_deviation = uniform(-0.1, 0.1);
         }
         for (size_t leg = 0; leg < LEGS; leg++) {
-            inputs.surroundings.loads[leg] = uniform(0.0, 1.0);
+            inputs.direct.loads[leg] = uniform(0.0, 1.0);
         }
-        inputs.surroundings.bus_voltage = uniform(28.0, 29.0);
-        inputs.surroundings.common.walk = REAL(1.0);
+        inputs.direct.bus_voltage = uniform(28.0, 29.0);
+        inputs.direct.device_signals.walk = REAL(1.0);
         ExoskeletonInputs given = inputs;
         JointBoardInputs *read = &given.boards[joint];
         if (now >= CALM) {
@@ -131,8 +131,8 @@ int main(int count, char **words)
             case JUMPING: read->angle += draw() % 2 ? REAL(1.0) : REAL(0.0); break;
             case STUCK: read->angle = inputs.boards[joint].angle = REAL(0.2); read->voltage += REAL(8.0); break;
             case WILD_DRIVE: read->voltage = wild(); read->current = wild(); read->current_deviation = wild(); break;
-            case WILD_FEET: fill_wild(given.surroundings.loads, sizeof given.surroundings.loads); break;
-            case WILD_SUPPLY: given.surroundings.bus_voltage = wild(); given.surroundings.common.walk = wild(); break;
+            case WILD_FEET: fill_wild(given.direct.loads, sizeof given.direct.loads); break;
+            case WILD_SUPPLY: given.direct.bus_voltage = wild(); given.direct.device_signals.walk = wild(); break;
             default:
                 for (size_t place = 0; place < JOINTS; place++) {
                     given.boards[place].angle = draw() % 8 ? given.boards[place].angle : wild();
@@ -140,7 +140,7 @@ int main(int count, char **words)
                     given.boards[place].current = wild();
                     given.boards[place].current_deviation = wild();
                 }
-                fill_wild(&given.surroundings, sizeof given.surroundings);
+                fill_wild(&given.direct, sizeof given.direct);
             }
         }
         exoskeleton_step(&unit, &given, &outputs);
@@ -157,19 +157,19 @@ int main(int count, char **words)
             trips[kind] += outputs.decision.trip_cause != 0;
         }
         board_inputs = *read;
-        board_inputs.heard = draw() % 4 != 0;
+        board_inputs.received = draw() % 4 != 0;
         if (now < CALM) {
-            board_inputs.demand = controller_outputs.demands[joint];
+            board_inputs.setpoint = controller_outputs.setpoints[joint];
         } else {
-            fill_demand(&board_inputs.demand);
+            fill_setpoint(&board_inputs.setpoint);
         }
         joint_board_step(&board, &board_inputs, &board_outputs);
         if (!is_driven(board_outputs.command.target_current, limit)) {
             return fail("joint board asks for", tick, kind, board_outputs.command.target_current);
         }
-        controller_inputs.surroundings = given.surroundings;
+        controller_inputs.direct = given.direct;
         for (size_t place = 0; place < JOINTS; place++) {
-            controller_inputs.heard[place] = draw() % 4 != 0;
+            controller_inputs.received[place] = draw() % 4 != 0;
             fill_measurement(&controller_inputs.measurements[place]);
         }
         gait_controller_step(&controller, &controller_inputs, &controller_outputs);

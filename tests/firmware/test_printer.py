@@ -277,7 +277,7 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
         "leg": episode.controller.legs[0],
         "rates": episode.rates,
         "limits": episode.limits,
-        "heard": episode.controller.common,
+        "heard": episode.controller.device_signals,
         "measurement": episode.controller.joints[0].measurement,
         "command": episode.joints[0].board.command,
         "demand": episode.controller.joints[0].setpoint,
@@ -358,15 +358,15 @@ def test_the_whole_unit_tick_by_tick(device):
                 board.current = draw.uniform(-5.0, 5.0)
                 board.voltage = 0.6 * board.current
                 board.current_deviation = 3.0 * (draw.random() < wild)
-            inputs.surroundings.loads = [draw.uniform(0.0, 1.0), draw.uniform(0.0, 1.0)]
-            inputs.surroundings.bus_voltage = draw.uniform(45.0, 50.0)
-            inputs.surroundings.common.trunk_pitch = draw.uniform(-0.2, 0.2)
+            inputs.direct.loads = [draw.uniform(0.0, 1.0), draw.uniform(0.0, 1.0)]
+            inputs.direct.bus_voltage = draw.uniform(45.0, 50.0)
+            inputs.direct.device_signals.trunk_pitch = draw.uniform(-0.2, 0.2)
             step(theirs, inputs, expected)
             library.call("exoskeleton_step", state, inputs, given)
             assert bits(given) == bits(expected), tick
             trips.add(expected.decision.trip_cause)
             if trips == {NO_TRIP}:
-                assert theirs.controller.signals[-3:] == [inputs.surroundings.common.trunk_pitch, 1.0, 1.0]
+                assert theirs.controller.signals[-3:] == [inputs.direct.device_signals.trunk_pitch, 1.0, 1.0]
         library.read_back(state, found)
         assert bits(found) == bits(theirs)
         assert len(trips) > 1

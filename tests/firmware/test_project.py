@@ -232,17 +232,17 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
     central = library.structure(units.GaitController(settings, deep_copy(linked.record.controller)))
     inputs, outputs = deep_copy(linked.inputs), deep_copy(linked.outputs)
     found = [units.JointBoardOutputs() for _ in joints]
-    heard = units.GaitControllerInputs(inputs.surroundings, [item.measurement for item in found], [True] * 4)
+    heard = units.GaitControllerInputs(inputs.direct, [item.measurement for item in found], [True] * 4)
     told = units.GaitControllerOutputs(deep_copy(outputs.decision), [item.setpoint for item in inputs.boards])
     phases, same, errors = set(), 0, []
-    walk = replace(treadmill.problem.experiment, duration=2.5)
+    walk = replace(treadmill.setup.experiment, duration=2.5)
     for tick, row in enumerate(record_vectors(walk).inputs):
         for board, read in zip(inputs.boards, row["boards"], strict=True):
             board.angle, board.voltage = float(read["angle"]), float(read["voltage"])
             board.current, board.current_deviation = float(read["current"]), float(read["current_deviation"])
-            board.heard = tick > 0
-        inputs.surroundings.loads[:] = row["surroundings"]["loads"].tolist()
-        inputs.surroundings.bus_voltage = float(row["surroundings"]["bus_voltage"])
+            board.received = tick > 0
+        inputs.direct.loads[:] = row["direct"]["loads"].tolist()
+        inputs.direct.bus_voltage = float(row["direct"]["bus_voltage"])
         for number in joints:
             library.call("joint_board_step", boards[number], inputs.boards[number], found[number])
         before = [bits(demand) for demand in told.setpoints]
@@ -260,7 +260,7 @@ def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill
                 same += 1
             else:
                 errors.append(abs(given.target_current - command.target_current))
-    assert len(phases) == len(treadmill.problem.table.phases)
+    assert len(phases) == len(treadmill.setup.table.phases)
     assert same > 1000 and len(errors) > 1000
     assert 0.0 < np.median(errors) < 0.05  # [A]: what an older set point costs
 
@@ -275,7 +275,7 @@ def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_a
     whole, inputs, outputs = library.structure(wild), deep_copy(linked.inputs), deep_copy(linked.outputs)
     for board, state in zip(inputs.boards, linked.record.boards, strict=True):
         board.angle = state.encoder.angle
-    inputs.surroundings.bus_voltage = 28.8
+    inputs.direct.bus_voltage = 28.8
     library.call("exoskeleton_step", whole, inputs, outputs)
     assert outputs.decision.trip_cause == COMMAND_TRIP
     assert [board.setpoint.damping for board in whole.boards] == [settings.limits.hold_damping] * 4
@@ -329,7 +329,7 @@ def test_an_encoder_that_is_missing_from_the_start_trips_its_board(treadmill):
 
 def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmill):
     require_tools("gcc")
-    assert treadmill.problem.experiment.network is None
+    assert treadmill.setup.experiment.network is None
     library, (board, *_), (read, *_) = new_boards(treadmill)
     found, silences = units.JointBoardOutputs(), round(NetworkParameters().board_timeout / TICK)
     read.setpoint, read.received = units.JointSetpoint(stiffness=100.0, equilibrium=read.angle + 0.1), True
@@ -345,7 +345,7 @@ def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmil
     )
     library.handle[f"{GAIT_CONTROLLER}_init"](ctypes.byref(central))
     heard = units.GaitControllerInputs(
-        deep_copy(linked.inputs.surroundings), [units.Measurement()] * 4, [True] * 4
+        deep_copy(linked.inputs.direct), [units.Measurement()] * 4, [True] * 4
     )
     heard.direct.bus_voltage = 28.8
     told = units.GaitControllerOutputs(
@@ -465,7 +465,7 @@ def test_what_c_has_not_is_refused_in_one_line(setting, said, capsys, tmp_path):
 
 
 def test_a_guard_that_needs_more_than_32_bits_is_refused(treadmill):
-    table = treadmill.problem.table
+    table = treadmill.setup.table
     guard = AllOf(guards=(Comparison(signal="hip.angle_deg", minus=None, operator="<", threshold=1.0),) * 31)
     transitions = tuple(replace(item, guard=guard) for item in table.transitions)
     with raises(GaitTableError, "31", "30"):

@@ -42,7 +42,7 @@ class Fading:
 class FadingHelp(Controller):
     """Takes a tenth of its springs from a leg with every stride."""
 
-    def memory(self, plan):
+    def initial_memory(self, plan):
         return Fading([1.0] * len(plan.sides))
 
     @staticmethod
@@ -327,7 +327,7 @@ def test_a_field_that_is_not_there_is_pythons_own_error():
     def misspells(memory, device, tick, period):
         device.joints[0].setpoint.stifness = 1.0
 
-    with raises(AttributeError, "Demand", "stifness"):
+    with raises(AttributeError, "JointSetpoint", "stifness"):
         simulate(bench("duration_s=0.1"), controller=controller_with(misspells))
 
 

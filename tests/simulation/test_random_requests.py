@@ -133,7 +133,7 @@ def measure(controller, draw: np.random.Generator) -> None:
         joint.measurement.velocity = draw.normal(0.0, 1.0)
     for leg in controller.legs:
         leg.load = draw.choice([0.0, draw.uniform(0.0, 1.2)])
-    controller.common.trunk_pitch = draw.uniform(-10.0, 25.0) * DEGREE
+    controller.device_signals.trunk_pitch = draw.uniform(-10.0, 25.0) * DEGREE
 
 
 @pytest.mark.parametrize("name", ["floor", "treadmill"])

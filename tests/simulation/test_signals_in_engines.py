@@ -58,7 +58,7 @@ def test_signals_stand_where_they_are_declared(engine):
     found = dict(zip(all_signal_names(given.table.joints), list(controller.signals), strict=True))
     expected = {
         "trunk.pitch_deg": 0.25 if engine is reference else 0.0,
-        "walk": float(controller.common.walk),
+        "walk": float(controller.device_signals.walk),
         "step": 1.0,
     }
     for front, leg in (("", 1), ("other.", 0)):

@@ -151,7 +151,7 @@ def test_condition_that_another_one_implies_is_reported_and_not_passed_over() ->
 class ForgivesNaN(GaitStateMachine):
     """A broken sensor passes in silence."""
 
-    def _refuse_non_finite(self, signals: list[float], other_phase: int) -> None:
+    def _require_finite(self, signals: list[float], other_phase: int) -> None:
         signals[:] = [value if math.isfinite(value) else 0.0 for value in signals]
 
 

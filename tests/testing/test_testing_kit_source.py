@@ -55,7 +55,7 @@ def compiler() -> Iterator[tuple[str, Callable[[str], Any]]]:
 
 
 def state_machine() -> Iterator[tuple[str, Callable[[str], Any]]]:
-    functions = {"__init__", "time_in_phase", "step", "advance", "_refuse_non_finite"}
+    functions = {"__init__", "time_in_phase", "step", "advance", "_require_finite"}
     for text, names in source_mutants(machine, functions):
         changed = names["GaitStateMachine"]
         yield text, lambda phase, changed=changed: changed(rich_table(), Side.LEFT, initial_phase=phase)

@@ -104,7 +104,7 @@ class DirectInputs:
     bus_voltage: float = 0.0  # Voltage of the bus in [V].
     # Signals of the device as a whole, for the guards of both legs; with operating modes only the pitch of
     # the trunk is used.
-    common: DeviceSignals = field(default_factory=DeviceSignals)
+    device_signals: DeviceSignals = field(default_factory=DeviceSignals)
     request: int = NO_REQUEST  # Request to the supervisor in this tick, counted from 1, 0 for none.
 
 
@@ -153,10 +153,10 @@ def read_inputs(controller: ControllerState, inputs: DirectInputs, tick: int) ->
         receive_load(controller, number, inputs.loads[number])
     controller.supply.voltage = inputs.bus_voltage
     if WITH_SUPERVISOR:
-        controller.device_signals.trunk_pitch = inputs.common.trunk_pitch
+        controller.device_signals.trunk_pitch = inputs.device_signals.trunk_pitch
         controller.supervisor.request = inputs.request
     else:
-        receive_device_signals(controller, inputs.common, tick)
+        receive_device_signals(controller, inputs.device_signals, tick)
 
 
 def publish(controller: ControllerState, decision: Decision) -> None:

@@ -38,7 +38,7 @@ def request_result(
     row = log.iloc[tick]
     after, request = modes.phase_names[int(row["mode"])], modes.requests[int(row["request"]) - 1]
     why = ""
-    if row["refused"]:
+    if row["rejected"]:
         measured = signals_in(log, modes.joints, table, tick, weight)
         otherwise = f"the device went to {after} in the same tick"
         why = rejection_reason(modes, before, request, measured, ticks) or otherwise
