@@ -158,7 +158,7 @@ def test_every_engine_has_the_last_state_of_its_own_run():
     LaneEngine(ours).run()
     for engine, other in zip(ours, theirs, strict=True):
         other.run()
-        for name in ("status", "q", "v", "a", "joints", "plant", "supply", "works"):
+        for name in ("status", "q", "v", "a", "joints", "plant", "supply", "work"):
             assert engine.episode[name].tobytes() == other.episode[name].tobytes(), name
         for name in ("trip", "joints", "supply"):
             ours_has, theirs_has = (item.episode["controller"][name].tobytes() for item in (engine, other))
@@ -321,8 +321,8 @@ TOY = np.dtype(
 
 
 def episode_at(address: int) -> Any: ...
-def lanes(e: Any) -> Any: ...
-def each(e: Any) -> Any: ...
+def vector_lanes(e: Any) -> Any: ...
+def scalar_lanes(e: Any) -> Any: ...
 def room(e: Any) -> Any: ...
 
 
@@ -366,28 +366,28 @@ def writes_an_entry(e: Any) -> Any:
 
 
 def writes_a_shared_number(e: Any) -> Any:
-    for one in lanes(e):
-        one.joints[1].place = 2
+    for one in vector_lanes(e):
+        one.joints[1].index = 2
 
 
 def writes_a_shared_number_of_the_episode(e: Any) -> Any:
-    for one in lanes(e):
+    for one in vector_lanes(e):
         one.step = 2.0
 
 
 def copies_a_record(e: Any) -> Any:
-    for one in lanes(e):
+    for one in vector_lanes(e):
         one.joints[1] = one.joints[0]
 
 
 def copies_a_list(e: Any) -> Any:
-    for one in lanes(e):
+    for one in vector_lanes(e):
         one.a = one.q
 
 
 def takes_a_lane_for_the_block(e: Any) -> Any:
-    for one in lanes(e):
-        for other in lanes(one):
+    for one in vector_lanes(e):
+        for other in vector_lanes(one):
             other.q[0] = 0.0
 
 
@@ -408,7 +408,7 @@ REFUSED = [
 
 
 def reads_what_is_shared(e: Any) -> Any:
-    return e.step * e.joints[1].place * len(e.q)
+    return e.step * e.joints[1].index * len(e.q)
 
 
 def needs_groups_of_its_own(e: Any) -> Any:
@@ -418,10 +418,10 @@ def needs_groups_of_its_own(e: Any) -> Any:
     one lane's write may be the next one's read.
     """
     for number in range(len(e.joints)):
-        for one in lanes(e):
+        for one in vector_lanes(e):
             one.joints[number].x *= 0.5
-        for one in lanes(e):
-            there, here = one.joints[0].place, one.joints[number].place
+        for one in vector_lanes(e):
+            there, here = one.joints[0].index, one.joints[number].index
             one.q[here] = one.q[there] + e.step * one.joints[number].x
 
 
@@ -429,18 +429,18 @@ def chooses(e: Any) -> Any:
     """Conditions, minima and a flag over all lanes."""
     for number in range(len(e.q)):
         found = False
-        for one in lanes(e):
+        for one in vector_lanes(e):
             one.a[number] = one.q[number] - 1.0 if one.q[number] < -1.0 else min(one.q[number], 0.5)
             found |= one.q[number] > 1.5
         if found:
-            for one in each(e):
+            for one in scalar_lanes(e):
                 if one.q[number] > 1.5:
                     one.joints[0].y = one.q[number] / one.step
 
 
 def stays_scalar(e: Any) -> Any:
     """How often a lane goes round the inner loop is known to itself only."""
-    for one in lanes(e):
+    for one in vector_lanes(e):
         while one.q[0] > 1.0:
             one.q[0] *= 0.5
 
@@ -502,7 +502,7 @@ def test_tests_hear_of_a_loop_that_stays_scalar(insisting, capfd):
 
 def in_plain_python(function: Callable[[Any], Any], block: np.ndarray) -> np.ndarray:
     """What a room makes of a block, episode by episode."""
-    bound = specialize(function, {"lanes": lambda e: (e,), "each": lambda e: (e,)})
+    bound = specialize(function, {"vector_lanes": lambda e: (e,), "scalar_lanes": lambda e: (e,)})
     episodes = np.ascontiguousarray(block.T).view(TOY).reshape(WIDTH).view(np.recarray)
     for episode in episodes:
         bound(episode)
@@ -521,7 +521,7 @@ def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd)
     assert set(SCALAR.findall(code)) == ({"= fdiv double"} if function is chooses else set())
     rng = np.random.default_rng(1)
     block = rng.uniform(-2.0, 2.0, (TOY.itemsize // 8, WIDTH)).view(np.int64)
-    first = number_index(TOY, "joints.place")
+    first = number_index(TOY, "joints.index")
     for joint in range(3):
         block[first + 3 * joint] = (2, 0, 1)[joint]
     block[number_index(TOY, "episode.step")] = np.array(0.25).view(np.int64)

@@ -240,7 +240,7 @@ def test_torques_of_the_wearer_and_of_pushes_add_up_to_the_outside_torque():
     """Every row of the log."""
     log = bench(ALL, SAFE).log
     for joint in ("hip", "knee"):
-        parts = [log[f"right_{joint}_{name}_torque_Nm"] for name in ("voluntary", "passive", "push")]
+        parts = [log[f"right_{joint}_{name}_torque_Nm"] for name in ("voluntary", "passive", "disturbance")]
         assert_allclose(sum(parts), torque(log, joint), rtol=0.0, atol=1e-12)
         assert all(np.abs(part).max() > 0.1 for part in parts[:2])
 

@@ -72,7 +72,7 @@ def write_walk(
     run = recorded_run(
         synthetic_log(model, duration),
         model,
-        texts={"title": title},
+        about={"title": title},
         frames_per_second=FRAMES_PER_SECOND,
         patient=PATIENT,
         **more,  # type: ignore[arg-type]
@@ -391,7 +391,7 @@ def test_a_log_of_another_model_is_refused(worn_twin: LegModel) -> None:
 
 @pytest.mark.parametrize(("share", "frame"), [(0.0, "left_heel"), (1.0, "left_toe")])
 def test_ground_force_acts_where_the_foot_presses(worn_twin: LegModel, share: float, frame: str) -> None:
-    log = synthetic_log(worn_twin, 0.05).assign(left_foot_pressure_place=share)
+    log = synthetic_log(worn_twin, 0.05).assign(left_foot_cop_ratio=share)
     motion, scene = read_motion(log, worn_twin), build_scene(CommandBuffer(), worn_twin)
     expected = worn_twin.frame_position(motion.q[0], frame)
     point = scene.state_at(motion, 0)[scene.arrows[Side.LEFT], "position"]
