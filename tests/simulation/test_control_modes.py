@@ -63,7 +63,7 @@ def test_keys_become_parameters_in_si():
         "control.path.damping_ratio=0.9",
         "control.assistance={hip: 0.5, knee: 0.6, adaptive: true, forgetting_factor: 0.8}",
         "control.assistance.gain_per_rad=2",
-        "control.assistance.least=0.1",
+        "control.assistance.min_assistance=0.1",
         "control.assistance.error_deadband_deg=3",
     ).control
     assert control.mode == "position"

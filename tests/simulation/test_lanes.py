@@ -306,7 +306,7 @@ def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_no
 
 # ------------------------------------------------------------------ what a room may do
 
-JOINT = np.dtype([("place", "i8"), ("x", "f8"), ("y", "f8")], align=True)
+JOINT = np.dtype([("index", "i8"), ("x", "f8"), ("y", "f8")], align=True)
 TOY = np.dtype(
     [
         ("step", "f8"),
