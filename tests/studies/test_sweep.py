@@ -461,8 +461,8 @@ def test_a_main_effect_counts_the_runs_that_it_is_the_mean_of():
     assert rows[1:] == [
         ("share that walked", "a", "1", "4", "4", "0.25", ""),
         ("share that walked", "a", "2", "4", "4", "0.75", ""),
-        ("m_W", "a", "1", "4", "1", "5", "–"),
-        ("m_W", "a", "2", "4", "3", "2", "1"),
+        ("m [W]", "a", "1", "4", "1", "5", "–"),
+        ("m [W]", "a", "2", "4", "3", "2", "1"),
     ]
     figure = draw_main_effects(varying_axes(table, ["a"]), measure_values(table, "m_W"), "m_W", "title")
     labels = [label.get_text() for label in figure.axes[0].get_xticklabels()]

@@ -25,6 +25,7 @@ from matplotlib.patches import Patch
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
+from twin_gait.labels import label_of
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.outcome import EventKind, trip_time
 from twin_gait.measures.phases import phase_spells
@@ -172,13 +173,15 @@ def write_figures_page(
     subtitle: str,
     rows: Sequence[Sequence[str]],
     tables: Mapping[str, Sequence[Sequence[str]]],
+    heading_of: Callable[[str], str] = readable,
 ) -> dict[str, str]:
     """Write figures into a folder, and a page that shows them between a table and further tables.
 
-    The first row of a table is its head. Returns the reason of each figure that could not be drawn, by name.
+    The first row of a table is its head. ``heading_of``: function from the name of a figure to its heading.
+    Returns the reason of each figure that could not be drawn, by name.
     """
     pictures = write_pictures(drawings, path.with_name(FIGURES_FOLDER))
-    named = {readable(name): picture for name, picture in pictures.written.items()}
+    named = {heading_of(name): picture for name, picture in pictures.written.items()}
     content = {"title": title, "subtitle": subtitle, "rows": rows, "pictures": named, "tables": tables}
     write_atomically(path, render("figures.html", content))
     return pictures.failed
@@ -233,7 +236,7 @@ def has_cycles(run: Run) -> bool:
 
 def flexion(joint: str) -> str:
     """Return the label of an axis with the angle of a joint."""
-    return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
+    return label_of(f"{joint}_{'dorsi' * (joint == JointName.ANKLE)}flexion_rad").axis
 
 
 class RunFigure:
@@ -298,11 +301,14 @@ class RunFigure:
             phases = np.where(self.run.log["time_s"] >= held, HELD, phases)
         return phases[rows or self.window]
 
-    def curve(self, axes: Axes, values: str | np.ndarray, label: str, color: str, **style: Any) -> None:
-        """Draw a column of the log, or one value per row of the log, over time; ``style`` as for ``plot``."""
-        known = self.run.log[values].to_numpy() if isinstance(values, str) else values
-        style = {"linewidth": 1.5, "color": color, "label": label, **style}
-        self.lines += axes.plot(self.time, known[self.window], **style)
+    def curve(self, axes: Axes, place: str, column: str, color: str, **style: Any) -> None:
+        """Draw a column of the log over time in its display unit, with its name in the legend.
+
+        ``place``: prefix of the column by side and joint; ``style`` as for ``plot`` of matplotlib.
+        """
+        label, values = label_of(column), self.run.log[place + column].to_numpy()
+        style = {"linewidth": 1.5, "color": color, "label": label.name, **style}
+        self.lines += axes.plot(self.time, label.factor * values[self.window], **style)
 
     def limits(self, axes: Axes, values: Sequence[float], style: str, label: str, width: float = 1.2) -> None:
         """Draw limits behind all curves."""
@@ -386,7 +392,7 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
         if reference is not None:
             draw_cycle_curve(axes, np.degrees(reference), **healthy)
             shown["healthy, same speed"] = healthy
-        style_panel(axes, f"{side} {joint} [°]", "")
+        style_panel(axes, label_of(f"{side}_{joint}_angle_rad").title, "")
     if shown:
         put_legend(figure, [Line2D([], [], label=name, **style) for name, style in shown.items()])
     return figure

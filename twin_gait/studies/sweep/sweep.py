@@ -25,7 +25,14 @@ from twin_gait.exceptions import JobError, ParameterFileError, RunDirectoryError
 from twin_gait.files import read_text, require_parquet, write_atomically, write_json, write_parquet
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
-from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, measure_values, sweep_figures
+from twin_gait.report.sweep import (
+    DEFAULT_MEASURES,
+    WALKED,
+    figure_heading,
+    main_effect_rows,
+    measure_values,
+    sweep_figures,
+)
 from twin_gait.runs.folders import FolderKind, check_target, staged_directory, try_lock
 from twin_gait.runs.user_files import store_files
 from twin_gait.simulation.run import RunStatus
@@ -238,4 +245,5 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> dict[str
     figures = sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
     tables = {"main effects": main_effect_rows(table, parameters, measures)}
-    return write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows, tables)
+    path, title = directory / REPORT_FILE, f"Sweep: {title}"
+    return write_figures_page(path, figures, title, subtitle, rows, tables, figure_heading)
