@@ -26,27 +26,17 @@ _UNITS = {
 _UNIT = re.compile(r"_(?:({0})(?:_per_({0}))?|per_({0}))$".format("|".join(_UNITS)))
 # Display units of all quantities with a unit, and factors from a unit to a display unit.
 _SHOWN = {"rad": "°", "rad/s": "°/s", "N·m/rad": "N·m/°"}
+_DEGREES = 180.0 / math.pi
 _FACTORS = {
-    **{
-        ("rad", "°"): 180.0 / math.pi,
-        ("rad/s", "°/s"): 180.0 / math.pi,
-        ("N·m/rad", "N·m/°"): math.pi / 180.0,
-    },
+    **{("rad", "°"): _DEGREES, ("rad/s", "°/s"): _DEGREES, ("N·m/rad", "N·m/°"): 1.0 / _DEGREES},
     **{(NO_UNIT, "%"): 100.0, (NO_UNIT, "% of stride"): 100.0, ("m", "mm"): 1e3},
 }
 # Words of sections of a path; an empty one is left out.
+_OMITTED = "sides joints walk scenario plant control sensors table phases conditions set free_trunk friction"
 _SECTIONS = {
-    **dict.fromkeys(
-        "sides joints walk scenario plant control sensors table phases conditions set".split(), ""
-    ),
-    **{"errors": "error", "arms": "arm", "free_trunk": "", "walk_reference": "healthy", "patient": "wearer"},
-    **{
-        "actuators": "motor",
-        "interface": "brace",
-        "stops": "stop",
-        "friction": "",
-        "friction_model": "model",
-    },
+    **dict.fromkeys(_OMITTED.split(), ""),
+    **{"errors": "error", "arms": "arm", "walk_reference": "healthy", "patient": "wearer", "stops": "stop"},
+    **{"actuators": "motor", "interface": "brace", "friction_model": "model"},
 }
 _PARTS = ("motor", "brace", "stop", "model")  # sections whose words follow those of a place: left hip motor
 _PLACES = (frozenset[str](), frozenset(Side), frozenset({*Side, *JointName, "foot"}))

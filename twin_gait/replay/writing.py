@@ -21,6 +21,7 @@ from twin_gait.replay.samples import LEAST_HIP_RANGE
 from twin_gait.report import canvas
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
+from twin_gait.report.state_diagram import name_to_words
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, format_switches_csv
 from twin_gait.vocabulary import JointName
@@ -199,7 +200,7 @@ def replay_figure(result: Replay) -> Figure:
         for switch in result.switches:
             place = recording.start + switch.time
             if switch.side is side and place >= time[0]:
-                column[0].text(place, 1.03, canvas.readable(switch.cause), ha="center", **causes)
+                column[0].text(place, 1.03, name_to_words(switch.cause), ha="center", **causes)
         if side in recording.phases:
             recorded = [names.index(name) for name in recording.phases[side][-SHOWN_TICKS:]]
             canvas.shade_phases(column[-1], time, np.array(recorded), names)

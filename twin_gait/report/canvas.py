@@ -35,6 +35,7 @@ from twin_gait.report.failures import format_error
 from twin_gait.report.formatting import describe_wearer
 from twin_gait.report.pages import FIGURES_FOLDER, render
 from twin_gait.report.reference import reference_cycle
+from twin_gait.report.state_diagram import name_to_words
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -102,13 +103,8 @@ def colour_of(phase: int, names: Sequence[str]) -> str:
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     """Return the legend entries of the phases that occur; ``occurring``: indices of phases, any shape."""
     order = sorted(np.unique(occurring).tolist(), key=lambda index: index == HELD)
-    labels = {**dict(enumerate(map(readable, names))), HELD: "held after the trip"}
+    labels = {**dict(enumerate(map(name_to_words, names))), HELD: "held after the trip"}
     return [Patch(color=colour_of(index, names), alpha=STRIP_OPACITY, label=labels[index]) for index in order]
-
-
-def readable(name: str) -> str:
-    """Write an identifier as words."""
-    return name.replace("_", " ")
 
 
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
@@ -173,7 +169,7 @@ def write_figures_page(
     subtitle: str,
     rows: Sequence[Sequence[str]],
     tables: Mapping[str, Sequence[Sequence[str]]],
-    heading_of: Callable[[str], str] = readable,
+    heading_of: Callable[[str], str] = name_to_words,
 ) -> dict[str, str]:
     """Write figures into a folder, and a page that shows them between a table and further tables.
 

@@ -39,6 +39,7 @@ from twin_gait.report.canvas import (
     style_panel,
 )
 from twin_gait.report.reference import reference_cycle, reference_ground_force
+from twin_gait.report.state_diagram import name_to_words
 from twin_gait.simulation.run import Run
 
 SHOWN_SECONDS = 30.0  # time range of the angles on a screen; a narrower picture shows less
@@ -56,7 +57,7 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     if not canvas.has_cycles(run):
         return None
     records = run.leg_records()
-    entry = f"entry into {canvas.readable(run.table.phase_names[0])}"
+    entry = f"entry into {name_to_words(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
     sheet = RunFigure(run, f"Gait cycle from {beginning}", (width, 7.5))
     for axes, record, joint in sheet.leg_panels(flexion, timed=False):

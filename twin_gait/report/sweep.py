@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from functools import partial
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -30,6 +31,7 @@ _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
 # More distinct values than this are divided into bins.
 MOST_LEVELS = 12
 EPISODES_PER_BIN = 6
+LABEL_WIDTH = 28  # letters in a line of the label of an axis
 FIGURE_KINDS = {"main_effects_": "main effects", "heat_map_": "heat maps"}
 MOST_BINS = 8
 
@@ -165,7 +167,7 @@ def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: st
         panel.errorbar(
             places, found["mean"], bars, fmt="o-", color=BLUE, lw=1.8, ms=5, elinewidth=1, capsize=3
         )
-        style_panel(panel, "", _measure_label(measure))
+        style_panel(panel, "", fill(_measure_label(measure), LABEL_WIDTH))
         _name_levels(panel, axis, found["n"].tolist())
         panel.tick_params(labelleft=True)
     if measure == WALKED:
@@ -193,7 +195,7 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
             panel.add_patch(Rectangle(corner, 1, 1, fill=False, hatch="//", edgecolor="0.6", linewidth=0))
         _name_levels(panel, first)
         panel.set_yticks(range(len(level_names(second))), level_names(second))
-        panel.set_ylabel(label_of(str(second.name)).axis)
+        panel.set_ylabel(_axis_text(second))
     figure.colorbar(image, ax=panels, label=_measure_label(measure))
     return figure
 
@@ -204,7 +206,11 @@ def _name_levels(panel: Axes, axis: pd.Series, counts: Sequence[int] = ()) -> No
     if counts:
         names = [f"{name}\nn = {count}" for name, count in zip(names, counts, strict=True)]
     panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
-    panel.set_xlabel(label_of(str(axis.name)).axis)
+    panel.set_xlabel(_axis_text(axis))
+
+
+def _axis_text(axis: pd.Series) -> str:
+    return fill(label_of(str(axis.name)).axis, LABEL_WIDTH)
 
 
 def _measure_label(measure: str) -> str:
