@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.labels import label_of
 from twin_gait.measures.phases import phase_entries, phase_spells
 from twin_gait.palette import JOINT_COLOURS
 from twin_gait.replay.machine import Replay
@@ -192,7 +193,7 @@ def replay_figure(result: Replay) -> Figure:
     lines = list[Artist]()
     for column, side in zip(panels.T, recording.sides, strict=True):
         for axes, joint in zip(column, joints, strict=False):
-            canvas.style_panel(axes, "", canvas.flexion(joint))
+            canvas.style_panel(axes, "", label_of(f"{joint}_flexion_rad").axis)
             canvas.shade_phases(axes, time, result.phases[side][-SHOWN_TICKS:], names)
             angle = np.degrees(recording.angles[side, joint][-SHOWN_TICKS:])
             lines += axes.plot(time, angle, color=JOINT_COLOURS[JointName(joint)], label=f"{joint} angle")

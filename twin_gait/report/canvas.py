@@ -230,11 +230,6 @@ def has_cycles(run: Run) -> bool:
     return all(len(shown_strides(record)) > 0 for record in run.leg_records())
 
 
-def flexion(joint: str) -> str:
-    """Return the label of an axis with the angle of a joint."""
-    return label_of(f"{joint}_{'dorsi' * (joint == JointName.ANKLE)}flexion_rad").axis
-
-
 class RunFigure:
     """Picture of a run under construction; on a screen its title names its content and the run.
 
@@ -267,13 +262,11 @@ class RunFigure:
         if self.on_screen:
             self.figure.suptitle(text, fontsize="large")
 
-    def leg_panels(
-        self, unit: Callable[[str], str], *, timed: bool = True
-    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
-        """Yield a titled panel for each joint (row) and leg (column), with the unit at the first column.
+    def leg_panels(self, key: str, *, timed: bool = True) -> Iterator[tuple[Axes, LegRecord, JointName]]:
+        """Yield a titled panel for each joint (row) and leg (column), labelled at the first column.
 
-        ``unit``: label of the vertical axes by the name of the joint; ``timed``: whether the phases over time
-        are in the background.
+        ``key``: key of the label of the vertical axes, with braces for the joint; ``timed``: whether the
+        phases over time are in the background.
         """
         joints = list(self.records[0].angles)
         self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
@@ -282,7 +275,8 @@ class RunFigure:
         panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey="row")
         for row, joint in enumerate(joints):
             for axes, record in zip(panels[row], self.records, strict=True):
-                style_panel(axes, f"{record.side} {joint}", unit(joint) if record is self.records[0] else "")
+                label = label_of(key.format(joint)).axis if record is self.records[0] else ""
+                style_panel(axes, f"{record.side} {joint}", label)
                 if timed:
                     shade_phases(axes, self.time, self.phases(record), self.names)
                 yield axes, record, joint

@@ -34,7 +34,6 @@ from twin_gait.report.canvas import (
     SCREEN_WIDTH,
     RunFigure,
     draw_cycle_curve,
-    flexion,
     shown_strides,
     style_panel,
 )
@@ -43,6 +42,7 @@ from twin_gait.report.state_diagram import name_to_words
 from twin_gait.simulation.run import Run
 
 SHOWN_SECONDS = 30.0  # time range of the angles on a screen; a narrower picture shows less
+FLEXION = "{}_flexion_rad"  # key of the label of an angle
 MOST_STRIDES = 10  # largest number of strides in a phase portrait
 REFERENCE_STYLE: dict[str, Any] = {"color": REFERENCE_COLOUR, "linestyle": (0, (4, 2)), "linewidth": 1.6}
 _FORCE_PANELS = (
@@ -60,7 +60,7 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     entry = f"entry into {name_to_words(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
     sheet = RunFigure(run, f"Gait cycle from {beginning}", (width, 7.5))
-    for axes, record, joint in sheet.leg_panels(flexion, timed=False):
+    for axes, record, joint in sheet.leg_panels(FLEXION, timed=False):
         bounds = shown_strides(record)
         cycles = normalise_strides(record.angles[joint], bounds)
         canvas.shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(sheet.names)), sheet.names)
@@ -126,7 +126,7 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the joint angles of the last seconds with the equilibrium of the virtual spring."""
     window = canvas.event_window(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
     sheet = RunFigure(run, "Joint angles", (width, 7.5), window)
-    for axes, record, joint in sheet.leg_panels(flexion):
+    for axes, record, joint in sheet.leg_panels(FLEXION):
         name = f"{record.side}_{joint}_"
         own = wearer_column(run.log, record.side, joint, "angle_rad").removeprefix(name)
         sheet.curve(axes, name, own, BLACK, label="angle")
@@ -140,7 +140,7 @@ def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the parts of the command torque and the motor torque."""
     window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
     sheet = RunFigure(run, "Motor torques and their parts", (width, 8.0), window)
-    for axes, record, joint in sheet.leg_panels(lambda _: label_of("torque_Nm").axis):
+    for axes, record, joint in sheet.leg_panels("torque_Nm"):
         name = f"{record.side}_{joint}_"
         for part, colour in palette.TORQUE_COLOURS.items():
             if np.any(run.log[f"{name}{part}_torque_Nm"].to_numpy()[window] != 0.0):
@@ -154,7 +154,7 @@ def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor."""
     limits, plant = run.experiment.control.limits, run.experiment.plant
     sheet = RunFigure(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
-    for axes, record, joint in sheet.leg_panels(lambda _: label_of("current_A").axis):
+    for axes, record, joint in sheet.leg_panels("current_A"):
         name, actuator = f"{record.side}_{joint}_", plant.actuators[joint]
         at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
         sheet.curve(axes, name, "target_current_A", ORANGE, linewidth=2.4)
@@ -205,9 +205,7 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     title = "Phase portraits; a dot marks each change of phase"
     sheet, occurring = RunFigure(run, title, (width, 8.5)), []
     velocity, angle = label_of("velocity_rad_per_s"), label_of("angle_rad")
-    for axes, record, joint in sheet.leg_panels(
-        lambda name: label_of(f"{name}_velocity_rad_per_s").axis, timed=False
-    ):
+    for axes, record, joint in sheet.leg_panels("{}_velocity_rad_per_s", timed=False):
         bounds = shown_strides(record)[-MOST_STRIDES:]
         rows = slice(*join_strides(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
         phases = sheet.phases(record, rows)
@@ -219,6 +217,6 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
             axes.plot(*np.where(of_phase[:, None], points, np.nan).T, color=colour, linewidth=1.3)
             axes.plot(*points[of_phase & changed].T, "o", color=colour, markersize=4.0)
         axes.axhline(0.0, color="0.6", linewidth=0.8)
-        axes.set_xlabel(flexion(joint))
+        axes.set_xlabel(label_of(FLEXION.format(joint)).axis)
         occurring.append(phases)
     return sheet.finish(occurring)

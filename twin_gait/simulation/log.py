@@ -18,13 +18,8 @@ from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.vocabulary import JointName
 
 LOG_SCHEMA_VERSION = 4
-CODE_COLUMNS = (
-    "safety_state",
-    "trip_cause",
-    "mode",
-    "request",
-    "rejected",
-)  # Columns of codes, without a unit.
+# Columns of codes, without a unit.
+CODE_COLUMNS = "safety_state", "trip_cause", "mode", "request", "rejected"
 
 
 class ColumnGroup:
