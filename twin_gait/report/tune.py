@@ -49,8 +49,10 @@ def _content(outcome: TuningResult) -> dict[str, Any]:
 def _title(name: str) -> str:
     """Return the title of a number of a gait table; a threshold has the name ``cause: signal operator``."""
     cause, _, threshold = name.rpartition(": ")
+    if not cause:
+        return label_of(name).axis
     words = [describe_signal(word)[0] if "." in word else word for word in threshold.split()]
-    return f"{name_to_words(cause)}: {' '.join(words)} [°]" if cause else label_of(name).axis
+    return f"{name_to_words(cause)}: {' '.join(words)} [°]"
 
 
 def tuning_drawings(
