@@ -65,6 +65,8 @@ def check_label(key: str) -> None:
         ("scenario.chair.hip_height_m", "height of the hips above the chair [m]"),
         ("set.duration_s", "duration [s]"),
         ("mine", "mine"),
+        ("table", "table"),
+        ("patient", "wearer"),
     ],
 )
 def test_places_and_sections_of_a_key_come_before_the_name(key: str, axis: str) -> None:

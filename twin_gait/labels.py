@@ -88,7 +88,8 @@ def split_unit(key: str) -> tuple[str, str]:
 def label_of(key: str) -> Label:
     """Return the label of a column of the log, a number of a summary, or a parameter at a path."""
     split = [split_unit(part) for part in re.split(r"[.\[\]]+", key) if part]
-    parts = [text for part, _ in split if (text := _SECTIONS.get(part, part))]
+    parts = [text for part, _ in split[:-1] if (text := _SECTIONS.get(part, part))]
+    parts += [_SECTIONS.get(part) or part for part, _ in split[-1:]]
     unit = next((unit for _, unit in reversed(split) if unit), NO_UNIT)
     if _PLACES[-1].issuperset(parts[-1].split("_")):  # an item of a mapping by joint: friction_ratio.hip
         parts = [parts[-1], *parts[:-1]]
@@ -116,11 +117,8 @@ def _without(parts: list[str], places: frozenset[str]) -> tuple[list[str], list[
 def _around(own: list[str], sections: list[str]) -> list[str]:
     """Return the words of places and sections in the order of a name: phase, place, part of the device."""
     named = [_declared().get(part, {}).get("name", part) for part in sections]
-    return [
-        *(part for part in named if part not in _PARTS),
-        *own,
-        *(part for part in named if part in _PARTS),
-    ]
+    parts = [part for part in named if part in _PARTS]
+    return [*(part for part in named if part not in parts), *own, *parts]
 
 
 @cache

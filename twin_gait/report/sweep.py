@@ -195,7 +195,7 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
             panel.add_patch(Rectangle(corner, 1, 1, fill=False, hatch="//", edgecolor="0.6", linewidth=0))
         _name_levels(panel, first)
         panel.set_yticks(range(len(level_names(second))), level_names(second))
-        panel.set_ylabel(_axis_text(second))
+        panel.set_ylabel(fill(label_of(str(second.name)).axis, LABEL_WIDTH))
     figure.colorbar(image, ax=panels, label=_measure_label(measure))
     return figure
 
@@ -206,11 +206,7 @@ def _name_levels(panel: Axes, axis: pd.Series, counts: Sequence[int] = ()) -> No
     if counts:
         names = [f"{name}\nn = {count}" for name, count in zip(names, counts, strict=True)]
     panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
-    panel.set_xlabel(_axis_text(axis))
-
-
-def _axis_text(axis: pd.Series) -> str:
-    return fill(label_of(str(axis.name)).axis, LABEL_WIDTH)
+    panel.set_xlabel(fill(label_of(str(axis.name)).axis, LABEL_WIDTH))
 
 
 def _measure_label(measure: str) -> str:

@@ -239,5 +239,5 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> dict[str
     figures = sweep_report.sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
     tables = {"main effects": sweep_report.main_effect_rows(table, parameters, measures)}
-    path, title = directory / REPORT_FILE, f"Sweep: {title}"
-    return write_figures_page(path, figures, title, subtitle, rows, tables, sweep_report.figure_heading)
+    content = (figures, f"Sweep: {title}", subtitle, rows, tables)
+    return write_figures_page(directory / REPORT_FILE, *content, sweep_report.figure_heading)
