@@ -13,6 +13,7 @@ mappings with the same keys is quoted as
     <!-- / -->
 
 ``<!-- columns ENERGY+MONITOR -->`` is a table of columns that ``twin_gait.simulation.log`` declares,
+``<!-- labels duration_s+wall_s -->`` a table of the labels of keys of a summary,
 ``<!-- signals battery -->`` a table of the signals of a message in ``urdf/twin.dbc``,
 ``<!-- keys plant.battery -->`` a table of the keys of a section of an experiment file or a gait table,
 ``<!-- fields twin_gait.live.protocol.Frame -->`` a table of the fields of a record with their comments,
@@ -44,7 +45,7 @@ sys.path.insert(0, str(DOCS))
 import declared  # noqa: E402 -- beside this file
 
 _WORD = r"(?: ((?!-->)\S+))?"
-_KINDS = "value|table|columns|signals|keys|fields|assumptions|rules|commands|licences"
+_KINDS = "value|table|columns|labels|signals|keys|fields|assumptions|rules|commands|licences"
 QUOTED = re.compile(rf"<!-- ({_KINDS}) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
 
 
@@ -83,12 +84,36 @@ def format_markdown_table(rows: list[dict[str, Any]]) -> str:
 
 def columns(kinds: str) -> list[dict[str, Any]]:
     """Return the columns of the log in some declared groups, such as ``ENERGY+MONITOR``."""
+    from twin_gait.labels import label_of
     from twin_gait.simulation import log
 
     return [
-        {"column": f"`{name}`", "unit": log.unit_of(name), "meaning": meaning}
+        {
+            "column": f"`{name}`",
+            "name": label_of(name).name,
+            "symbol": label_of(name).symbol,
+            "unit": log.unit_of(name).replace(" ", "·"),
+            "meaning": meaning,
+        }
         for kind in kinds.split("+")
         for name, (_, meaning) in getattr(log, kind).columns.items()
+    ]
+
+
+def labels(keys: str) -> list[dict[str, Any]]:
+    """Return the labels of keys of a summary, joined by ``+``."""
+    from twin_gait.labels import label_of
+
+    found = [(key, label_of(key)) for key in keys.split("+")]
+    return [
+        {
+            "key": f"`{key.rpartition('.')[2]}`",
+            "name": label.name,
+            "symbol": label.symbol,
+            "unit": label.unit,
+            "shown in": label.display_unit,
+        }
+        for key, label in found
     ]
 
 
@@ -176,6 +201,7 @@ def _classes(hint: Any) -> Iterator[Any]:
 
 MAKERS: dict[str, Callable[[str], list[dict[str, Any]] | str]] = {
     "columns": columns,
+    "labels": labels,
     "signals": signals,
     "keys": keys,
     "fields": declared.fields,

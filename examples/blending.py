@@ -28,7 +28,8 @@ from matplotlib.lines import Line2D
 from twin_gait import JointName, Run, load_experiment, simulate, simulate_batch, summarise_run
 from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.palette import BLACK, BLUISH_GREEN, JOINT_COLOURS, ORANGE, REDDISH_PURPLE
-from twin_gait.report.canvas import put_legend, readable, save, style_panel
+from twin_gait.report.canvas import put_legend, save, style_panel
+from twin_gait.report.state_diagram import name_to_words
 
 Blend = tuple[str, int]  # law and duration in [ms], equal to ticks
 NONE, LINEAR, MINIMUM_JERK = (
@@ -129,7 +130,7 @@ def switch_effects(run: Run) -> pd.DataFrame:
                 0.5 * k[span][part] * (angle[span][1:] - rest[span][part]) ** 2
                 for part in (slice(None, -1), slice(1, None))
             )
-            kind = f"{side} {joint}, {readable(source)} to {readable(target)}"
+            kind = f"{side} {joint}, {name_to_words(source)} to {name_to_words(target)}"
             jump = np.abs(np.diff(torque[span])).max()
             change = np.abs(torque[tick : tick + length + 1] - torque[tick - 1]).max()
             energy = float((after - before).sum())
@@ -201,7 +202,7 @@ def draw_trace(axes: Axes, run: Run, rows: pd.DataFrame, blend: Blend) -> None:
 
 def style(blend: Blend) -> dict[str, Any]:
     law, duration = blend
-    label = "no blending" if law == NONE else f"{readable(law)}, {duration} ms"
+    label = "no blending" if law == NONE else f"{name_to_words(law)}, {duration} ms"
     dashes = STYLES[law][0] if law in STYLES else "-"
     return {"color": COLOURS[duration], "linestyle": dashes, "linewidth": 1.4, "label": label}
 
@@ -209,7 +210,7 @@ def style(blend: Blend) -> dict[str, Any]:
 def measure_handles() -> list[Line2D]:
     joints = [Line2D([], [], color=JOINT_COLOURS[joint], linewidth=3, label=str(joint)) for joint in JOINTS]
     laws = [
-        Line2D([], [], color="0.4", linestyle=line, marker=marker, label=readable(law))
+        Line2D([], [], color="0.4", linestyle=line, marker=marker, label=name_to_words(law))
         for law, (line, marker) in STYLES.items()
     ]
     return [*joints, *laws]
@@ -229,7 +230,7 @@ CELLS = {
 def cells(row: dict[Any, Any]) -> dict[str, str]:
     """Format a row for the page; two numbers in a cell are hip and knee."""
     shown = {
-        "law": readable(row["law"]),
+        "law": name_to_words(row["law"]),
         "ms": f"{row['duration_ms']}",
         "outcome": row["outcome"],
         "stride [s]": f"{row['stride_time_s']:.2f}",
@@ -245,7 +246,7 @@ def switch_rows(effects: pd.DataFrame) -> list[dict[str, str]]:
     means = settled[["torque_jump_Nm", "torque_change_Nm", "energy_J"]].mean().reset_index()
     return [
         {
-            "switch": f"{readable(row['from'])} to {readable(row['to'])}",
+            "switch": f"{name_to_words(row['from'])} to {name_to_words(row['to'])}",
             "joint": row["joint"],
             "torque jump in a tick [N m]": f"{row['torque_jump_Nm']:.1f}",
             "torque change [N m]": f"{row['torque_change_Nm']:.0f}",
@@ -304,7 +305,7 @@ def robustness(blends: Sequence[Blend], points: Sequence[dict[str, float]], work
     occurring = [outcome for outcome, _ in sum(counted, Counter()).most_common()]
     return pd.DataFrame(
         [
-            {"law": readable(law), "ms": duration, **{outcome: count[outcome] for outcome in occurring}}
+            {"law": name_to_words(law), "ms": duration, **{outcome: count[outcome] for outcome in occurring}}
             for (law, duration), count in zip(blends, counted, strict=True)
         ]
     )

@@ -159,8 +159,8 @@ def test_cycle_bands_change_at_the_phase_boundaries(walk: Run) -> None:
 def test_torques_show_the_parts_that_act_and_the_limits(walk: Run) -> None:
     figure = draw_torques(walk)
     labels = legend_labels(figure)
-    assert "impedance" in labels and "motor torque" in labels and "torque limit" in labels
-    assert "friction compensation" not in labels  # zero throughout this walk
+    assert "impedance torque" in labels and "motor torque" in labels and "torque limit" in labels
+    assert "friction compensation torque" not in labels  # zero throughout this walk
     limit = walk.experiment.control.limits.torque
     heights = {float(np.asarray(item.get_ydata())[0]) for item in figure.axes[0].get_lines()[-2:]}
     assert heights == {limit, -limit}

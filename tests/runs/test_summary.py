@@ -373,12 +373,12 @@ def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
     head, *rows = walk_table(summary)
     assert head == ("", "left", "right", "healthy")
     cells = {row[0]: row[1:] for row in rows}
-    assert cells["stride time s"] == ("1.20", "1.20", "1.75")
-    assert cells["fore aft force N"] == ("0.000", "0.000", "0.000")
-    assert cells["braking peak"] == ("0.000", "0.000", "−0.065")
-    assert cells["slip m"] == ("0.000", "0.000", "")
-    assert cells["hip error offset deg"][0] == f"{math.degrees(HIP_OFFSET):.2f}"
-    assert cells["hip error timing deg"] == ("0.000", "0.000", "")
+    assert cells["stride time [s]"] == ("1.20", "1.20", "1.75")
+    assert cells["fore-aft force, mean [N]"] == ("0.000", "0.000", "0.000")
+    assert cells["braking peak [carried weight]"] == ("0.000", "0.000", "−0.065")
+    assert cells["slip on the belt [mm]"] == ("0.000", "0.000", "")
+    assert cells["hip error against healthy gait, offset [°]"][0] == f"{math.degrees(HIP_OFFSET):.2f}"
+    assert cells["hip error against healthy gait, timing [°]"] == ("0.000", "0.000", "")
     lines = list(format_table([head, *rows]))
     assert len(lines) == len(rows) + 1 and lines[0].endswith("healthy")
     assert len({line.find("1.75") for line in lines if "1.75" in line}) == 1

@@ -461,8 +461,8 @@ def test_a_main_effect_counts_the_runs_that_it_is_the_mean_of():
     assert rows[1:] == [
         ("share that walked", "a", "1", "4", "4", "0.25", ""),
         ("share that walked", "a", "2", "4", "4", "0.75", ""),
-        ("m_W", "a", "1", "4", "1", "5", "–"),
-        ("m_W", "a", "2", "4", "3", "2", "1"),
+        ("m [W]", "a", "1", "4", "1", "5", "–"),
+        ("m [W]", "a", "2", "4", "3", "2", "1"),
     ]
     figure = draw_main_effects(varying_axes(table, ["a"]), measure_values(table, "m_W"), "m_W", "title")
     labels = [label.get_text() for label in figure.axes[0].get_xticklabels()]
@@ -475,4 +475,4 @@ def test_a_hatched_cell_has_episodes_of_which_none_walked():
     figure = draw_heat_maps(varying_axes(table, ["a", "b"]), measure_values(table, "m_W"), "m_W", "title")
     (cell,) = figure.axes[0].patches
     assert cell.get_xy() == (-0.5, 0.5) and cell.get_hatch() == "//"
-    assert figure.get_suptitle() == "title: m_W\nhatched: none walked, or none has a value, blank: no episode"
+    assert figure.get_suptitle() == "title: m [W]\nhatched: none walked, or none has a value, blank: no episode"

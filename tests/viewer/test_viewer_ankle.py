@@ -88,6 +88,6 @@ def test_live_curves_have_the_extremes_of_every_five_ticks(walk: Run) -> None:
 def test_the_table_of_the_walk_has_the_power_of_the_ankle_s_motor(walk: Run) -> None:
     long = simulate(load_experiment(WALK, ["duration_s=8"]).experiment)
     rows = [row[0] for row in walk_table(summarise_run(long))]
-    assert [row for row in rows if row == "ankle motor power W"]
+    assert [row for row in rows if row == "ankle motor power [W]"]
     run = simulate(load_experiment("treadmill", ["duration_s=8"]).experiment)
     assert not [row[0] for row in walk_table(summarise_run(run)) if "ankle motor" in row[0]]

@@ -216,7 +216,7 @@ def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, 
 @pytest.mark.slow
 def test_every_number_on_the_card_is_that_of_the_log(walk: OpenPage, log: pd.DataFrame) -> None:
     one = walk
-    labels = ("angle", "motor torque", "impedance", "friction comp.", "gravity comp.")
+    labels = ("angle", "motor torque", "impedance", "friction compensation", "gravity compensation")
     for asked in (0.0, 0.373, 0.7, 1.111, 1.64, 1.999):
         one("(time) => player.seek(time)", asked)
         row, read = log.iloc[round(1000.0 * clock_of(one))], numbers_in(one)

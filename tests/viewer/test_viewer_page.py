@@ -191,7 +191,7 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
     assert entry["notes"][0].startswith("The belt carries this walk")
     assert entry["walk"] == [
         ["", "left", "right", "healthy"],
-        ["trough", "0.500", "0.500", "0.800"],
+        ["load trough [carried weight]", "0.500", "0.500", "0.800"],
     ]
     summary["power"]["belt_driven"] = False
     assert page_texts(StoredRun(stored, summary)).get("notes") == []

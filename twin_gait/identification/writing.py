@@ -26,9 +26,10 @@ from twin_gait.parameters.friction import (
     LuGreFriction,
     StribeckFriction,
 )
-from twin_gait.report.canvas import readable, style_panel, write_pictures
+from twin_gait.report.canvas import style_panel, write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
+from twin_gait.report.state_diagram import name_to_words
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
@@ -162,14 +163,14 @@ def draw_fits(result: Identification) -> Figure:
     shown = _shown(samples)
     velocity, low, high = samples.velocity[shown], samples.velocity.min(), samples.velocity.max()
     figure = Figure(figsize=(12.0, 5.2), layout="constrained")
-    figure.suptitle(f"Friction · best: {readable(best.name)}, RMSE {best.goodness.rmse:.3g} N m")
+    figure.suptitle(f"Friction · best: {name_to_words(best.name)}, RMSE {best.goodness.rmse:.3g} N m")
     panels = figure.subplots(1, 2, sharey=True)
     best_last = list(zip(result.models, _COLOURS, strict=False))[::-1]
     for axes, (title, share) in zip(panels, _PANELS.items(), strict=True):
         axes.plot(velocity, samples.torque[shown], ".", color="0.72", markersize=2.0, label="measured")
         for item, colour in best_last:
             predicted = (samples.torque - item.residuals)[shown]
-            axes.plot(velocity, predicted, ".", color=colour, markersize=1.5, label=readable(item.name))
+            axes.plot(velocity, predicted, ".", color=colour, markersize=1.5, label=name_to_words(item.name))
         axes.set_xlim(share * min(low, 0.0), share * max(high, 0.0))
         axes.set_xlabel("velocity [rad/s]")
         style_panel(axes, title, "friction torque [N m]")
@@ -194,7 +195,7 @@ def draw_residuals(result: Identification) -> Figure:
     }
     columns = {name: values for name, values in known.items() if values is not None}
     figure = Figure(figsize=(1.0 + 3.6 * len(columns), 4.0), layout="constrained")
-    figure.suptitle(f"Residuals of {readable(best.name)}: measured less predicted")
+    figure.suptitle(f"Residuals of {name_to_words(best.name)}: measured less predicted")
     panels, shown = figure.subplots(1, len(columns), sharey=True, squeeze=False)[0], _shown(samples)
     for axes, (label, values) in zip(panels, columns.items(), strict=True):
         axes.plot(values[shown], best.residuals[shown], ".", color=SKY_BLUE, markersize=1.5)

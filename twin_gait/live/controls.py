@@ -19,6 +19,7 @@ from twin_gait.checking.published_ranges import STIFFNESS_RANGES
 from twin_gait.configuration.validation import short
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.experiment.experiment import Experiment
+from twin_gait.labels import label_of
 from twin_gait.live.protocol import ActionSpec, Control, DoAction, MessageRejected, Value, check_value
 from twin_gait.simulation.settings import MODES, Settings, first_settings, replace_at_path, value_at_path
 from twin_gait.simulation.simulation_setup import SimulationSetup
@@ -92,7 +93,7 @@ def action_specs(problem: SimulationSetup) -> Iterator[ActionSpec]:
 class ControlQuantity(NamedTuple):
     """Parameter of an impedance as a control shows it, or the target torque."""
 
-    label: str  # name and symbol
+    key: str  # key of its label
     unit: str  # unit of the control
     scale: float  # SI value of one unit
     step: float  # increment of the control in its unit
@@ -100,11 +101,11 @@ class ControlQuantity(NamedTuple):
 
 
 QUANTITIES = {
-    "stiffness": ControlQuantity("stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness"),
-    "damping": ControlQuantity("damping b", "Nms/rad", 1.0, 0.5, "damping"),
-    "equilibrium": ControlQuantity("equilibrium θ0", "deg", _DEGREE, 0.5, "equilibrium_angle"),
-    "gain": ControlQuantity("friction gain G", "", 1.0, 0.01, "friction_compensation_gain"),
-    "torque": ControlQuantity("target torque", "Nm", 1.0, TORQUE_STEP, ""),
+    "stiffness": ControlQuantity("stiffness_Nm_per_deg", "Nm/deg", 1.0 / _DEGREE, 0.05, "stiffness"),
+    "damping": ControlQuantity("damping_Nms_per_rad", "Nms/rad", 1.0, 0.5, "damping"),
+    "equilibrium": ControlQuantity("equilibrium_deg", "deg", _DEGREE, 0.5, "equilibrium_angle"),
+    "gain": ControlQuantity("friction_compensation_gain", "", 1.0, 0.01, "friction_compensation_gain"),
+    "torque": ControlQuantity("target_torque_Nm", "Nm", 1.0, TORQUE_STEP, ""),
 }
 
 
@@ -209,9 +210,9 @@ class ControlPanel:
                 continue
             least, largest = self.control_range(quantity, JointName(joint))
             control = Control(
-                name=f"{name}.{quantity}", label=shown.label, group="table" if phase else "monitor",
-                kind="number", unit=shown.unit, minimum=least, maximum=largest, step=shown.step,
-                phase=phase, joint=joint, side=side,
+                name=f"{name}.{quantity}", label=label_of(shown.key).full_name,
+                group="table" if phase else "monitor", kind="number", unit=shown.unit, minimum=least,
+                maximum=largest, step=shown.step, phase=phase, joint=joint, side=side,
             )  # fmt: skip
             place = f"{path}.{shown.field}" if shown.field else f"torques.{side}_{joint}"
             yield Binding(control, place, shown.scale)

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.labels import label_of
 from twin_gait.measures.phases import phase_entries, phase_spells
 from twin_gait.palette import JOINT_COLOURS
 from twin_gait.replay.machine import Replay
@@ -21,6 +22,7 @@ from twin_gait.replay.samples import LEAST_HIP_RANGE
 from twin_gait.report import canvas
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.pages import FIGURES_FOLDER
+from twin_gait.report.state_diagram import name_to_words
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE, format_switches_csv
 from twin_gait.vocabulary import JointName
@@ -191,7 +193,7 @@ def replay_figure(result: Replay) -> Figure:
     lines = list[Artist]()
     for column, side in zip(panels.T, recording.sides, strict=True):
         for axes, joint in zip(column, joints, strict=False):
-            canvas.style_panel(axes, "", canvas.flexion(joint))
+            canvas.style_panel(axes, "", label_of(f"{joint}_flexion_rad").axis)
             canvas.shade_phases(axes, time, result.phases[side][-SHOWN_TICKS:], names)
             angle = np.degrees(recording.angles[side, joint][-SHOWN_TICKS:])
             lines += axes.plot(time, angle, color=JOINT_COLOURS[JointName(joint)], label=f"{joint} angle")
@@ -199,7 +201,7 @@ def replay_figure(result: Replay) -> Figure:
         for switch in result.switches:
             place = recording.start + switch.time
             if switch.side is side and place >= time[0]:
-                column[0].text(place, 1.03, canvas.readable(switch.cause), ha="center", **causes)
+                column[0].text(place, 1.03, name_to_words(switch.cause), ha="center", **causes)
         if side in recording.phases:
             recorded = [names.index(name) for name in recording.phases[side][-SHOWN_TICKS:]]
             canvas.shade_phases(column[-1], time, np.array(recorded), names)

@@ -25,6 +25,7 @@ from matplotlib.patches import Patch
 from twin_gait.experiment.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
+from twin_gait.labels import label_of
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.outcome import EventKind, trip_time
 from twin_gait.measures.phases import phase_spells
@@ -34,6 +35,7 @@ from twin_gait.report.failures import format_error
 from twin_gait.report.formatting import describe_wearer
 from twin_gait.report.pages import FIGURES_FOLDER, render
 from twin_gait.report.reference import reference_cycle
+from twin_gait.report.state_diagram import name_to_words
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -101,13 +103,8 @@ def colour_of(phase: int, names: Sequence[str]) -> str:
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     """Return the legend entries of the phases that occur; ``occurring``: indices of phases, any shape."""
     order = sorted(np.unique(occurring).tolist(), key=lambda index: index == HELD)
-    labels = {**dict(enumerate(map(readable, names))), HELD: "held after the trip"}
+    labels = {**dict(enumerate(map(name_to_words, names))), HELD: "held after the trip"}
     return [Patch(color=colour_of(index, names), alpha=STRIP_OPACITY, label=labels[index]) for index in order]
-
-
-def readable(name: str) -> str:
-    """Write an identifier as words."""
-    return name.replace("_", " ")
 
 
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
@@ -172,13 +169,15 @@ def write_figures_page(
     subtitle: str,
     rows: Sequence[Sequence[str]],
     tables: Mapping[str, Sequence[Sequence[str]]],
+    heading_of: Callable[[str], str] = name_to_words,
 ) -> dict[str, str]:
     """Write figures into a folder, and a page that shows them between a table and further tables.
 
-    The first row of a table is its head. Returns the reason of each figure that could not be drawn, by name.
+    The first row of a table is its head. ``heading_of``: function from the name of a figure to its heading.
+    Returns the reason of each figure that could not be drawn, by name.
     """
     pictures = write_pictures(drawings, path.with_name(FIGURES_FOLDER))
-    named = {readable(name): picture for name, picture in pictures.written.items()}
+    named = {heading_of(name): picture for name, picture in pictures.written.items()}
     content = {"title": title, "subtitle": subtitle, "rows": rows, "pictures": named, "tables": tables}
     write_atomically(path, render("figures.html", content))
     return pictures.failed
@@ -231,11 +230,6 @@ def has_cycles(run: Run) -> bool:
     return all(len(shown_strides(record)) > 0 for record in run.leg_records())
 
 
-def flexion(joint: str) -> str:
-    """Return the label of an axis with the angle of a joint."""
-    return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
-
-
 class RunFigure:
     """Picture of a run under construction; on a screen its title names its content and the run.
 
@@ -268,13 +262,11 @@ class RunFigure:
         if self.on_screen:
             self.figure.suptitle(text, fontsize="large")
 
-    def leg_panels(
-        self, unit: Callable[[str], str], *, timed: bool = True
-    ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
-        """Yield a titled panel for each joint (row) and leg (column), with the unit at the first column.
+    def leg_panels(self, key: str, *, timed: bool = True) -> Iterator[tuple[Axes, LegRecord, JointName]]:
+        """Yield a titled panel for each joint (row) and leg (column), labelled at the first column.
 
-        ``unit``: label of the vertical axes by the name of the joint; ``timed``: whether the phases over time
-        are in the background.
+        ``key``: key of the label of the vertical axes, with braces for the joint; ``timed``: whether the
+        phases over time are in the background.
         """
         joints = list(self.records[0].angles)
         self.figure.set_figheight(self.figure.get_figheight() * len(joints) / 2)
@@ -283,7 +275,8 @@ class RunFigure:
         panels = self.figure.subplots(*shape, squeeze=False, sharex=sharex, sharey="row")
         for row, joint in enumerate(joints):
             for axes, record in zip(panels[row], self.records, strict=True):
-                style_panel(axes, f"{record.side} {joint}", unit(joint) if record is self.records[0] else "")
+                label = label_of(key.format(joint)).axis if record is self.records[0] else ""
+                style_panel(axes, f"{record.side} {joint}", label)
                 if timed:
                     shade_phases(axes, self.time, self.phases(record), self.names)
                 yield axes, record, joint
@@ -298,11 +291,14 @@ class RunFigure:
             phases = np.where(self.run.log["time_s"] >= held, HELD, phases)
         return phases[rows or self.window]
 
-    def curve(self, axes: Axes, values: str | np.ndarray, label: str, color: str, **style: Any) -> None:
-        """Draw a column of the log, or one value per row of the log, over time; ``style`` as for ``plot``."""
-        known = self.run.log[values].to_numpy() if isinstance(values, str) else values
-        style = {"linewidth": 1.5, "color": color, "label": label, **style}
-        self.lines += axes.plot(self.time, known[self.window], **style)
+    def curve(self, axes: Axes, place: str, column: str, color: str, **style: Any) -> None:
+        """Draw a column of the log over time in its display unit, with its name in the legend.
+
+        ``place``: prefix of the column by side and joint; ``style`` as for ``plot`` of matplotlib.
+        """
+        label, values = label_of(column), self.run.log[place + column].to_numpy()
+        style = {"linewidth": 1.5, "color": color, "label": label.name, **style}
+        self.lines += axes.plot(self.time, label.factor * values[self.window], **style)
 
     def limits(self, axes: Axes, values: Sequence[float], style: str, label: str, width: float = 1.2) -> None:
         """Draw limits behind all curves."""
@@ -386,7 +382,7 @@ def draw_mean_cycles(experiment: Experiment, runs: Mapping[str, Run], colours: M
         if reference is not None:
             draw_cycle_curve(axes, np.degrees(reference), **healthy)
             shown["healthy, same speed"] = healthy
-        style_panel(axes, f"{side} {joint} [°]", "")
+        style_panel(axes, label_of(f"{side}_{joint}_angle_rad").title, "")
     if shown:
         put_legend(figure, [Line2D([], [], label=name, **style) for name, style in shown.items()])
     return figure

@@ -7,6 +7,7 @@ from typing import Any
 
 from twin_gait.configuration.identity import identify_parts, identify_wearer
 from twin_gait.experiment.experiment import Experiment
+from twin_gait.labels import label_of
 from twin_gait.measures.load_shape import TWO_PEAKS
 from twin_gait.measures.strides import describe_stride_count
 
@@ -47,7 +48,7 @@ def walk_table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Return a table of the measures of the legs and of healthy walking, by their names in the summary.
 
     ``summary``: summary of a run; those of earlier versions lack such measures. Returns a head and a row for
-    each measure; empty without strides on a belt. Peaks and loads without a unit are over carried weight.
+    each measure, with its label and in its display unit; empty without strides on a belt.
     """
     legs = {side: leg for side, leg in summary["sides"].items() if leg.get("walk") and leg["strides_counted"]}
     if not legs:
@@ -58,8 +59,9 @@ def walk_table(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     for name in found[0]:
         values = [measures[name] for measures in found]
         if any(value is not None for value in values):
-            reference = amount(healthy[name]) if name in healthy else ""
-            rows.append((name.replace("_", " "), *map(amount, values), reference))
+            label = label_of(name)
+            reference = amount(label.convert(healthy[name])) if name in healthy else ""
+            rows.append((label.title, *map(amount, map(label.convert, values)), reference))
     return rows
 
 

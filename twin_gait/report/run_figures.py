@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from twin_gait import palette
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK
+from twin_gait.labels import label_of
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.measures.phases import usual_phases
@@ -33,14 +34,15 @@ from twin_gait.report.canvas import (
     SCREEN_WIDTH,
     RunFigure,
     draw_cycle_curve,
-    flexion,
     shown_strides,
     style_panel,
 )
 from twin_gait.report.reference import reference_cycle, reference_ground_force
+from twin_gait.report.state_diagram import name_to_words
 from twin_gait.simulation.run import Run
 
 SHOWN_SECONDS = 30.0  # time range of the angles on a screen; a narrower picture shows less
+FLEXION = "{}_flexion_rad"  # key of the label of an angle
 MOST_STRIDES = 10  # largest number of strides in a phase portrait
 REFERENCE_STYLE: dict[str, Any] = {"color": REFERENCE_COLOUR, "linestyle": (0, (4, 2)), "linewidth": 1.6}
 _FORCE_PANELS = (
@@ -55,10 +57,10 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     if not canvas.has_cycles(run):
         return None
     records = run.leg_records()
-    entry = f"entry into {canvas.readable(run.table.phase_names[0])}"
+    entry = f"entry into {name_to_words(run.table.phase_names[0])}"
     beginning = entry if records[0].contacts is None else "heel strike"
     sheet = RunFigure(run, f"Gait cycle from {beginning}", (width, 7.5))
-    for axes, record, joint in sheet.leg_panels(flexion, timed=False):
+    for axes, record, joint in sheet.leg_panels(FLEXION, timed=False):
         bounds = shown_strides(record)
         cycles = normalise_strides(record.angles[joint], bounds)
         canvas.shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(sheet.names)), sheet.names)
@@ -124,14 +126,13 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the joint angles of the last seconds with the equilibrium of the virtual spring."""
     window = canvas.event_window(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
     sheet = RunFigure(run, "Joint angles", (width, 7.5), window)
-    for axes, record, joint in sheet.leg_panels(flexion):
-        name = f"{record.side}_{joint}"
-        sheet.curve(axes, np.degrees(record.angles[joint]), "angle", BLACK)
-        equilibrium = np.degrees(run.log[f"{name}_equilibrium_rad"].to_numpy())
-        sheet.curve(axes, equilibrium, "equilibrium angle", REFERENCE_COLOUR, linestyle=":")
+    for axes, record, joint in sheet.leg_panels(FLEXION):
+        name = f"{record.side}_{joint}_"
+        own = wearer_column(run.log, record.side, joint, "angle_rad").removeprefix(name)
+        sheet.curve(axes, name, own, BLACK, label="angle")
+        sheet.curve(axes, name, "equilibrium_rad", REFERENCE_COLOUR, linestyle=":")
         if run.experiment.interface is not None:
-            device = np.degrees(run.log[f"{name}_angle_rad"].to_numpy())
-            sheet.curve(axes, device, "angle of the device", ORANGE, linestyle="--")
+            sheet.curve(axes, name, "angle_rad", ORANGE, label="angle of the device", linestyle="--")
     return sheet.finish_time_plot()
 
 
@@ -139,13 +140,12 @@ def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the parts of the command torque and the motor torque."""
     window, limit = canvas.last_strides(run), run.experiment.control.limits.torque
     sheet = RunFigure(run, "Motor torques and their parts", (width, 8.0), window)
-    for axes, record, joint in sheet.leg_panels(lambda _: "torque [N·m]"):
-        name = f"{record.side}_{joint}"
+    for axes, record, joint in sheet.leg_panels("torque_Nm"):
+        name = f"{record.side}_{joint}_"
         for part, colour in palette.TORQUE_COLOURS.items():
-            values = run.log[f"{name}_{part}_torque_Nm"].to_numpy()
-            if np.any(values[window] != 0.0):
-                sheet.curve(axes, values, canvas.readable(part), colour, linewidth=1.3)
-        sheet.curve(axes, f"{name}_motor_torque_Nm", "motor torque", BLACK, linewidth=2.0)
+            if np.any(run.log[f"{name}{part}_torque_Nm"].to_numpy()[window] != 0.0):
+                sheet.curve(axes, name, f"{part}_torque_Nm", colour, linewidth=1.3)
+        sheet.curve(axes, name, "motor_torque_Nm", BLACK, linewidth=2.0)
         sheet.limits(axes, (limit, -limit), "--", "torque limit", 1.0)
     return sheet.finish_time_plot()
 
@@ -154,11 +154,11 @@ def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor."""
     limits, plant = run.experiment.control.limits, run.experiment.plant
     sheet = RunFigure(run, "Motor currents", (width, 8.0), canvas.last_strides(run))
-    for axes, record, joint in sheet.leg_panels(lambda _: "current [A]"):
-        name, actuator = f"{record.side}_{joint}", plant.actuators[joint]
+    for axes, record, joint in sheet.leg_panels("current_A"):
+        name, actuator = f"{record.side}_{joint}_", plant.actuators[joint]
         at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
-        sheet.curve(axes, f"{name}_target_current_A", "target current", ORANGE, linewidth=2.4)
-        sheet.curve(axes, f"{name}_measured_current_A", "measured current", BLACK, linewidth=1.2)
+        sheet.curve(axes, name, "target_current_A", ORANGE, linewidth=2.4)
+        sheet.curve(axes, name, "measured_current_A", BLACK, linewidth=1.2)
         sheet.limits(axes, (limits.current, -limits.current), "--", "current limit")
         sheet.limits(axes, (at_torque, -at_torque), ":", "current at the torque limit")
     return sheet.finish_time_plot()
@@ -169,8 +169,8 @@ def draw_battery(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     sheet = RunFigure(run, "Battery power", (width, 6.5), canvas.last_strides(run))
     axes = sheet.figure.subplots()
     axes.axhline(0.0, color="0.6", linewidth=0.8)
-    style_panel(axes, "battery, below 0 while the motors feed it", "power [W]")
-    sheet.curve(axes, "battery_power_W", "battery power", palette.VERMILLION, linewidth=1.4)
+    style_panel(axes, "battery, below 0 while the motors feed it", label_of("power_W").axis)
+    sheet.curve(axes, "", "battery_power_W", palette.VERMILLION, linewidth=1.4)
     sheet.limits(axes, [run.experiment.plant.battery.continuous_power], "-.", "continuous battery power")
     return sheet.finish_time_plot(axes, phases=False)
 
@@ -184,19 +184,19 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     sheet = RunFigure(run, "Feet on the ground", (width, 8.5), window)
     force, clearance = sheet.figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for record in records:
-        colour, label = palette.SIDE_COLOURS[record.side], f"{record.side} foot"
-        sheet.curve(force, f"{record.side}_foot_normal_force_N", label, colour)
-        sheet.curve(clearance, 1e3 * run.log[f"{record.side}_foot_clearance_m"].to_numpy(), label, colour)
+        colour, label, foot = palette.SIDE_COLOURS[record.side], f"{record.side} foot", f"{record.side}_foot_"
+        sheet.curve(force, foot, "normal_force_N", colour, label=label)
+        sheet.curve(clearance, foot, "clearance_m", colour, label=label)
         strikes = record.stride_events  # heel strikes, because there is ground
         strikes = strikes[(strikes >= window.start) & (strikes < window.stop)]
         height, label = np.full(len(strikes), CONTACT_FORCE), f"{record.side} heel strike"
         sheet.lines += force.plot(strikes * TICK, height, "^", color=colour, markersize=8, label=label)
     sheet.limits(force, [run.body_weight], "--", "weight of wearer and device", 1.0)
     force.set_ylim(bottom=0.0)
-    style_panel(force, "normal force", "force [N]")
+    style_panel(force, label_of("normal_force_N").name, label_of("normal_force_N").axis)
     clearance.axhline(0.0, color="0.6", linewidth=0.8)
     title = "clearance of the lowest point of the sole, negative while it is pressed in"
-    style_panel(clearance, title, "height [mm]")
+    style_panel(clearance, title, label_of("clearance_m").axis)
     return sheet.finish_time_plot(clearance, phases=False)
 
 
@@ -204,19 +204,19 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw velocity over angle, coloured by phase, for the last strides of a walk or else the whole run."""
     title = "Phase portraits; a dot marks each change of phase"
     sheet, occurring = RunFigure(run, title, (width, 8.5)), []
-    unit = "{} velocity [°/s]".format
-    for axes, record, joint in sheet.leg_panels(unit, timed=False):
+    velocity, angle = label_of("velocity_rad_per_s"), label_of("angle_rad")
+    for axes, record, joint in sheet.leg_panels("{}_velocity_rad_per_s", timed=False):
         bounds = shown_strides(record)[-MOST_STRIDES:]
         rows = slice(*join_strides(bounds)[-1].tolist()) if len(bounds) else slice(0, len(record.phases))
         phases = sheet.phases(record, rows)
         speeds = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
-        points = np.degrees(np.column_stack((record.angles[joint], speeds))[rows])
+        points = np.column_stack((angle.factor * record.angles[joint], velocity.factor * speeds))[rows]
         changed = np.diff(phases, prepend=phases[0]) != 0
         for phase in np.unique(phases):
             of_phase, colour = phases == phase, canvas.colour_of(phase, sheet.names)
             axes.plot(*np.where(of_phase[:, None], points, np.nan).T, color=colour, linewidth=1.3)
             axes.plot(*points[of_phase & changed].T, "o", color=colour, markersize=4.0)
         axes.axhline(0.0, color="0.6", linewidth=0.8)
-        axes.set_xlabel(flexion(joint))
+        axes.set_xlabel(label_of(FLEXION.format(joint)).axis)
         occurring.append(phases)
     return sheet.finish(occurring)

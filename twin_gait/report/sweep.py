@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from functools import partial
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from twin_gait.labels import label_of
 from twin_gait.palette import BLUE
 from twin_gait.report.canvas import Drawing, style_panel
 from twin_gait.vocabulary import Outcome
@@ -29,6 +31,8 @@ _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
 # More distinct values than this are divided into bins.
 MOST_LEVELS = 12
 EPISODES_PER_BIN = 6
+LABEL_WIDTH = 28  # letters in a line of the label of an axis
+FIGURE_KINDS = {"main_effects_": "main effects", "heat_map_": "heat maps"}
 MOST_BINS = 8
 
 
@@ -47,9 +51,11 @@ def parameter_axis(table: pd.DataFrame, column: str) -> pd.Series | None:
 
 
 def level_names(axis: pd.Series) -> list[str]:
-    """Return the labels of the levels of an axis."""
+    """Return the labels of the levels of an axis, numbers in their display unit."""
     digits = partial(np.format_float_positional, precision=4, fractional=False, trim="-")
-    return [digits(item) if isinstance(item, float) else str(item) for item in axis.cat.categories]
+    levels, factor = axis.cat.categories, label_of(str(axis.name)).factor
+    shown = levels * factor if factor != 1.0 and pd.api.types.is_numeric_dtype(levels) else levels
+    return [digits(item) if isinstance(item, float) else str(item) for item in shown]
 
 
 def varying_axes(table: pd.DataFrame, parameters: Sequence[str]) -> list[pd.Series]:
@@ -83,7 +89,8 @@ def main_effect_rows(
             counts = found[["episodes", "n"]].astype(str).to_numpy().tolist()
             for name, (total, n), mean, sd in zip(level_names(axis), counts, means, spreads, strict=True):
                 spread = "" if measure == WALKED else _digits(sd)
-                rows.append((_measure_label(measure), str(axis.name), name, total, n, _digits(mean), spread))
+                parameter = label_of(str(axis.name)).title
+                rows.append((_measure_label(measure), parameter, name, total, n, _digits(mean), spread))
     return rows
 
 
@@ -111,8 +118,14 @@ def sweep_figures(
     return figures
 
 
+def figure_heading(name: str) -> str:
+    """Return the heading of a figure of :func:`sweep_figures` on a page."""
+    kind = next(kind for kind in FIGURE_KINDS if name.startswith(kind))
+    return f"{FIGURE_KINDS[kind]}: {_measure_label(name.removeprefix(kind))}"
+
+
 def measure_values(table: pd.DataFrame, measure: str) -> np.ndarray:
-    """Return a measure of every episode.
+    """Return a measure of every episode in its display unit.
 
     ``measure``: a column, or ``walked``. Returns numbers, NaN where the wearer did not walk or has no value,
     shape ``(n,)``; for ``walked`` 1 or 0, and NaN for a run that was too short to judge.
@@ -124,7 +137,7 @@ def measure_values(table: pd.DataFrame, measure: str) -> np.ndarray:
     if measure not in table:
         return np.full(len(table), np.nan)
     values: np.ndarray = table[measure].to_numpy(dtype=float, na_value=np.nan)
-    return np.where(walked, values, np.nan)
+    return np.where(walked, label_of(measure).factor * values, np.nan)
 
 
 def cell_means(values: np.ndarray, first: pd.Series, second: pd.Series) -> np.ndarray:
@@ -154,7 +167,7 @@ def draw_main_effects(axes: Sequence[pd.Series], values: np.ndarray, measure: st
         panel.errorbar(
             places, found["mean"], bars, fmt="o-", color=BLUE, lw=1.8, ms=5, elinewidth=1, capsize=3
         )
-        style_panel(panel, "", _measure_label(measure))
+        style_panel(panel, "", fill(_measure_label(measure), LABEL_WIDTH))
         _name_levels(panel, axis, found["n"].tolist())
         panel.tick_params(labelleft=True)
     if measure == WALKED:
@@ -182,7 +195,7 @@ def draw_heat_maps(axes: Sequence[pd.Series], values: np.ndarray, measure: str, 
             panel.add_patch(Rectangle(corner, 1, 1, fill=False, hatch="//", edgecolor="0.6", linewidth=0))
         _name_levels(panel, first)
         panel.set_yticks(range(len(level_names(second))), level_names(second))
-        panel.set_ylabel(str(second.name))
+        panel.set_ylabel(fill(label_of(str(second.name)).axis, LABEL_WIDTH))
     figure.colorbar(image, ax=panels, label=_measure_label(measure))
     return figure
 
@@ -193,11 +206,11 @@ def _name_levels(panel: Axes, axis: pd.Series, counts: Sequence[int] = ()) -> No
     if counts:
         names = [f"{name}\nn = {count}" for name, count in zip(names, counts, strict=True)]
     panel.set_xticks(range(len(names)), names, rotation=45 if len(names) > 6 else 0)
-    panel.set_xlabel(str(axis.name))
+    panel.set_xlabel(fill(label_of(str(axis.name)).axis, LABEL_WIDTH))
 
 
 def _measure_label(measure: str) -> str:
-    return "share that walked" if measure == WALKED else measure
+    return "share that walked" if measure == WALKED else label_of(measure).title
 
 
 def _panels(title: str, count: int, *, height: float, sharey: bool = False) -> tuple[Figure, list[Axes]]:

@@ -12,11 +12,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from twin_gait.experiment.experiment import Experiment
+from twin_gait.labels import label_of
 from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
 from twin_gait.report import canvas
 from twin_gait.report.canvas import put_legend, style_panel
 from twin_gait.report.formatting import amount
 from twin_gait.report.pages import lines, render
+from twin_gait.report.state_diagram import describe_signal, name_to_words
 from twin_gait.simulation.run import Run
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
@@ -41,7 +43,16 @@ def summary(outcome: TuningResult) -> list[str]:
 
 def _content(outcome: TuningResult) -> dict[str, Any]:
     errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
-    return {**outcome, "errors": errors, "amount": amount}
+    return {**outcome, "errors": errors, "amount": amount, "label_of": label_of, "parameter_title": _title}
+
+
+def _title(name: str) -> str:
+    """Return the title of a number of a gait table; a threshold has the name ``cause: signal operator``."""
+    cause, _, threshold = name.rpartition(": ")
+    if not cause:
+        return label_of(name).axis
+    words = [describe_signal(word)[0] if "." in word else word for word in threshold.split()]
+    return f"{name_to_words(cause)}: {' '.join(words)} [°]"
 
 
 def tuning_drawings(

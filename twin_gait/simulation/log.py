@@ -12,21 +12,14 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.gait.table import TICK
+from twin_gait.labels import label_of
 from twin_gait.leg_model.leg_model import LegModel
 from twin_gait.simulation.simulation_setup import SimulationSetup
 from twin_gait.vocabulary import JointName
 
 LOG_SCHEMA_VERSION = 4
-UNITS = "rad", "rad/s", "rad/s²", "N m", "A", "N m/rad", "N m s/rad", "N", "m", "m/s", "s", "V", "W", "J"
-# Suffix of a column name by the unit of the column.
-SUFFIXES = {unit: unit.replace(" ", "").replace("/", "_per_").replace("²", "2") for unit in UNITS}
-CODE_COLUMNS = (
-    "safety_state",
-    "trip_cause",
-    "mode",
-    "request",
-    "rejected",
-)  # Columns of codes, without a unit.
+# Columns of codes, without a unit.
+CODE_COLUMNS = "safety_state", "trip_cause", "mode", "request", "rejected"
 
 
 class ColumnGroup:
@@ -267,9 +260,7 @@ def unit_of(name: str) -> str:
     """Return the unit of a column from the end of its name; ``name`` for a phase, ``code`` for a state."""
     if name.endswith("_phase"):
         return "name"
-    units = {f"_{suffix}": unit for unit, suffix in SUFFIXES.items()}
-    found = units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
-    return "code" if name in CODE_COLUMNS else found
+    return "code" if name in CODE_COLUMNS else label_of(name).unit.replace("·", " ")
 
 
 def meaning_of(name: str) -> str:

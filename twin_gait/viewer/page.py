@@ -16,6 +16,7 @@ import numpy as np
 
 from twin_gait import palette
 from twin_gait.files import dump
+from twin_gait.labels import label_of
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.templates import make_template_environment
 from twin_gait.viewer.arrows import FULL_TORQUE, METRES_PER_NEWTON
@@ -101,7 +102,7 @@ def page_data(
         "modes": [_words(name) for name in texts.get("modes", ())],
         "events": event_entries(texts.get("events", ())),
         "parts": [
-            {"key": key, "label": key.replace("_", " ").replace("compensation", "comp."), "colour": colour}
+            {"key": key, "label": label_of(key).name, "colour": colour}
             for key, colour in palette.TORQUE_COLOURS.items()
             if any(name.endswith(f"_{key}") for leg in legs for name in leg["shows"])
         ],

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from twin_gait.files import write_atomically, write_json
+from twin_gait.labels import label_of
 from twin_gait.report.canvas import draw_mean_cycles, write_pictures
 from twin_gait.report.failures import failed_pictures
 from twin_gait.report.formatting import describe_wearer, format_table
@@ -41,7 +42,9 @@ def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Measure
     groups = load_yaml(text)
     return {
         group: {
-            name: MeasureFormat(**row) for name, row in rows.items() if name.partition("_")[0] not in others
+            name: MeasureFormat(label_of(name).title, factor=label_of(name).factor, **row)
+            for name, row in rows.items()
+            if name.partition("_")[0] not in others
         }
         for group, rows in groups.items()
     }

@@ -23,9 +23,9 @@ import pyarrow as pa
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import JobError, ParameterFileError, RunDirectoryError
 from twin_gait.files import read_text, require_parquet, write_atomically, write_json, write_parquet
+from twin_gait.report import sweep as sweep_report
 from twin_gait.report.canvas import write_figures_page
 from twin_gait.report.failures import failed_pictures
-from twin_gait.report.sweep import DEFAULT_MEASURES, WALKED, main_effect_rows, measure_values, sweep_figures
 from twin_gait.runs.folders import FolderKind, check_target, staged_directory, try_lock
 from twin_gait.runs.user_files import store_files
 from twin_gait.simulation.run import RunStatus
@@ -159,7 +159,8 @@ def run_sweep(
         table = read_table(directory / TABLE_FILE)
         status = RunStatus.COMPLETED if len(table) == len(sweep.overrides) else RunStatus.INTERRUPTED
         measured = {
-            name: np.isfinite(measure_values(table, name)).any() for name in sweep.document["measures"]
+            name: np.isfinite(sweep_report.measure_values(table, name)).any()
+            for name in sweep.document["measures"]
         }
         summary = {
             "name": sweep.document["name"],
@@ -231,11 +232,12 @@ def write_report(sweep: Sweep, table: pd.DataFrame, directory: Path) -> dict[str
     """
     parameters = [str(name) for name in batch.settings_table(sweep.overrides)]
     title = sweep.document["name"].replace("_", " ")
-    measures = (WALKED, *(sweep.document["measures"] or DEFAULT_MEASURES))
+    measures = (sweep_report.WALKED, *(sweep.document["measures"] or sweep_report.DEFAULT_MEASURES))
     counts = _outcomes(table).items()
     rows = [("outcome", "episodes", "share [%]")]
     rows += [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
-    figures = sweep_figures(table, parameters, measures, title)
+    figures = sweep_report.sweep_figures(table, parameters, measures, title)
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    tables = {"main effects": main_effect_rows(table, parameters, measures)}
-    return write_figures_page(directory / REPORT_FILE, figures, f"Sweep: {title}", subtitle, rows, tables)
+    tables = {"main effects": sweep_report.main_effect_rows(table, parameters, measures)}
+    content = (figures, f"Sweep: {title}", subtitle, rows, tables)
+    return write_figures_page(directory / REPORT_FILE, *content, sweep_report.figure_heading)
