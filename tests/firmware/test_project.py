@@ -344,9 +344,7 @@ def test_units_apart_do_not_bear_silence_of_an_experiment_without_a_bus(treadmil
         units.GaitController(linked.record.settings, deep_copy(linked.record.controller))
     )
     library.handle[f"{GAIT_CONTROLLER}_init"](ctypes.byref(central))
-    heard = units.GaitControllerInputs(
-        deep_copy(linked.inputs.direct), [units.Measurement()] * 4, [True] * 4
-    )
+    heard = units.GaitControllerInputs(deep_copy(linked.inputs.direct), [units.Measurement()] * 4, [True] * 4)
     heard.direct.bus_voltage = 28.8
     told = units.GaitControllerOutputs(
         deep_copy(linked.outputs.decision), [units.JointSetpoint() for _ in range(4)]

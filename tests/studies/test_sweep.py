@@ -475,4 +475,6 @@ def test_a_hatched_cell_has_episodes_of_which_none_walked():
     figure = draw_heat_maps(varying_axes(table, ["a", "b"]), measure_values(table, "m_W"), "m_W", "title")
     (cell,) = figure.axes[0].patches
     assert cell.get_xy() == (-0.5, 0.5) and cell.get_hatch() == "//"
-    assert figure.get_suptitle() == "title: m [W]\nhatched: none walked, or none has a value, blank: no episode"
+    assert (
+        figure.get_suptitle() == "title: m [W]\nhatched: none walked, or none has a value, blank: no episode"
+    )
