@@ -149,7 +149,7 @@ def test_episodes_of_a_batch_differ_and_end_where_each_ends_alone():
         session.reset()
         session.run()
         ends.append([engine.episode["q"].tolist() for engine in session.engines])
-    alone = [CompiledEngine(engine.problem) for engine in session.engines]
+    alone = [CompiledEngine(engine.setup) for engine in session.engines]
     for engine in alone:
         engine.episode["recording"]["on"] = False
         engine.run()

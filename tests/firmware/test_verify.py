@@ -48,7 +48,7 @@ def project() -> Project:
 def bench(project, tmp_path_factory) -> VerificationBuild:
     """Builds, and vectors with each fault."""
     require_tools("gcc")
-    vectors = [record_vectors(case) for case in cases_of(project.problem.experiment)]
+    vectors = [record_vectors(case) for case in cases_of(project.setup.experiment)]
     return VerificationBuild(project, vectors, project.write_sources(tmp_path_factory.mktemp("bench")))
 
 
@@ -100,7 +100,7 @@ def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(ben
 
 
 def test_vectors_are_what_the_log_has(bench):
-    vectors, experiment = bench.vectors[0], bench.project.problem.experiment
+    vectors, experiment = bench.vectors[0], bench.project.setup.experiment
     log = simulate(experiment).log
     angles = vectors.inputs["boards"]["angle"]
     for place, joint in enumerate(bench.project.joints):
@@ -194,7 +194,7 @@ def test_switches_that_come_late_or_otherwise_are_told(bench):
 
 def test_without_tools_nothing_is_claimed(project, monkeypatch):
     monkeypatch.setenv("PATH", "")
-    found = verify(project.problem.experiment)
+    found = verify(project.setup.experiment)
     assert [check["passed"] for check in found["checks"]] == [None] * 4
     assert found["passed"]
     assert all("apt-get install" in check["found"]["missing"] for check in found["checks"])
@@ -207,7 +207,7 @@ def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp
     for name in ("gcc", "as", "ld"):
         (tmp_path / name).symlink_to(str(shutil.which(name)))
     monkeypatch.setenv("PATH", str(tmp_path))
-    found = verify(project.problem.experiment)
+    found = verify(project.setup.experiment)
     assert [check["passed"] for check in found["checks"]] == [True, True, None, None]
     assert INSTALL in found["checks"][TARGET]["found"]["missing"]
 

@@ -38,7 +38,7 @@ def session(bench, tmp_path_factory):
 
 
 def answers(session, number):
-    return [item for item in session.book.after(0) if item.id == f"m{number}"]
+    return [item for item in session.event_log.after(0) if item.id == f"m{number}"]
 
 
 # ---------------------------------------------------------------------- several changes
@@ -125,19 +125,19 @@ def test_silence_of_the_process_is_noted_once_and_so_is_its_end(bench, monkeypat
 
 
 def test_a_process_that_is_stopped_is_noticed_and_a_stop_is_not_confirmed(session):
-    process = session.news.process.pid
-    wait_for(lambda: session.news.time_since_message() < HANG_TIMEOUT)
+    process = session.walk.process.pid
+    wait_for(lambda: session.walk.time_since_message() < HANG_TIMEOUT)
     os.kill(process, signal.SIGSTOP)
     try:
-        wait_for(lambda: session.news.time_since_message() > HANG_TIMEOUT)
+        wait_for(lambda: session.walk.time_since_message() > HANG_TIMEOUT)
         coming = session.submit(DoAction(id="late", action="stop"))
         time.sleep(0.2)
         assert not coming.done()
     finally:
         os.kill(process, signal.SIGCONT)
     assert coming.result(10.0)  # confirmed at last
-    wait_for(lambda: session.news.time_since_message() < HANG_TIMEOUT and session.news.status == "held")
-    texts = [item.text for item in session.book.after(0)]
+    wait_for(lambda: session.walk.time_since_message() < HANG_TIMEOUT and session.walk.status == "held")
+    texts = [item.text for item in session.event_log.after(0)]
     assert [sum(text.startswith(f"the process of the simulation {words}") for text in texts)
             for words in ("has sent nothing", "sends again")] == [1, 1]  # fmt: skip
 

@@ -44,7 +44,7 @@ def changed(panel, *changes):
 
 
 def moment_of(walk):
-    return json.loads(json.dumps(walk.moment()))
+    return json.loads(json.dumps(walk.snapshot()))
 
 
 @pytest.mark.parametrize("change", FALLS)

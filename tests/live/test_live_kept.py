@@ -320,12 +320,12 @@ PARENT = """
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     session = LiveSession(loaded=loaded, folder=Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
     session.start()
-    print(session.news.process.pid, flush=True)
+    print(session.walk.process.pid, flush=True)
     serial = 0
     while True:
         serial += 1
         session.submit(SetControl(id=str(serial), user="Ann", control="belt", value=1.0))
-        print(time.monotonic(), len(session.book.after(0)), session.news.frame.get("tick", ""), flush=True)
+        print(time.monotonic(), len(session.event_log.after(0)), session.walk.frame.get("tick", ""), flush=True)
         time.sleep(0.02)
 """
 
@@ -380,11 +380,11 @@ RESTARTING = """
     session = LiveSession(loaded=loaded, folder=Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
     session.start()
     for _ in range(2):
-        wait_for(lambda: session.news.frame["tick"] > 300)
+        wait_for(lambda: session.walk.frame["tick"] > 300)
         say(session, kind="do", action="restart")
-        wait_for(lambda: session.news.frame["tick"] < 300)
-    wait_for(lambda: session.news.frame["tick"] > 1500)
-    print(session.news.process.pid, flush=True)
+        wait_for(lambda: session.walk.frame["tick"] < 300)
+    wait_for(lambda: session.walk.frame["tick"] > 1500)
+    print(session.walk.process.pid, flush=True)
     sys.stdin.read()
 """
 

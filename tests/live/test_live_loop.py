@@ -873,9 +873,9 @@ PARENT = """
     loaded, folder = load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1])
     session = LiveSession(loaded=loaded, folder=folder, pictures=False)
     session.start()
-    while session.news.frame.get("tick", 0) < 100:
+    while session.walk.frame.get("tick", 0) < 100:
         time.sleep(0.01)
-    print(session.news.process.pid, flush=True)
+    print(session.walk.process.pid, flush=True)
     time.sleep(60)
 """
 

@@ -72,9 +72,9 @@ def test_a_request_is_heard_in_the_next_tick_as_one_of_a_schedule(run):
     schedule = ", ".join(f"{item.request}@{item.time:.3f}s" for item in told)
     scheduled = simulate(problem_of(f"requests=[{schedule}]").experiment)
     assert tuple(told) == scheduled.request_results
-    assert log_table(run.rows(), run.layout, run.problem.table).equals(scheduled.log)
-    assert [item.after for item in told] == ["walk_manual", "walk_manual", "manual_step", "stopping"]
-    assert told[1].refused == "walk_manual does not answer walk; it answers step, stop"
+    assert log_table(run.rows(), run.layout, run.setup.table).equals(scheduled.log)
+    assert [item.mode_after for item in told] == ["walk_manual", "walk_manual", "manual_step", "stopping"]
+    assert told[1].rejection == "walk_manual does not answer walk; it answers step, stop"
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def column(run, name, first=0):
 
 def feet(run, tick):
     """Load in [N] and speed in [m/s] of each foot: the fastest of heel and toe that touch the belt."""
-    model, layout, rows = run.problem.world.model, run.layout, run.rows(tick - 1)
+    model, layout, rows = run.setup.world.model, run.layout, run.rows(tick - 1)
     postures = rows[:2, [layout.names.index(name) for name in state_columns(model)[0]]]
     found = []
     for side, leg in model.legs.items():

@@ -30,7 +30,7 @@ def tripped():
 
 def test_fault_and_trip_are_events_at_their_times(tripped):
     fault, trip, dip = tripped.events
-    assert (fault.kind, fault.time, fault.cause, fault.place) == (
+    assert (fault.kind, fault.time, fault.cause, fault.location) == (
         "fault",
         0.7,
         "encoder freeze",

@@ -369,7 +369,7 @@ def test_summary_says_what_passes_through_the_braces(walk):
 
 def error_of(run, column):
     """Distance of the left knee from healthy walking in [deg], from a column of the log."""
-    record = leg_record(run.log, Side.LEFT, run.table.phase_names, TICK, steady=run.steady)
+    record = leg_record(run.log, Side.LEFT, run.table.phase_names, TICK, steady=run.steady_spans)
     cycles = normalise_strides(run.log[column].to_numpy(), record.strides())
     return math.degrees(root_mean_square_error(cycles, reference_cycle(run.experiment, JointName.KNEE)))
 

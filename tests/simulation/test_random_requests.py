@@ -162,7 +162,7 @@ def test_random_requests_leans_and_faults_never_lift_both_legs_nor_answer_the_ch
             assert sum(map(told.table.is_swing, told.phases())) < 2
             assert after == "hold" if tick >= fault else after != "hold"
             asked = request and told.modes.requests[request - 1]
-            if asked and not told.supervisor.refused:
+            if asked and not told.supervisor.rejected:
                 answered += 1
                 assert before != "hold" and tick != fault
                 assert asked != "sit" or before == "sit_up" or (before == "standing" and tick - since >= 3000)

@@ -64,7 +64,7 @@ def test_the_unit_feels_how_its_place_moves(sensed):
 
 def test_guards_read_what_the_filter_has_found(sensed):
     engine, log = sensed
-    names = all_signal_names(engine.problem.table.joints)
+    names = all_signal_names(engine.setup.table.joints)
     read = engine.episode.controller.signals[names.index("trunk.pitch_deg")]
     assert read == log["measured_trunk_pitch_rad"][-1] != log["trunk_pitch_rad"][-1]
 

@@ -38,7 +38,7 @@ def any_fault(draw):
     return Fault(
         kind=kind,
         time=draw(st.floats(0.0, 1e3)),
-        location=kind.place(side, joint),
+        location=kind.location(side, joint),
         magnitude=draw(st.none() | st.floats(-3.0, 3.0)) if kind.units else None,
     )
 
