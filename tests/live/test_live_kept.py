@@ -325,7 +325,8 @@ PARENT = """
     while True:
         serial += 1
         session.submit(SetControl(id=str(serial), user="Ann", control="belt", value=1.0))
-        print(time.monotonic(), len(session.event_log.after(0)), session.walk.frame.get("tick", ""), flush=True)
+        tick = session.walk.frame.get("tick", "")
+        print(time.monotonic(), len(session.event_log.after(0)), tick, flush=True)
         time.sleep(0.02)
 """
 
