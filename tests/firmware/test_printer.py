@@ -374,7 +374,7 @@ def test_the_whole_unit_tick_by_tick(device):
 
 def test_what_nobody_writes_to_is_a_table_in_flash(device):
     text = whole_unit(device)[-1].files["types.h"]
-    assert "const Setpoint *setpoints;" in text and "Setpoint blended;" in text
+    assert "const ImpedanceSetpoint *setpoints;" in text and "ImpedanceSetpoint blended;" in text
     assert "const TransitionRule *transitions;" in text and "    int32_t target;" in text
 
 
