@@ -260,28 +260,28 @@ WRONG = {
         ("setpoints", "(5, 9)", "nan"),
     ),
     "a memory": (
-        controller_with(halve, memory=lambda self, plan: {"share": 1.0}),
+        controller_with(halve, initial_memory=lambda self, plan: {"share": 1.0}),
         NO_MEMORY,
     ),
     "a plain memory": (
-        controller_with(halve, memory=lambda self, plan: Draws()),
+        controller_with(halve, initial_memory=lambda self, plan: Draws()),
         NO_MEMORY,
     ),
-    "words": (controller_with(halve, memory=lambda self, plan: Words(1.0)), NO_MEMORY),
+    "words": (controller_with(halve, initial_memory=lambda self, plan: Words(1.0)), NO_MEMORY),
     "a float that would be cut": (
-        controller_with(counts_halves, memory=counted),
+        controller_with(counts_halves, initial_memory=counted),
         ("strides", "int", "float"),
     ),
     "a float that would be cut in a list": (
-        controller_with(counts_halves_by_joint, memory=counted),
+        controller_with(counts_halves_by_joint, initial_memory=counted),
         ("by_joint", "int", "float"),
     ),
     "a float at the start": (
-        controller_with(halve, memory=lambda self, plan: Counted(0, [0, 0.5])),
+        controller_with(halve, initial_memory=lambda self, plan: Counted(0, [0, 0.5])),
         ("by_joint", "int", "float"),
     ),
     "rows": (
-        controller_with(halve, memory=lambda self, plan: Ragged([[1.0], [1.0, 2.0]])),
+        controller_with(halve, initial_memory=lambda self, plan: Ragged([[1.0], [1.0, 2.0]])),
         NO_MEMORY,
     ),
 }
@@ -304,7 +304,7 @@ def test_a_float_that_a_called_function_would_cut_is_refused():
         helper(memory, device, tick, period)
 
     with raises(ParameterError, "by_joint", "int", "float"):
-        simulate(bench("duration_s=0.1"), controller=controller_with(calls, memory=counted))
+        simulate(bench("duration_s=0.1"), controller=controller_with(calls, initial_memory=counted))
 
 
 def divides(memory, device, tick, period):
