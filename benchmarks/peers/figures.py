@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from peers.measuring import ERROR, MEDIAN, TIME
 
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
-from twin_gait.report.canvas import readable, style_panel
+from twin_gait.report.canvas import style_panel
+from twin_gait.report.state_diagram import name_to_words
 
 COLOURS = {
     "compiled": BLUE,
@@ -54,7 +55,7 @@ def _draw_case(axes: Axes, case: Mapping[str, Any]) -> None:
         axes.plot(row[TIME], place, "o", color=colour)
     axes.set_xscale("log")
     axes.set_yticks(range(len(rows)), [row["implementation"] for row in rows], fontsize="small")
-    style_panel(axes, f"{readable(case['scenario'])}, {case['step']}", "")
+    style_panel(axes, f"{name_to_words(case['scenario'])}, {case['step']}", "")
     axes.set_xlabel("time per 1 ms tick [ns]")
 
 

@@ -12,7 +12,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import energy_balance
 from twin_gait.parameters.drives import ActuatorParameters
 from twin_gait.parameters.friction import FrictionParameters
-from twin_gait.studies import step_error
+from twin_gait.studies.accuracy import step_error
 
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 N_STATES = 100

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from twin_gait.core import passed_torque, sign_of
 from twin_gait.core.contact import ContactState
+from twin_gait.core.friction_models import sign_of
+from twin_gait.core.plant import passed_torque
 from twin_gait.simulation.binding import specialize
 from twin_gait.simulation.compiled_engine import assemble, kernel_names
 from twin_gait.simulation.simulation_setup import SimulationSetup
