@@ -208,5 +208,5 @@ def test_a_run_is_one_line_in_a_notebook(walk):
 
 
 def test_the_public_names_say_what_they_do():
-    for name in ("save_run", "load_run", "plot_run", "summarise"):
+    for name in ("save_run", "load_run", "plot_run", "summarise_run"):
         assert name in twin_gait.__all__ and getattr(twin_gait, name).__doc__
