@@ -59,7 +59,7 @@ def add_parser(commands: Any) -> None:
 
 
 def show_presets(arguments: argparse.Namespace) -> int:
-    """List experiments, patients and gait tables, or print one.
+    """List experiments, patients and tables, or print one.
 
     List the packaged experiments, patients and tables, or print one as a file that can be edited: a preset
     with every value, a person or a table.
