@@ -41,7 +41,7 @@ MISSING = (TypingError, KeyError)  # what numba says of a field that a record do
 
 
 def test_the_installed_numba_is_one_that_was_looked_at() -> None:
-    stated = re.search(r"as seen in numba (\d+)\.(\d+) to (\d+)\.(\d+)", compiling.__doc__ or "")
+    stated = re.search(r"checked with numba (\d+)\.(\d+) to (\d+)\.(\d+)", compiling.__doc__ or "")
     assert stated
     low, high = (tuple(map(int, stated.group(first, first + 1))) for first in (1, 3))
     assert low <= INSTALLED <= high, f"numba {numba.__version__}: run this file, then state it there"

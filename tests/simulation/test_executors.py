@@ -125,7 +125,7 @@ class Several:
 
 
 def in_plain_python(driver: Any) -> Any:
-    driver.__globals__.update({name: lambda e: e.episodes for name in ("lanes", "each")})
+    driver.__globals__.update({name: lambda e: e.episodes for name in ("vector_lanes", "scalar_lanes")})
     return driver
 
 
@@ -154,9 +154,9 @@ def test_the_result_holds_for_one_episode_or_for_any_of_a_block():
 
 def test_neighbouring_steps_share_a_loop_over_the_lanes_also_under_build_flags():
     text = inspect.getsource(lane_driver("run", (first, when("FAST", second), note), NAMES))
-    assert text.count("in lanes(e)") == 1
+    assert text.count("in vector_lanes(e)") == 1
     text = inspect.getsource(lane_driver("run", (first, when("tick > 0", second), note), NAMES))
-    assert text.count("in lanes(e)") == 3
+    assert text.count("in vector_lanes(e)") == 3
 
 
 def test_a_function_of_the_block_gets_the_block():
@@ -221,9 +221,13 @@ def test_loops_over_lanes_are_left_in_the_integration_and_the_guards_alone():
     found = {}
     for path in package.rglob("*.py"):
         count = len(
-            re.findall(r"^ *for \w+ in (?:lanes|each)\(", path.read_text(encoding="utf-8"), re.MULTILINE)
+            re.findall(
+                r"^ *for \w+ in (?:vector_lanes|scalar_lanes)\(",
+                path.read_text(encoding="utf-8"),
+                re.MULTILINE,
+            )
         )
         if count:
             found[path.relative_to(package / "simulation").as_posix()] = count
-    assert found.keys() == {"stages/motion.py", "stages/phases.py", "interface.py"}
+    assert found.keys() == {"stages/motion.py", "stages/phases.py", "backend.py"}
     assert sum(found.values()) <= 25

@@ -145,7 +145,7 @@ def test_a_broken_world_is_named_in_one_line(source, message, tmp_path, monkeypa
         (
             "model.total_mass",
             "modle.total_mass",
-            ("NameError", "modle", "moon_world.py", "line 64"),
+            ("NameError", "modle", "moon_world.py", "line 63"),
         ),
         ("start_v=", "velocity=", ("TypeError",)),
         ("return World(", "World(", ("build", "World", "None")),

@@ -229,7 +229,6 @@ class Episode:
     chair_phases: list[float]
     seat: Seat  # Seat, if the wearer has a chair.
     work: WorkBySource = field(default_factory=WorkBySource)
-    wrong_sign: bool = False  # Whether the load of a gear has the other sign than assumed.
     # Kinetic energy of bodies and rotors, and potential energy of gravity, in [J], for the log.
     kinetic_energy: float = 0.0
     potential_energy: float = 0.0

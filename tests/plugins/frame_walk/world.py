@@ -44,7 +44,7 @@ class FrameWalk(Scenario):
     def pelvis(self) -> PelvisGuide:
         return PelvisGuide.FIXED
 
-    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
+    def replace_postures(self, postures: Mapping[Side, Posture]) -> Self:
         front, rear = postures.values()
         return replace(self, front_angles=front, rear_angles=rear)
 

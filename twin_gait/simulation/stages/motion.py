@@ -126,14 +126,11 @@ def _solve(e: Episode, staged: bool) -> None:
             one.contact_power = dynamics(
                 q, v, one.torque, one.rotors, one.bodies, one.gravity, one.ground, one.a, one.points
             )
-            one.wrong_sign = False
         wrong = False
         if GEAR_INDICES:
             for i in GEAR_INDICES:
                 for one in vector_lanes(e):
-                    one.wrong_sign |= is_sign_wrong(one.plant[i], one.motor[i], one.a[i])
-            for one in vector_lanes(e):
-                wrong |= one.wrong_sign
+                    wrong |= is_sign_wrong(one.plant[i], one.motor[i], one.a[i])
         if not wrong or solution == MOST_SOLUTIONS - 1:
             break
         for one in scalar_lanes(e):
