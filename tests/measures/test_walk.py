@@ -60,7 +60,7 @@ def walk_log(*, slip: float = 0.0) -> pd.DataFrame:
         for joint, torque in ((JointName.HIP, 10.0), (JointName.KNEE, -4.0)):
             log[f"{side}_{joint}_velocity_rad_per_s"] = np.sin(turn)
             log[f"{side}_{joint}_motor_torque_Nm"] = torque * np.sin(turn)
-            for source, torque in (("voluntary", 5.0), ("passive", -4.0), ("push", 1.0)):
+            for source, torque in (("voluntary", 5.0), ("passive", -4.0), ("disturbance", 1.0)):
                 log[f"{side}_{joint}_{source}_torque_Nm"] = torque * np.sin(turn)
     return log
 
@@ -95,7 +95,7 @@ def test_every_measure_of_a_walk_written_by_hand() -> None:
     assert left["cop_crossing"] == pytest.approx(0.34)
     assert left["belt_power_W"] == pytest.approx(0.4 * 8.0 / 1.5)
     assert (left["hip_motor_power_W"], left["knee_motor_power_W"]) == pytest.approx((5.0, -2.0))
-    powers = [left[f"{source}_power_W"] for source in ("voluntary", "passive", "push")]
+    powers = [left[f"{source}_power_W"] for source in ("voluntary", "passive", "disturbance")]
     assert powers == pytest.approx([5.0, -4.0, 1.0])
 
 
@@ -150,7 +150,7 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     power = walk_power(log, measured(log).values(), bounds, WALKWAY)
     assert power["belt_W"] == pytest.approx(2.0 * 0.4 * 8.0 / 1.5)
     assert power["motors_W"] == pytest.approx(6.0)
-    powers = [power[f"{source}_W"] for source in ("voluntary", "passive", "push")]
+    powers = [power[f"{source}_W"] for source in ("voluntary", "passive", "disturbance")]
     assert powers == pytest.approx([10.0, -8.0, 2.0])
     assert power["guide_force_N"] == pytest.approx(20.0)
     assert power["guide_W"] == 0.0 and not power["belt_driven"]

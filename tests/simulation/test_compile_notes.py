@@ -86,19 +86,19 @@ def test_functions_of_the_user_are_neither_kept_nor_recorded(
         (BRACES.replace("'N_LEGS': 2", "'N_LEGS': 1"), "new combination: one leg, braces, modes; about 10 s"),
         (WALK.replace("'WITH_FAULTS': False", "'NEW_FLAG': 1"), "new combination: new flag; about 10 s"),
         (WALK.replace("'dtype'", "'other'"), "new combination: model or log columns; about 10 s"),
-        (WALK.replace("run_at", "in lanes"), "first use on this machine"),
+        (WALK.replace("run_ticks_at", "in lanes"), "first use on this machine"),
     ],
 )
 def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> None:
     walk = parse_variant(WALK)
     stairs = {**walk.flags, "N_LEGS": "3", "WITH_SLOPE": "True", "WEARER_OFFSET": "9"}
-    records = [Compilation("run_at", stairs, "now", 30.0), Compilation("run_at", walk.flags, "now", 8.0)]
-    records.append(Compilation("run_at", walk.flags, "old", 10.0))
+    records = [Compilation("run_ticks_at", stairs, "now", 30.0), Compilation("run_at", walk.flags, "now", 8.0)]
+    records.append(Compilation("run_ticks_at", walk.flags, "old", 10.0))
     assert f"({expected})" in compile_text(parse_variant(text), "now", records, has_user_code=False)
 
 
 def test_an_absent_feature_and_other_sources_are_named() -> None:
-    braces = Compilation("run_at", parse_variant(BRACES).flags, "now", 8.0)
+    braces = Compilation("run_ticks_at", parse_variant(BRACES).flags, "now", 8.0)
     assert "no braces, no modes; about 8 s" in compile_text(
         parse_variant(WALK), "now", [braces], has_user_code=False
     )

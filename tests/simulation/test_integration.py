@@ -202,13 +202,13 @@ def test_stages_come_in_order_with_the_shares_of_their_step(
     """Each is evaluated once, also with a log, whose row is evaluated where the tick begins."""
     offsets, shares = [], []
 
-    def acceleration(e: Episode, time: float, staged: bool) -> None:
+    def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
         offsets.append(time / e.step)
 
     def add_work(e: Episode, duration: float) -> None:
         shares.append(duration / e.step)
 
-    step = stepping(spring, rk4=rk4, acceleration=acceleration, _add_work=add_work)
+    step = stepping(spring, rk4=rk4, compute_accelerations=compute_accelerations, _add_work=add_work)
     step(started(free, START_Q, START_V, 0.01, recording=False), 0)
     assert offsets == [offset for offset, _ in stages] and shares == []
     offsets.clear()
@@ -221,12 +221,12 @@ def test_substeps_of_a_tick_follow_each_other(free: Episode) -> None:
     """Their times are the tick's and a whole number of steps, not a running sum."""
     times = []
 
-    def acceleration(e: Episode, time: float, staged: bool) -> None:
+    def compute_accelerations(e: Episode, time: float, staged: bool) -> None:
         times.append(time)
 
     e = started(free, START_Q, START_V, 0.25e-3, recording=False)
     e.substeps = 4
-    stepping(spring, rk4=False, acceleration=acceleration)(e, 7)
+    stepping(spring, rk4=False, compute_accelerations=compute_accelerations)(e, 7)
     assert times == [7 * e.rates.period + number * e.step for number in range(4)]
 
 

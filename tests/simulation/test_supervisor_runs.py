@@ -159,7 +159,7 @@ def test_a_run_with_modes_is_kept_and_read_back(tmp_path):
     done = run(*STAYING, requests="gravity@1s", seconds=1.5)
     kept = read_stored_run(done.save(tmp_path / "run")).run
     assert kept.switches == done.switches and kept.request_results == done.request_results
-    names = ["mode", "request", "refused"]
+    names = ["mode", "request", "rejected"]
     np.testing.assert_array_equal(kept.log[names], done.log[names])
 
 

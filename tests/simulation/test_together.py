@@ -192,7 +192,7 @@ def test_a_row_holds_the_numbers_of_the_summary(preset):
     row, summary = flat_summary(run), summarise_run(run)
     expected = {name: summary.get(name) for name in SUMMARY_COLUMNS} | {"seed": run.experiment.seed}
     expected |= {f"power_{name}": value for name, value in summary.get("power", {}).items()}
-    expected |= {f"trip_{name}": summary["safety"][name] for name in ("cause", "place", "time_s")}
+    expected |= {f"trip_{name}": summary["safety"][name] for name in ("cause", "location", "time_s")}
     for side, values in summary["sides"].items():
         expected |= {f"{side}_{name}": value for name, value in values.get("walk", {}).items()}
         for joint, parts in values.get("errors", {}).items():

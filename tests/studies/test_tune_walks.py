@@ -200,10 +200,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         cases = build_cases(replace(experiment, seed=SETTINGS.seed), "robust")
         two = {name: cases[name] for name in ("nominal", "bus 23 V")}
         patch.setattr(stages, "build_cases", lambda item, kind: two)
-        result = tune(experiment, SETTINGS)
-        assert result is not None
-        result.ranked = [item for item in result.ranked if item.points is not None] or result.ranked
-        written = result.write_tuning(result, directory, wearer="the default wearer")
+        tuning = tune(experiment, SETTINGS)
+        assert tuning is not None
+        tuning.ranked = [item for item in tuning.ranked if item.points is not None] or tuning.ranked
+        written = result.write_tuning(tuning, directory, wearer="the default wearer")
     assert written["experiment"] == "treadmill"
     return directory
 
