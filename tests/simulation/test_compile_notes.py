@@ -92,7 +92,10 @@ def test_functions_of_the_user_are_neither_kept_nor_recorded(
 def test_the_nearest_kept_loop_decides_what_is_new(text: str, expected: str) -> None:
     walk = parse_variant(WALK)
     stairs = {**walk.flags, "N_LEGS": "3", "WITH_SLOPE": "True", "WEARER_OFFSET": "9"}
-    records = [Compilation("run_ticks_at", stairs, "now", 30.0), Compilation("run_at", walk.flags, "now", 8.0)]
+    records = [
+        Compilation("run_ticks_at", stairs, "now", 30.0),
+        Compilation("run_ticks_at", walk.flags, "now", 8.0),
+    ]
     records.append(Compilation("run_ticks_at", walk.flags, "old", 10.0))
     assert f"({expected})" in compile_text(parse_variant(text), "now", records, has_user_code=False)
 

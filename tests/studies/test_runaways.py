@@ -42,7 +42,9 @@ def test_runaways_are_drawn_over_their_ranges_and_every_second_one_has_another_f
     assert {faults[1].kind for faults in drawn[1::2]} == set(FaultKind)
     first = [faults[0] for faults in drawn]
     assert {fault.location for fault in first} == {"left_hip", "left_knee", "right_hip", "right_knee"}
-    rates, times = (np.array([getattr(fault, name) for fault in first]) for name in ("magnitude_or_default", "time"))
+    rates, times = (
+        np.array([getattr(fault, name) for fault in first]) for name in ("magnitude_or_default", "time")
+    )
     assert RATES[0] <= np.abs(rates).min() < 8.0 and 1500.0 < np.abs(rates).max() <= RATES[1]
     assert 0.4 < np.mean(rates > 0.0) < 0.6
     assert 1.0 <= times.min() < 1.1 and 3.9 < times.max() <= 4.0

@@ -27,6 +27,7 @@ from twin_gait.runs.summary import summarise_run
 from twin_gait.simulation import simulator
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import simulate
+from twin_gait.studies.tune import result
 from twin_gait.studies.tune import tune as stages
 from twin_gait.studies.tune.objective import Rating, objective_terms, rate_walk, term_values
 from twin_gait.studies.tune.space import editable_document
