@@ -162,7 +162,7 @@ def torque_behind_gear(run, side, joint):
     """Of the log: what motor, friction, stop and wearer do, less what the rotor takes."""
     name, log = f"{side}_{joint}", run.log
     motor = log[f"{name}_motor_torque_Nm"].rolling(2, min_periods=1).mean()  # held from tick to tick
-    others = log[[f"{name}_{part}_torque_Nm" for part in ("friction", "stop", "patient")]].sum(axis=1)
+    others = log[[f"{name}_{part}_torque_Nm" for part in ("friction", "stop", "external")]].sum(axis=1)
     rotor = run.experiment.plant.actuators[joint].armature
     return (motor + others).to_numpy() - rotor * np.gradient(log[f"{name}_velocity_rad_per_s"], TICK)
 

@@ -19,7 +19,7 @@ BOARD = (
     "coulomb_friction viscous_friction"
 )
 NOTICED = {
-    "joint_board": f"{BOARD} controller_silence highest_command command_deviation command_gain",
+    "joint_board": f"{BOARD} controller_timeout highest_command command_deviation command_gain",
     "gait_controller": "phase_ticks frozen_load_ticks board_timeout lowering_ticks hold_damping stiffness "
     "damping threshold least_voltage low_ticks frozen_speed timeout_ticks debounce_ticks operation "
     "n_transitions",

@@ -87,7 +87,7 @@ def test_pictures_of_a_tuning_have_the_ankle(walk: Run) -> None:
     drawings = pictures.tuning_drawings(outcome, walk.experiment, {"before": walk, "after": walk})
     figures = {name: draw() for name, draw in drawings.items()}
     panels = figures["gait"].axes
-    assert [axes.get_title() for axes in panels[::2]] == [f"left {joint} [°]" for joint in JOINTS]
+    assert [axes.get_title() for axes in panels[::2]] == [f"left {joint} angle [°]" for joint in JOINTS]
     assert all(len(axes.lines) == 3 for axes in panels)
     labels = [axes.get_ylabel() for axes in figures["trade_offs"].axes]
     assert labels[0] == "error: RMS of hip, knee and ankle [°]"
