@@ -41,7 +41,7 @@ def test_modes_in_c_are_those_of_the_simulation(tmp_path):
         *("walk_manual", "manual_step", "walk_manual", "stopping", "standing"),
         *("gravity", "standing", "twin_care", "hold"),
     ]
-    assert np.flatnonzero(decision["refused"]).tolist() == [300]
+    assert np.flatnonzero(decision["rejected"]).tolist() == [300]
     write_project(project, tmp_path, vectors, resolved_document(experiment, None, {}))
     built = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "4000 ticks: 0 with other bits" in built.stdout

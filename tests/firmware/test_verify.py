@@ -110,7 +110,7 @@ def test_vectors_are_what_the_log_has(bench):
         np.testing.assert_array_equal(
             vectors.inputs["boards"]["current"][1:, place], log[f"{joint}_measured_current_A"][:-1]
         )
-    np.testing.assert_array_equal(vectors.inputs["surroundings"]["bus_voltage"], log["bus_voltage_V"])
+    np.testing.assert_array_equal(vectors.inputs["direct"]["bus_voltage"], log["bus_voltage_V"])
 
 
 def test_a_controller_that_runs_away_is_refused(capsys):
@@ -171,7 +171,7 @@ def test_of_two_builds_that_differ_one_bit_is_found(bench):
     rows = bench.single[0]
     other = rows.copy()
     other["commands"]["torque"][7, 1] = np.nextafter(rows["commands"]["torque"][7, 1], np.float32(np.inf))
-    other["demands"]["gravity"][9, 0] = -0.0 if rows["demands"]["gravity"][9, 0] == 0.0 else 0.0
+    other["setpoints"]["gravity"][9, 0] = -0.0 if rows["setpoints"]["gravity"][9, 0] == 0.0 else 0.0
     assert verifying.count_differences(rows, other) == 2
     other["commands"]["torque"] = np.nan
     assert verifying.count_differences(other, other.copy()) == 0

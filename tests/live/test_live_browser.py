@@ -731,7 +731,7 @@ def test_hold_shows_its_cause_and_its_joint(session) -> None:
     safety = session["summary"]["safety"]
     assert safety["tripped"]
     # The monitor trips on the fault, or the operator comes first, who is cause and place.
-    because = ", ".join(dict.fromkeys([safety["cause"].replace("_", " "), safety["place"]]))
+    because = ", ".join(dict.fromkeys([safety["cause"].replace("_", " "), safety["location"]]))
     state, card, log, pills = session["hold"]
     assert state == f"HOLD: {because}"
     assert (
