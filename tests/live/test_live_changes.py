@@ -150,7 +150,7 @@ def listening(monkeypatch):
     """A page without a server, the messages that reach its session, and a panel."""
     monkeypatch.setattr(RateLimiter, "__init__", frozen_limit)
     page, submitted, book = LivePageServer.__new__(LivePageServer), [], EventLog()
-    page._session = SimpleNamespace(book=book, user="Ann", submit=submitted.append)
+    page._session = SimpleNamespace(event_log=book, user="Ann", submit=submitted.append)
     return page, submitted, book
 
 

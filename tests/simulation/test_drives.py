@@ -61,8 +61,7 @@ def test_joint_gets_the_efficiency_of_the_motor_and_the_motor_that_of_the_joint(
         lossy.log[f"{name}_{column}"].to_numpy()
         for column in ("motor_torque_Nm", "velocity_rad_per_s", "friction_torque_Nm")
     )
-    differences = np.diff(velocity, prepend=velocity[:1].repeat(2)) / 1e-3
-    acceleration = 1.5 * differences[1:] - 0.5 * differences[:-1]  # at the end of the tick before
+    acceleration = np.gradient(velocity, 1e-3)
     load, lost = motor - ARMATURE * acceleration, -friction - table_friction(joint, velocity)
     # Where all is even: no switch of the torque, contact or reversal in the difference, and tanh 13 or more.
     even = np.abs(np.gradient(acceleration)) < 0.05

@@ -15,11 +15,10 @@ from twin_gait.worlds.registry import find_world, world_kinds
 from twin_gait.worlds.treadmill import Treadmill
 from twin_gait.worlds.world import BELT_SPEED, SUPPORT_SHARE
 
-# Its own module, and the list of public names.
+# Their own modules.
 MAY_NAME = {
     "worlds/treadmill.py",
     "worlds/bench_leg.py",
-    "worlds/__init__.pyi",
 }
 
 
